@@ -11,16 +11,16 @@ trap '[[ -z $desktop ]] || kill "$desktop"; rm -rf "$work"' EXIT
 cd "$work"
 
 steered() {
-"$eyebox" solve builtin:still-life --size 512x512 --seconds 60 -o still-life.zarr
+"$eyebox" solve builtin:still-life --size 512x512 --duration 60 -o still-life.zarr
 for pupil in -6,3,4,2 6,-3,4,-2.5; do
     from=still-life.zarr
-    "$eyebox" view $from --pupil=$pupil -o "$pupil.0.png"
+    "$eyebox" render $from --pupil=$pupil -o "$pupil.0.png"
     done=0
     for steps in 1 1 2 4 8; do
         done=$((done + steps))
         "$eyebox" refine $from builtin:still-life --pupil=$pupil --steps $steps -o "$pupil.$done.zarr"
         from=$pupil.$done.zarr
-        "$eyebox" view "$from" --pupil=$pupil -o "$pupil.$done.png"
+        "$eyebox" render "$from" --pupil=$pupil -o "$pupil.$done.png"
     done
 done
 

@@ -16,11 +16,11 @@ pupil=--pupil=5,3,6,0
 "$eyebox" solve $scene --display ideal.toml -o ideal.zarr
 "$eyebox" solve $scene --display bench.toml -o calibrated.zarr
 # The hologram for the ideal display, on the bench.
-"$eyebox" export ideal.zarr -o ideal.npy
-"$eyebox" import ideal.npy --display bench.toml --scene $scene -o unaware.zarr
+"$eyebox" convert ideal.zarr ideal.npy
+"$eyebox" convert ideal.npy unaware.zarr --display bench.toml --scene $scene
 for name in unaware calibrated ideal; do
-    "$eyebox" view $name.zarr $pupil -o $name.png
-    "$eyebox" score $name.zarr $scene --pupils random:24 --json >$name.json
+    "$eyebox" render $name.zarr $pupil -o $name.png
+    "$eyebox" eval score $name.zarr $scene --pupils random:24 --json >$name.json
 done
 
 python3 - "$root/docs/calibrated.png" <<'PYTHON'

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measure what `calibrate --quick` saves on a bench that drifts over eight hours.
+"""Measure what `display calibrate --quick` saves on a bench that drifts over eight hours.
 
     EYEBOX=target/debug/eyebox tools/drift.py path/to/bench.py docs/results/drift.json
 
@@ -35,7 +35,7 @@ def calibrated(bench, hour, known, out, *more):
     faults = out.with_suffix(".json")
     faults.write_text(json.dumps({**truth(hour), "quantise": True}))
     camera = f"'{sys.executable}' '{bench}' --seed 1 --size 128x128 --noise {hour + 1} --faults '{faults}'"
-    command = [os.environ["EYEBOX"], "calibrate", "--display", known, "--camera", camera, "--json", "-o", out, *more]
+    command = [os.environ["EYEBOX"], "display", "calibrate", known, "--camera", camera, "--json", "-o", out, *more]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"hour {hour}: {done.stderr}")
@@ -82,7 +82,7 @@ def followed_show(bench, work):
     model, said = work / "shown.toml", work / "show.txt"
     camera = shlex.join([sys.executable, os.path.abspath(__file__), str(bench), str(work / "none"), "--serve", "--keep", str(work)])
     command = [os.environ["EYEBOX"], "show", "builtin:still-life", "--display", work / "hour-0.toml", "--color", "green", "--frames", "1",
-               "--engine", "cpu", "--output", "offscreen", "--shared", work / "video", "--camera", camera, "--camera-every", "0.05",
+               "--engine", "cpu", "--output", f"shared:{work / 'video'}", "--camera", camera, "--camera-every", "0.05",
                "--camera-model", model]
     with said.open("w") as to:
         show = subprocess.Popen(list(map(str, command)), stderr=to, stdout=to)

@@ -6,13 +6,13 @@
     python3 tools/float64_bound.py --display bench.toml --views views/ --judge eyebox.npy [--pupils scores.json]
     python3 tools/float64_bound.py --check ORACLE_FOLDER                     against oracle.py, and the gradient against differences
 
-What is made small is what `eyebox score` judges by: minus the mean PSNR over pupils, each after averaging 2 x 2 pixels, at one
+What is made small is what `eyebox eval score` judges by: minus the mean PSNR over pupils, each after averaging 2 x 2 pixels, at one
 exposure for all of them, which is optimized too. Pupils come from a fixed set of the distribution that the score draws from
 (diameters even between 2 and 20 mm); those that judge belong to another seed. Adam moves the phases, with a rate that falls as
 a cosine and with more and more pupils a step. All numbers are float64. The model is that of docs/optics.md, section 10, with one
 sample per pixel, as eyebox has it by default. This is no proof of a bound: it is the best that a long search of another kind finds.
 
---views holds the views of the scene, 0.npy to 80.npy, row by row: `eyebox photograph` through 1 mm in the middle of each cell.
+--views holds the views of the scene, 0.npy to 80.npy, row by row: `eyebox render` through 1 mm in the middle of each cell.
 Needs NumPy and Python 3.11; takes SciPy's transforms where there are any, which are twice as fast.
 """
 import argparse, json, math, pathlib, sys, time, tomllib
@@ -273,7 +273,7 @@ def main():
     file = tomllib.loads(pathlib.Path(asked.display).read_text())
     scene = Scene(asked.views, asked.depth)
     display = Display(scene.n, file.get("model", {}).get("green", {}))
-    if asked.pupils:                                                      # those of `eyebox score --json`
+    if asked.pupils:                                                      # those of `eyebox eval score --json`
         judging = [[v * 1e-3 for v in row["pupil_mm"]] for row in json.loads(pathlib.Path(asked.pupils).read_text())["pupils"]]
     else:
         judging = scene.draw(np.random.default_rng(123456), asked.count)

@@ -161,13 +161,21 @@ def places(text, comment, doc):
 
 
 def help_of(program):
-    """The help of each command, by its name; the command's own under ''."""
+    """The help of each command, by its name, such as `eval score`; the program's own under ''."""
     if not program:
         return {}
-    ask = lambda *words: subprocess.run([program, "help", *words], capture_output=True, text=True, check=True).stdout
-    top = ask()
-    names = re.findall(r"^  ([a-z]+)(?:\s|$)", top, re.M)
-    return {"": top} | {name: ask(name) for name in names if name != "help"}
+
+    def ask(*words):
+        text = subprocess.run([program, "help", *words], capture_output=True, text=True, check=True).stdout
+        _, heading, rest = text.partition("\nCommands:\n")
+        names = re.findall(r"^  ([a-z]+)(?:\s|$)", rest.split("\n\n")[0], re.M) if heading else []
+        found = {" ".join(words): text}
+        for name in names:
+            if name != "help":
+                found |= ask(*words, name)
+        return found
+
+    return ask()
 
 
 def slug(heading):

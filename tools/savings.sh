@@ -18,7 +18,7 @@ for scene in builtin:plane "builtin:still-life?span=0.1" builtin:still-life; do
         [[ $kept == none ]] || full=(--set "full=$kept")
         rm -rf "$work/hologram.zarr"
         said=$("$eyebox" solve "$scene" --size 256x256 --color green --json -o "$work/hologram.zarr" "${full[@]}")
-        decibels=$("$eyebox" score "$work/hologram.zarr" "$scene" | sed -n 's/^PSNR .*: mean \([-0-9.]*\),.*/\1/p')
+        decibels=$("$eyebox" eval score "$work/hologram.zarr" "$scene" | sed -n 's/^PSNR .*: mean \([-0-9.]*\),.*/\1/p')
         printf '%-28s full: %-8s %6.2f dB, %5.1f s, %4d MiB\n' "$scene" "$kept" "$decibels" \
             "$(number seconds <<<"$said")" "$(number peak_memory_mib <<<"$said")"
         planned=${planned:-$decibels}

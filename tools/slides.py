@@ -18,7 +18,7 @@ import numpy as np
 SIDE, VIEWS, COUNT = 256, 5, 20
 HOW = ["--size", f"{SIDE}x{SIDE}", "--color", "green", "--engine", "cpu", "--order", "as-named"]
 STARTS = ["random", "last", "table"]
-SETS = [1, 2, 3]  # After a change, as `study` counts them.
+SETS = [1, 2, 3]  # After a change, as `eval gaze` counts them.
 EVEN, EVEN_STEPS = 0.3, [("table", 0), ("random", 2), ("random", 5), ("random", 10)]
 
 
@@ -94,7 +94,7 @@ def slides(program, folder, files, every, steps):
     for start in STARTS:
         how = ["--content", "jumping", "--jumps-to", ",".join(others), "--jumps-every", every, "--sets", every * (len(files) + 1)]
         how += ["--steps-per-set", steps, "--jumps-from", start, "--fixation", 100_000, "--json", "--overwrite", "-o", f"{folder}/study"]
-        summary = json.loads(run(program, "study", first, "--display", "planes8", *HOW, *how))["summary"]
+        summary = json.loads(run(program, "eval", "gaze", first, "--display", "planes8", *HOW, *how))["summary"]
         [seen] = [one["after_jumps_db"] for one in summary if one["steered"] and one["moments"]]
         row[start] = [round(db, 1) for db in seen[: min(every, len(SETS))]]
     print(row, flush=True)
@@ -107,7 +107,7 @@ def even_picture(program, folder):
     np.save(scene, np.full((VIEWS, VIEWS, SIDE, SIDE, 1), EVEN, np.float32))
     for start, steps in EVEN_STEPS:
         run(program, "solve", scene, *HOW, "--steps", steps, "--set", f"first_phases={start}", "-o", out)
-        found = json.loads(run(program, "score", out, "--pupils", "random:8", "--engine", "cpu", "--json"))
+        found = json.loads(run(program, "eval", "score", out, "--pupils", "random:8", "--engine", "cpu", "--json"))
         row = {"begun_with": start, "steps": steps, "psnr_db": round(found["psnr_db"]["mean"], 1), "jod": round(found["jod"]["mean"], 2)}
         print(row, flush=True)
         yield row

@@ -64,10 +64,10 @@ def score(folder, truth, known, steps, optimizer):
         "--set", f"optimizer={optimizer}", "-o", work / "solved.zarr", "--json")
     scored = work / "solved.zarr"
     if known != truth:
-        run("export", scored, "-o", work / "phases.npy")
+        run("convert", scored, work / "phases.npy")
         scored = work / "seen.zarr"
-        run("import", work / "phases.npy", "--display", work / "truth.toml", "--scene", SCENE, "-o", scored)
-    psnr = json.loads(run("score", scored, SCENE, "--pupils", "random:24", "--no-jod", "--engine", "cpu", "--json"))["psnr_db"]
+        run("convert", work / "phases.npy", scored, "--display", work / "truth.toml", "--scene", SCENE)
+    psnr = json.loads(run("eval", "score", scored, SCENE, "--pupils", "random:24", "--jod", "none", "--engine", "cpu", "--json"))["psnr_db"]
     shutil.rmtree(work)
     return [round(psnr[name], 2) for name in ("mean", "worst")]
 

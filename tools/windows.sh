@@ -52,7 +52,7 @@ run "$program" demo --engine cpu --size 64 --out demo
 run "$program" solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
 # Once more: what stands there is replaced.
 run "$program" solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
-run "$program" view still-life.zarr --engine cpu --pupil=4,0,4,1.5 -o seen.png
+run "$program" render still-life.zarr --engine cpu --pupil=4,0,4,1.5 -o seen.png
 run "$program" encode still-life.zarr --display grey8 --size 64x64 -o frames
 for made in demo/still-life.zarr/zarr.json still-life.zarr/zarr.json seen.png frames; do
     [[ -e $made ]] || { echo "$made was not made" >&2; exit 1; }

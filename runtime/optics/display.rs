@@ -153,7 +153,7 @@ struct File {
     /// Its switchable sources, one table each: `[[sources]]`, below.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     sources: Vec<SwitchedSource>,
-    /// Where its picture is seen, as `eyebox calibrate --register` found: below.
+    /// Where its picture is seen, as `eyebox display calibrate --register` found: below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
     /// The eye that looks at it; a perfect one without: below.

@@ -130,9 +130,13 @@ pub fn is_named(source: &str, known: &str) -> bool {
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
-/// Whether a file is an array that can be nothing but views in color, by its five axes: no phases have so many.
+/// Returns whether a file is an array that can only be pictures in color: phases have at most four axes, and no integers whose last axis
+/// is that of three or four channels.
 pub fn is_array_of_views(file: &Path) -> bool {
-    NpyArray::open(file, None, |_| true).is_ok_and(|array| array.shape.len() == 5)
+    NpyArray::open(file, None, |_| true).is_ok_and(|array| {
+        let has_channels = array.shape.len() > 2 && matches!(array.shape.last(), Some(3 | 4));
+        array.shape.len() >= 5 || (has_channels && array.kind.starts_with('u'))
+    })
 }
 
 /// Whether a source is a picture of one view, which needs a depth map.

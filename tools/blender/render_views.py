@@ -37,7 +37,7 @@ def arguments():
     parser = argparse.ArgumentParser(prog="render_views.py", description=__doc__.splitlines()[0])
     parser.add_argument("scene", nargs="?", help="a .blend file [default: the one that is open]")
     parser.add_argument("-o", "--out", required=True, help="the folder; made where it is not there")
-    parser.add_argument("--display", required=True, metavar="FILE.toml", help="eyebox displays new NAME -o FILE.toml writes one")
+    parser.add_argument("--display", required=True, metavar="FILE.toml", help="eyebox display new NAME -o FILE.toml writes one")
     parser.add_argument("--size", metavar="HxW", help="pixels [default: the display's resolution]")
     parser.add_argument("--views", type=int, default=9, metavar="N", help="views per axis [default: 9]")
     parser.add_argument("--depth-mm", type=float, nargs=2, metavar=("FAR", "NEAR"), help="where the farthest and the nearest "
@@ -64,7 +64,7 @@ def wanted(args):
     except (OSError, tomllib.TOMLDecodeError) as error:
         fail(f"{args.display}: {error}")
     except (KeyError, TypeError, ValueError) as error:
-        fail(f"{args.display}: no display file: {error} is missing or wrong; eyebox displays new paper -o {args.display}")
+        fail(f"{args.display}: no display file: {error} is missing or wrong; eyebox display new paper -o {args.display}")
     if args.size:
         try:
             rows, columns = (int(n) for n in args.size.lower().split("x"))

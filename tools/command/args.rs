@@ -1,12 +1,12 @@
 //! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
 
+use crate::display::patterns::PatternArgs;
 use crate::experiment::ExperimentArgs;
 pub use crate::groups::{
-    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, ObstructedArgs, OtherSceneArgs, OverwriteArgs,
-    OwnSceneArgs, SceneArgs, SceneOptions,
+    Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, ObstructedArgs, OverwriteArgs, OwnSceneArgs,
+    SceneArgs, SceneOptions, scene_of,
 };
 use crate::jod::{JodArgs, ViewingArgs};
-use crate::patterns::PatternArgs;
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
@@ -95,6 +95,12 @@ pub struct Solve {
     /// One JSON object on standard output, no progress bar
     #[arg(help_heading = "Output", long)]
     pub json: bool,
+    /// Print what would be computed and why, and the time and memory that it would take. Nothing is solved
+    #[arg(help_heading = "Output", long)]
+    pub dry_run: bool,
+    /// With --dry-run: time the engine of this machine again
+    #[arg(help_heading = "Engine", long, requires = "dry_run")]
+    pub time_again: bool,
     /// Time per kernel, after the solve
     #[arg(help_heading = "Output", long)]
     pub timings: bool,
@@ -127,9 +133,9 @@ pub struct SettingsArgs {
     /// Steps at most [default: 60; adam 200]
     #[arg(help_heading = "Steps", long, value_name = "N")]
     pub steps: Option<usize>,
-    /// Seconds at most, shared by the colours
+    /// Stop after this time, s, shared by the colors
     #[arg(help_heading = "Steps", long, value_name = "S", value_parser = positive_in(S))]
-    pub seconds: Option<f64>,
+    pub duration: Option<f64>,
     /// Stop at this mean PSNR over validation pupils, dB
     #[arg(help_heading = "Steps", long, value_name = "DB", value_parser = decibels)]
     pub psnr: Option<f64>,
@@ -159,32 +165,13 @@ pub struct CameraArgs {
     /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
-    /// Keep the camera's pictures here; in the folder of eyebox calibrate --keep they are added, and its dots say where the camera
+    /// Keep the camera's pictures in this folder. Pictures are added to the folder of a calibration, and its dots say where the camera
     /// looks
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
-    pub camera_keep: Option<PathBuf>,
+    pub keep: Option<PathBuf>,
     /// Seconds that the command may take for an answer [default: 60, and by exposure]
     #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive_in(S), requires = "camera")]
     pub camera_timeout: Option<f64>,
-}
-
-/// `eyebox export`
-#[derive(Args)]
-pub struct Export {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
-    pub hologram: PathBuf,
-    /// Of a sequence
-    #[command(flatten)]
-    pub which: AtArgs,
-    /// NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per colour and sub-frame
-    #[arg(help_heading = "Output", short, long, value_name = "OUT.npy|OUT_DIR")]
-    pub out: PathBuf,
-    /// What is not finished
-    #[command(flatten)]
-    pub unfinished: UnfinishedArgs,
-    /// Bare phases
-    #[command(flatten)]
-    pub phases: PhaseArgs,
 }
 
 /// `eyebox encode`
@@ -207,12 +194,9 @@ pub struct Encode {
     /// What is not finished
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
-    /// Which engine computes
-    #[arg(help_heading = "Engine", long, value_enum, default_value = "auto")]
-    pub engine: EngineName,
-    /// Device
+    /// Engine
     #[command(flatten)]
-    pub device: DeviceArgs,
+    pub engine: EngineArgs,
     /// One JSON object on standard output: what each frame holds
     #[arg(help_heading = "Output", long)]
     pub json: bool,
@@ -221,78 +205,22 @@ pub struct Encode {
 /// `eyebox bench`
 #[derive(Args)]
 pub struct Bench {
-    /// What is solved: the arguments of `solve`
+    /// What is solved: the arguments of `solve`. With --dry-run the steps are recorded and none is run: dispatches, barriers, bytes,
+    /// submissions, and the time that GPUs would take
     #[command(flatten)]
     pub solve: Solve,
     /// Rounds
     #[arg(help_heading = "Engine", long, default_value_t = 3, value_name = "N")]
     pub rounds: usize,
     /// A command to run in turn with each round
-    #[arg(help_heading = "Engine", long, value_name = "COMMAND")]
+    #[arg(help_heading = "Engine", long, value_name = "COMMAND", conflicts_with = "dry_run")]
     pub beside: Option<String>,
-    /// Record the steps and run none: dispatches, barriers, bytes, submissions, and what GPUs would take
-    #[arg(help_heading = "Engine", long, conflicts_with = "beside")]
-    pub dry: bool,
-    /// With --dry: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, requires = "dry")]
+    /// With --dry-run: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, requires = "dry_run")]
     pub pupil: Option<GivenPupil>,
 }
 
-/// `eyebox view`
-#[derive(Args)]
-pub struct View {
-    /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or the folder of encode
-    pub hologram: PathBuf,
-    /// Of a sequence
-    #[command(flatten)]
-    pub which: AtArgs,
-    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
-    pub pupil: GivenPupil,
-    /// The picture (PNG), or the intensity (.npy, float32, no exposure)
-    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
-    pub out: PathBuf,
-    /// Bare phases
-    #[command(flatten)]
-    pub phases: PhaseArgs,
-    /// Video frames
-    #[command(flatten)]
-    pub encoded: EncodedArgs,
-    /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
-    #[arg(help_heading = "Bare phases", long, value_parser = positive)]
-    pub exposure: Option<f64>,
-    /// Look past the display's model, as if the display were ideal
-    #[arg(help_heading = "Display", long)]
-    pub ideal: bool,
-    /// The eye that looks
-    #[command(flatten)]
-    pub eye: EyeArgs,
-    /// Engine
-    #[command(flatten)]
-    pub engine: EngineArgs,
-}
-
-/// `eyebox photograph`
-#[derive(Args)]
-pub struct Photograph {
-    /// Scene
-    #[command(flatten)]
-    pub scene: SceneArgs,
-    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
-    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
-    pub pupil: GivenPupil,
-    /// The picture (PNG), or linear light (.npy, float32)
-    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
-    pub out: PathBuf,
-    /// Display
-    #[command(flatten)]
-    pub display: DisplayArgs,
-    /// Engine
-    #[command(flatten)]
-    pub engine: EngineArgs,
-}
-
-/// `eyebox score`
+/// `eyebox eval score`
 #[derive(Args)]
 pub struct Score {
     /// NAME.zarr; phases: NAME.npy or a folder of PNGs (with --display); or the folder of encode
@@ -303,9 +231,6 @@ pub struct Score {
     /// Scene
     #[command(flatten)]
     pub scene: OwnSceneArgs,
-    /// A scene that the hologram was not made of
-    #[command(flatten)]
-    pub other: OtherSceneArgs,
     /// Look past the display's model, as if the display were ideal
     #[arg(help_heading = "Display", long)]
     pub ideal: bool,
@@ -329,13 +254,13 @@ pub struct Score {
     pub seen: JodArgs,
     /// Judge the sub-frames as the video that they are, so many a second [default: their mean, as of an eye that is too slow for
     /// all flicker]
-    #[arg(help_heading = "Quality", long, value_name = "HZ", value_parser = positive_in(HZ), conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, value_name = "HZ", value_parser = positive_in(HZ))]
     pub sub_frame_rate: Option<f64>,
     /// Where the eye looks, degrees right of and below the picture's middle: the 5 by 5 degrees around there are judged alone, too
-    #[arg(help_heading = "Quality", long, value_parser = gaze, value_name = "X,Y", conflicts_with = "no_jod")]
+    #[arg(help_heading = "Quality", long, value_parser = gaze, value_name = "X,Y")]
     pub gaze: Option<[f64; 2]>,
     /// Where JOD are lost: a picture for each pupil that is judged, in this folder
-    #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "no_jod")]
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
     pub jod_maps: Option<PathBuf>,
     /// Bare phases
     #[command(flatten)]
@@ -346,20 +271,6 @@ pub struct Score {
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// One JSON object on standard output
-    #[arg(help_heading = "Output", long)]
-    pub json: bool,
-}
-
-/// `eyebox devices`
-#[derive(Args)]
-pub struct Devices {
-    /// Say what this display can show: a preset or a TOML file
-    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
-    pub display: Option<String>,
-    /// Take a display that looks like a mistake as it is
-    #[arg(help_heading = "Display", long)]
-    pub force: bool,
     /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
     pub json: bool,

@@ -54,7 +54,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     settings.check()?;
     let loading = begun.elapsed().as_secs_f64();
     drop(field);
-    if args.dry {
+    if args.solve.dry_run {
         return dry::run(args, problem, &settings);
     }
     println!(

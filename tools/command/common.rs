@@ -1,7 +1,7 @@
 //! What commands share: display, scene, engine, names of files.
 
 use crate::Failure;
-use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, SceneArgs};
+use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, EngineName, SceneArgs};
 use crate::progress::{self, JobBar};
 use crate::values::GivenPupil;
 use eyebox::low_level::calibrate::ModelAge;
@@ -179,15 +179,6 @@ pub fn diameters(asked: Option<[f64; 2]>, display: &Display, force: bool) -> Res
     Ok(asked)
 }
 
-/// Which engine is asked for.
-pub fn engine_choice(args: &EngineArgs) -> Result<engine::Choice, Failure> {
-    Ok(match args.device.engine(args.engine)? {
-        crate::groups::EngineName::Auto => engine::Choice::Auto,
-        crate::groups::EngineName::Cpu => engine::Choice::Cpu,
-        crate::groups::EngineName::Vulkan => engine::Choice::Vulkan,
-    })
-}
-
 /// The engine asked for.
 pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
     Ok(opener(args)?()?)
@@ -208,14 +199,12 @@ pub struct Engines {
 impl Engines {
     /// Opens the device, if there is one.
     pub fn new(args: &EngineArgs, options: &Options) -> Result<Self, Failure> {
-        let names = || engine::Kernel::ALL.map(engine::Kernel::name).join(", ");
-        let known = |name: &String| {
-            engine::Kernel::by_name(name).ok_or_else(|| {
-                Failure::Arguments(reason!("no-such-kernel", "no kernel is called '{name}': there are {}", names()))
-            })
+        let (choice, from) = match args.device.engine(args.engine)? {
+            EngineName::Auto => (engine::Choice::Auto, None),
+            EngineName::Cpu => (engine::Choice::Cpu, None),
+            EngineName::Vulkan => (engine::Choice::Vulkan, None),
+            EngineName::VulkanFrom(kernel) => (engine::Choice::Vulkan, Some(kernel)),
         };
-        let from = args.vulkan_from.as_ref().map(known).transpose()?;
-        let choice = if from.is_some() { engine::Choice::Vulkan } else { engine_choice(args)? };
         let options = Options { device: args.device.device.clone(), ..options.clone() };
         Ok(Self { backend: Backend::open(choice, &options)?, from })
     }

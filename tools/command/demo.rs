@@ -3,9 +3,8 @@
 use crate::Failure;
 use crate::args::Demo;
 use crate::common;
-use crate::evaluate;
+use crate::eval::{compare, score};
 use crate::progress;
-use crate::score;
 use crate::solve::SolveProgress;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::files::{self, FileError, ManagedDir};
@@ -172,7 +171,7 @@ fn comparison(
         sources: false,
         judged: JUDGED,
     };
-    let results = evaluate::compare(&job, &folder, &mut load, engine, false)?;
+    let results = compare::compare(&job, &folder, &mut load, engine, false)?;
     if results.runs.is_empty() {
         return Ok(None);
     }

@@ -41,11 +41,11 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     }
     let slices: Vec<&[f32]> = input.colors.iter().map(|c| &c.1[..]).collect();
     let phases = PhaseSet::new(&slices, input.size)?;
-    let frames = match args.device.engine(args.engine)? {
+    let frames = match args.engine.device.engine(args.engine.engine)? {
         // Reading and writing files takes longer than the CPU needs.
         EngineName::Auto | EngineName::Cpu => encoder.encode(&phases)?,
-        EngineName::Vulkan => {
-            let device = args.device.device.clone();
+        EngineName::Vulkan | EngineName::VulkanFrom(_) => {
+            let device = args.engine.device.device.clone();
             let options = Options { device, allow_cpu: true, ..Options::default() };
             let mut frames = encoder.frames();
             VulkanEncoder::new(&Gpu::open(&options)?, encoder.plan())?.encode(phases.colors(), frames.bytes_mut())?;

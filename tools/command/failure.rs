@@ -55,7 +55,7 @@ pub fn print(failure: &Failure) -> ExitCode {
 }
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
-const FIELDS: [&str; 34] = [
+const FIELDS: [&str; 32] = [
     "ahead",
     "at",
     "clock",
@@ -64,7 +64,6 @@ const FIELDS: [&str; 34] = [
     "display",
     "display_rate",
     "engine",
-    "first",
     "focal_length",
     "frames",
     "iris",
@@ -79,7 +78,6 @@ const FIELDS: [&str; 34] = [
     "pitch",
     "prescription",
     "pupils",
-    "raw",
     "size",
     "speed",
     "start_at",
@@ -100,7 +98,9 @@ pub fn in_options(sentence: &str) -> String {
         ("`padding` exact", "--set padding=exact"),
         ("`padding`", "--set padding=need"),
         ("`depth_map`", "--depth-map FILE"),
-        ("`fit_exposure`", "`eyebox import --scene`"),
+        ("`first`", "--at"),
+        ("`raw`", "--output raw:FILE"),
+        ("`fit_exposure`", "`eyebox convert --scene`"),
     ];
     let text = others.iter().fold(sentence.to_owned(), |text, (field, option)| text.replace(field, option));
     FIELDS
@@ -142,7 +142,8 @@ mod tests {
     #[test]
     fn fields_of_the_library_are_options_of_a_command() {
         let cli = Cli::command();
-        let has = |option: &str| cli.get_subcommands().any(|c| c.get_arguments().any(|a| a.get_long() == Some(option)));
+        let leaves = crate::headings::leaves(&cli);
+        let has = |option: &str| leaves.iter().any(|(_, c)| c.get_arguments().any(|a| a.get_long() == Some(option)));
         for field in FIELDS {
             let line = in_options(&format!("give `{field}` 1"));
             let option = line.strip_prefix("give --").and_then(|rest| rest.strip_suffix(" 1")).expect("an option");

@@ -29,7 +29,7 @@ pub struct Feed {
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
     /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
     #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path)]
-    pub path: Option<ParameterPath>,
+    pub r#move: Option<ParameterPath>,
     /// Frames from one end of the path to the other
     #[arg(help_heading = "Steps", long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub steps: u32,
@@ -153,10 +153,10 @@ fn device_of(_application: &mut Application) -> Result<Option<Writer>, Failure> 
 /// The scenes, one a frame; they begin again after the last.
 fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
     let one = || args.scenes.first().filter(|_| args.scenes.len() == 1);
-    if let Some(ParameterPath { key, ends: [a, b] }) = &args.path {
+    if let Some(ParameterPath { key, ends: [a, b] }) = &args.r#move {
         let built_in = one().filter(|s| s.starts_with("builtin:"));
         let scene = built_in.ok_or_else(|| {
-            Failure::Arguments(reason!("path-of-many", "--path moves one built-in scene: give one alone"))
+            Failure::Arguments(reason!("path-of-many", "--move moves one built-in scene: give one alone"))
         })?;
         let mark = if scene.contains('?') { '&' } else { '?' };
         let at = |step: u32| a + (b - a) * f64::from(step) / f64::from(args.steps - 1);

@@ -35,7 +35,12 @@ pub fn completions(args: &Completions, mut command: Command) -> Result<(), Failu
 pub fn man(args: &Man, mut command: Command) -> Result<(), Failure> {
     command.build();
     let _made = writable(&args.out)?;
-    let pages = std::iter::once(&command).chain(command.get_subcommands().filter(|s| s.get_name() != "help"));
+    let mut pages = vec![&command];
+    let mut next = 0;
+    while let Some(page) = pages.get(next) {
+        pages.extend(page.get_subcommands().filter(|sub| sub.get_name() != "help"));
+        next += 1;
+    }
     for page in pages {
         let name = page.get_display_name().unwrap_or("eyebox").to_owned();
         let mut text = Vec::new();

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::values::{MM, Names, depths, one_of, positive_in, prescription, size};
 use clap::{Args, ValueEnum};
+use eyebox::low_level::engine::Kernel;
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::hologram::{Hologram, HologramError};
 use eyebox::low_level::optics::{Depth, Display, Obstruction, Prescription};
@@ -12,14 +13,29 @@ use eyebox::low_level::scene::{Near, Order, ViewSynthesis};
 use std::path::{Path, PathBuf};
 
 /// Which engine computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EngineName {
-    /// A real GPU where there is one, else the CPU
+    /// A real GPU if there is one, otherwise the CPU.
     Auto,
-    /// All cores of the CPU
+    /// All cores of the CPU.
     Cpu,
-    /// Vulkan, a software device included
+    /// Vulkan, including a software device.
     Vulkan,
+    /// The list of kernels on the CPU up to this one, and on Vulkan from it on.
+    VulkanFrom(Kernel),
+}
+
+/// Reads an engine.
+fn engine(text: &str) -> Result<EngineName, String> {
+    match text.split_once(':') {
+        None if text == "auto" => Ok(EngineName::Auto),
+        None if text == "cpu" => Ok(EngineName::Cpu),
+        None if text == "vulkan" => Ok(EngineName::Vulkan),
+        Some(("vulkan-from", kernel)) => Kernel::by_name(kernel)
+            .map(EngineName::VulkanFrom)
+            .ok_or_else(|| format!("there is no kernel '{kernel}', only {}", Kernel::ALL.map(Kernel::name).join(", "))),
+        _ => Err("expected auto, cpu, vulkan, or vulkan-from:KERNEL".into()),
+    }
 }
 
 /// Which colours.
@@ -38,12 +54,11 @@ pub enum Colors {
 /// The engine, in every command that computes.
 #[derive(Args)]
 pub struct EngineArgs {
-    /// Which engine computes
-    #[arg(help_heading = "Engine", long, value_enum, default_value = "auto")]
+    /// Engine: auto, cpu, vulkan or vulkan-from:KERNEL. auto takes a real GPU if there is one, otherwise the CPU. vulkan takes a
+    /// software device, too. vulkan-from:KERNEL runs the kernels before this one on the CPU, and it and the others on Vulkan [default:
+    /// auto]
+    #[arg(help_heading = "Engine", long, value_parser = engine, default_value = "auto", hide_default_value = true, value_name = "ENGINE")]
     pub engine: EngineName,
-    /// With --engine vulkan: run the list of kernels on the CPU up to this kernel, and on Vulkan from it on
-    #[arg(help_heading = "Engine", long, value_name = "KERNEL")]
-    pub vulkan_from: Option<String>,
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
@@ -52,7 +67,7 @@ pub struct EngineArgs {
 /// The Vulkan device, in every command that uses one.
 #[derive(Args)]
 pub struct DeviceArgs {
-    /// The Vulkan device: its number or a part of its name, as eyebox devices lists them [default: the best one]
+    /// The Vulkan device: its number or a part of its name, as eyebox device list shows them [default: the best one]
     #[arg(help_heading = "Engine", long, value_name = "N|NAME")]
     pub device: Option<String>,
 }
@@ -72,9 +87,9 @@ impl DeviceArgs {
 }
 
 /// The display, in every command that needs one.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct DisplayArgs {
-    /// Display: a preset (eyebox displays lists them), or a TOML file [default: the one that a hologram was solved for, else
+    /// Display: a preset (eyebox display list), or a TOML file [default: the one that a hologram was solved for, else
     /// paper]
     #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
@@ -84,7 +99,7 @@ pub struct DisplayArgs {
     /// Colours
     #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
     pub color: Colors,
-    /// Take sizes, wavelengths and pupils that look like a mistake as they are
+    /// Take sizes, wavelengths and pupils that look like a mistake, and a scene that the hologram was not made of
     #[arg(help_heading = "Display", long)]
     pub force: bool,
 }
@@ -202,34 +217,25 @@ pub struct SceneOptions {
     pub photographs: Option<ViewSynthesis>,
 }
 
-/// A hologram beside a scene.
-#[derive(Args, Clone, Copy)]
-pub struct OtherSceneArgs {
-    /// Take the scene though the hologram says that it shows another
-    #[arg(help_heading = "Scene", long)]
-    pub other_scene: bool,
-}
-
-impl OtherSceneArgs {
-    /// Finds the scene of the hologram in `file`: the one that is named, or the one that it was solved from.
-    pub fn open(
-        self,
-        file: &Path,
-        hologram: &Hologram,
-        scene: Option<&str>,
-        options: &SceneOptions,
-    ) -> Result<SolveInput, Failure> {
-        let reading = options.reading(hologram.focal_length);
-        let asked = InputOptions { scene: scene.map(str::to_owned), other_scene: self.other_scene, reading };
-        SolveInput::open(hologram, &asked).map_err(|error| {
-            let how = match &error {
-                HologramError::OtherScene { .. } | HologramError::ChangedScene { .. } => " (--other-scene)",
-                HologramError::Scene(_) => return error.into(),
-                _ => "",
-            };
-            Failure::Arguments(Reason::of(&error).reworded(|text| format!("{}: {text}{how}", file.display())))
-        })
-    }
+/// Finds the scene of the hologram in `file`: `scene`, or the one that it was solved from. `force` takes a scene that the hologram was
+/// not made of.
+pub fn scene_of(
+    file: &Path,
+    hologram: &Hologram,
+    scene: Option<&str>,
+    options: &SceneOptions,
+    force: bool,
+) -> Result<SolveInput, Failure> {
+    let reading = options.reading(hologram.focal_length);
+    let asked = InputOptions { scene: scene.map(str::to_owned), other_scene: force, reading };
+    SolveInput::open(hologram, &asked).map_err(|error| {
+        let how = match &error {
+            HologramError::OtherScene { .. } | HologramError::ChangedScene { .. } => " (--force)",
+            HologramError::Scene(_) => return error.into(),
+            _ => "",
+        };
+        Failure::Arguments(Reason::of(&error).reworded(|text| format!("{}: {text}{how}", file.display())))
+    })
 }
 
 /// The scene of a hologram, in commands that compare the two.

@@ -2,18 +2,35 @@
 
 use crate::Failure;
 use crate::values::{CD_M2, not_negative_in, positive, positive_in};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use eyebox::low_level::optics::Viewing;
+
+/// Pupils that are judged in JOD.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum JudgedPupils {
+    /// Every pupil
+    All,
+    /// Some, spread evenly over the others
+    #[default]
+    Some,
+    /// No pupil
+    None,
+}
 
 /// Whether and how pictures are judged by what people see of their differences.
 #[derive(Args, Clone, Copy, Default, PartialEq)]
 pub struct JodArgs {
-    /// Judge every pupil in just-objectionable differences (ColorVideoVDP) [default: some, spread evenly over the others]
-    #[arg(help_heading = "Quality", long, conflicts_with = "no_jod")]
-    pub jod: bool,
-    /// Judge none: PSNR and SSIM alone, which is faster
-    #[arg(help_heading = "Quality", long)]
-    pub no_jod: bool,
+    /// Pupils that are judged in just-objectionable differences (ColorVideoVDP): all, some (spread evenly over the others), or none
+    /// (PSNR and SSIM alone, which is faster)
+    #[arg(
+        help_heading = "Quality",
+        long,
+        value_enum,
+        default_value = "some",
+        hide_possible_values = true,
+        value_name = "WHICH"
+    )]
+    pub jod: JudgedPupils,
     /// How bright the display is seen
     #[command(flatten)]
     pub viewing: ViewingArgs,
@@ -36,10 +53,10 @@ pub struct ViewingArgs {
 impl JodArgs {
     /// How many pupils are judged, where `some` are by default.
     pub fn pupils(&self, some: usize) -> usize {
-        match (self.jod, self.no_jod) {
-            (_, true) => 0,
-            (true, _) => usize::MAX,
-            _ => some,
+        match self.jod {
+            JudgedPupils::None => 0,
+            JudgedPupils::All => usize::MAX,
+            JudgedPupils::Some => some,
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::common;
-use crate::groups::{Colors, DisplayArgs};
-use crate::values::{MM, NM, UM, as_shown, number_in, phase_unit, size};
+use crate::groups::DisplayArgs;
+use crate::values::{MM, NM, UM, as_shown, number_in, phase_unit};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::encode::AsShown;
 use eyebox::low_level::encoded::{Encoded, is_encoded};
@@ -34,18 +34,20 @@ pub struct PhaseUnitArgs {
 /// What bare phases do not say of themselves.
 #[derive(Args)]
 pub struct PhaseArgs {
-    /// Of bare phases: the display that they are for, a preset or a TOML file
-    #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
-    pub display: Option<String>,
-    /// Of bare phases: its resolution instead of its own, rows x columns
-    #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size, requires = "display")]
-    pub size: Option<[usize; 2]>,
-    /// The colour of bare phases of one colour; of more, and of holograms, the one to take
-    #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
-    pub color: Colors,
+    /// The display that they are for
+    #[command(flatten)]
+    pub display: DisplayArgs,
     /// What their numbers are
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
+    /// Their optics
+    #[command(flatten)]
+    pub optics: BareOpticsArgs,
+}
+
+/// Optics of bare phases without a display.
+#[derive(Args, Clone)]
+pub struct BareOpticsArgs {
     /// Without --display: pixel pitch, um
     #[arg(help_heading = "Bare phases", long, value_name = "UM", value_parser = number_in(UM), conflicts_with = "display")]
     pub pitch: Option<f64>,
@@ -58,9 +60,13 @@ pub struct PhaseArgs {
     /// Without --display: where the SLM stands
     #[arg(help_heading = "Bare phases", long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]
     pub geometry: GeometryName,
-    /// Take sizes, wavelengths and pupils that look like a mistake as they are
-    #[arg(help_heading = "Display", long)]
-    pub force: bool,
+}
+
+impl BareOpticsArgs {
+    /// Returns whether any of them is given.
+    pub fn is_given(&self) -> bool {
+        self.pitch.is_some() || self.focal_length.is_some() || !self.wavelength.is_empty()
+    }
 }
 
 /// Which hologram of a sequence is taken.
@@ -125,13 +131,11 @@ impl EncodedArgs {
             tell_unfinished(file)?;
             return Ok(Opening { unfinished: true, ..phases.opening(file, at)? }.source(file)?);
         }
-        let stray = at.is_some() || phases.unit.phase_unit.is_some() || phases.pitch.is_some();
-        if stray || phases.focal_length.is_some() || !phases.wavelength.is_empty() {
+        if at.is_some() || phases.unit.phase_unit.is_some() || phases.optics.is_given() {
             return wrong(reason!("options-of-phases", "video frames take --display, --size and --color alone"));
         }
-        let display =
-            phases.display.as_ref().map(|name| common::display_of_size(name, phases.size, phases.force)).transpose()?;
-        let encoded = Encoded::open(file, display.as_ref(), phases.color.one())?;
+        let display = phases.display.display.is_some().then(|| common::display(&phases.display)).transpose()?;
+        let encoded = Encoded::open(file, display.as_ref(), phases.display.color.one())?;
         let hologram = encoded.decode(self.as_shown.unwrap_or_default())?;
         eprintln!("{}: {}", file.display(), encoded.describe());
         Ok(hologram.into())
@@ -142,33 +146,40 @@ impl PhaseArgs {
     /// How `file` is opened: a hologram holds its own optics, and none may be given.
     pub fn opening(&self, file: &Path, at: Option<u64>) -> Result<Opening, Failure> {
         let what = file.display();
-        let given = self.display.is_some()
-            || self.pitch.is_some()
-            || self.focal_length.is_some()
-            || !self.wavelength.is_empty();
-        if given && !Phases::are_at(file) {
+        let is_display_given = self.display.display.is_some() || self.display.size.is_some();
+        if (is_display_given || self.optics.is_given()) && !Phases::are_at(file) {
             return Err(Failure::Arguments(reason!(
                 "own-optics",
-                "{what} holds its own optics: leave out --display, --pitch, --wavelength and --focal-length"
+                "{what} holds its own optics: leave out --display, --size, --pitch, --wavelength and --focal-length"
             )));
         }
-        let (color, bare, unit) = (self.color.one(), self.optics(&what.to_string())?, self.unit.phase_unit);
+        if self.display.size.is_some() && self.display.display.is_none() {
+            return Err(Failure::Arguments(reason!(
+                "size-without-display",
+                "{what}: --size is the resolution of a display: give --display, too"
+            )));
+        }
+        let (color, bare, unit) = (self.display.color.one(), self.optics(&what.to_string())?, self.unit.phase_unit);
         Ok(Opening { at, color, bare, unit, unfinished: false })
     }
 
     fn optics(&self, what: &str) -> Result<Option<BareOptics>, Failure> {
-        if let Some(name) = &self.display {
-            return Ok(Some(BareOptics::Display(Box::new(common::display_of_size(name, self.size, self.force)?))));
+        if self.display.display.is_some() {
+            return Ok(Some(BareOptics::Display(Box::new(common::display(&self.display)?))));
         }
-        match (self.pitch, self.focal_length, &self.wavelength[..]) {
+        let BareOpticsArgs { pitch, wavelength, focal_length, geometry } = &self.optics;
+        match (*pitch, *focal_length, &wavelength[..]) {
             (None, None, []) => Ok(None),
             (Some(pitch), Some(focal_length), [_, ..]) => {
                 let (pitch, focal_length) = (pitch * 1e-6, focal_length * 1e-3);
-                let wavelengths: Vec<f64> = self.wavelength.iter().map(|nm| nm * 1e-9).collect();
+                let wavelengths: Vec<f64> = wavelength.iter().map(|nm| nm * 1e-9).collect();
                 for wavelength in &wavelengths {
-                    common::usual(self.force, Optics::new(1, 1, pitch, *wavelength, focal_length)?.check_usual())?;
+                    common::usual(
+                        self.display.force,
+                        Optics::new(1, 1, pitch, *wavelength, focal_length)?.check_usual(),
+                    )?;
                 }
-                let geometry = match self.geometry {
+                let geometry = match geometry {
                     GeometryName::Relay => Geometry::Relay,
                     GeometryName::FarField => Geometry::FarField,
                 };

@@ -1,7 +1,7 @@
-//! `--quality` and `--deadline`: from what a user asks to settings, by what was measured on this device or as built in.
+//! `--quality`: settings for a quality or a time, as measured on this device or built in.
 
 use crate::Failure;
-use crate::values::{MS, Names, one_of, positive_in};
+use crate::values::{MS, Wrong, positive_in};
 use clap::Args;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::files::cache_folder;
@@ -14,24 +14,37 @@ use eyebox_lab::tuning::{Measured, within};
 /// How much time quality may take, in every command that solves.
 #[derive(Args, Clone, Copy)]
 pub struct QualityArgs {
-    /// Settings of this quality: as `eyebox tradeoff` measured them on this device, else built in; settings that are given
-    /// themselves win
-    #[arg(help_heading = "Quality", long, value_parser = one_of(&QUALITIES), value_name = "NAME")]
-    pub quality: Option<Quality>,
-    /// The best settings that `eyebox tradeoff` measured on this device whose solve takes at most so many ms, shared by the
-    /// colours; time is taken to follow pixels x log2(pixels) and sub-frames
-    #[arg(help_heading = "Quality", long, value_name = "MS", value_parser = positive_in(MS), conflicts_with = "quality")]
-    pub deadline: Option<f64>,
+    /// Quality: fast, balanced, accurate, or the time of a solve, such as 20ms. Settings are those that `eyebox eval tune` measured on
+    /// this device, or built in. Single settings win. Time counts for all colors together and follows pixels x
+    /// log2(pixels) and sub-frames
+    #[arg(help_heading = "Quality", long, value_parser = asked, value_name = "NAME|MS")]
+    pub quality: Option<AskedQuality>,
 }
 
-/// How much time quality may take.
-const QUALITIES: Names<Quality, 3> = [
-    ("fast", "At least twenty times faster than accurate", Quality::Fast),
-    ("balanced", "Within half a decibel of accurate, in a fifth of its time", Quality::Balanced),
-    ("accurate", "The best", Quality::Accurate),
-];
+/// A quality by its name, or by the time of a solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum AskedQuality {
+    /// A name.
+    Named(Quality),
+    /// The time of a solve of all colors, ms.
+    Within(f64),
+}
 
-/// Settings that were asked for by quality or deadline, and what is to be said of them.
+/// Reads a quality.
+fn asked(text: &str) -> Result<AskedQuality, Wrong> {
+    match QUALITIES.into_iter().find(|quality| quality.name() == text) {
+        Some(quality) => Ok(AskedQuality::Named(quality)),
+        None if text.starts_with(|c: char| c.is_alphabetic()) => {
+            Err("expected fast, balanced, accurate, or a time such as 20ms".into())
+        }
+        None => Ok(AskedQuality::Within(positive_in(MS)(text)?)),
+    }
+}
+
+/// The names of qualities.
+const QUALITIES: [Quality; 3] = [Quality::Fast, Quality::Balanced, Quality::Accurate];
+
+/// Settings of a requested quality, with their description.
 pub struct Chosen {
     /// The settings.
     pub settings: Settings,
@@ -40,14 +53,14 @@ pub struct Chosen {
 }
 
 impl QualityArgs {
-    /// Returns these, or the quality of the settings if neither option is given.
+    /// Returns these, or the quality of the settings if the option is not given.
     pub fn with(self, given: &GivenSettings) -> Result<Self, Failure> {
-        let quality = if self.deadline.is_some() { None } else { given.get("quality")? };
-        Ok(Self { quality: self.quality.or(quality), ..self })
+        let named = given.get("quality")?.map(AskedQuality::Named);
+        Ok(Self { quality: self.quality.or(named) })
     }
 
-    /// What was asked for; nothing where nothing was. `size` and `frames` are those of the solve, `colors` how many share
-    /// the deadline.
+    /// Returns the settings of the requested quality, if one is requested. `size` and `frames` are those of the solve, `colors` is
+    /// the number of colors that share its time.
     pub fn choose(
         &self,
         engine: &dyn Engine,
@@ -55,48 +68,50 @@ impl QualityArgs {
         frames: usize,
         colors: usize,
     ) -> Result<Option<Chosen>, Failure> {
-        if self.quality.is_none() && self.deadline.is_none() {
-            return Ok(None);
-        }
+        let Some(quality) = self.quality else { return Ok(None) };
         let device = engine.describe();
-        // Without a cache of theirs, users have measured nothing.
+        // Without a cache folder nothing was measured.
         let measured = cache_folder().map_or(Ok(None), |folder| Measured::load(&folder, &device));
         let measured = measured.unwrap_or_else(|error| {
             eprintln!("eyebox: measured settings are ignored: {error}");
             None
         });
         let expected = |m: &Measured, ms: f64| {
-            format!("measured with {} on this device, about {:.0} ms a colour", m.scene, ms * m.scale(size, frames))
+            format!("measured with {} on this device, about {:.0} ms per color", m.scene, ms * m.scale(size, frames))
         };
-        if let Some(quality) = self.quality {
-            let (settings, from) = match &measured {
-                Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
-                None => (Settings::of(quality), "built in; `eyebox tradeoff SCENE -o DIR` measures this device".into()),
-            };
-            let about = format!("{}: {settings} ({from})", quality.name());
-            return Ok(Some(Chosen { settings, about }));
-        }
-        let Some(deadline) = self.deadline else { return Ok(None) };
+        let limit = match quality {
+            AskedQuality::Within(limit) => limit,
+            AskedQuality::Named(quality) => {
+                let (settings, from) = match &measured {
+                    Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
+                    None => {
+                        (Settings::of(quality), "built in; `eyebox eval tune SCENE -o DIR` measures this device".into())
+                    }
+                };
+                let about = format!("{}: {settings} ({from})", quality.name());
+                return Ok(Some(Chosen { settings, about }));
+            }
+        };
         let Some(measured) = measured else {
             return Err(Failure::Arguments(reason!(
                 "nothing-measured",
-                "--deadline {deadline}: nothing was measured on {device}: run `eyebox tradeoff SCENE -o DIR` first, or stop by the clock with --seconds"
+                "--quality {limit}ms: nothing was measured on {device}: run `eyebox eval tune SCENE -o DIR` first, or stop by the clock with --duration"
             )));
         };
         let scale = measured.scale(size, frames);
-        let share = deadline / colors.max(1) as f64;
+        let share = limit / colors.max(1) as f64;
         let Some(trial) = within(&measured.front, share, scale) else {
             let least = measured.front.iter().map(|t| t.milliseconds).fold(f64::INFINITY, f64::min);
             let least = (least * scale * colors.max(1) as f64).ceil();
             return Err(Failure::Arguments(reason!(
                 "deadline",
-                "--deadline {deadline}: the fastest that was measured takes {least} ms for {colors} of {} x {} pixels with {frames} sub-frames on {device}",
+                "--quality {limit}ms: the fastest measured settings take {least} ms for {colors} of {} x {} pixels with {frames} sub-frames on {device}",
                 size[0],
                 size[1]
             )));
         };
         let from = expected(&measured, trial.milliseconds);
-        let about = format!("deadline {deadline} ms: {} ({from})", trial.recipe);
+        let about = format!("within {limit} ms: {} ({from})", trial.recipe);
         Ok(Some(Chosen { settings: trial.recipe.clone(), about }))
     }
 }

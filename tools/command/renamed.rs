@@ -1,4 +1,54 @@
-//! Options that are settings now.
+//! Names of earlier versions: an old command or option is refused with the name that it has now.
+
+/// Commands that have another name now.
+const COMMANDS: [(&str, &str); 17] = [
+    ("calibrate", "display calibrate"),
+    ("devices", "device list"),
+    ("displays", "display list"),
+    ("evaluate", "eval compare"),
+    ("export", "convert IN OUT"),
+    ("film", "render --path"),
+    ("import", "convert IN OUT"),
+    ("inspect", "info"),
+    ("live", "show --tracker"),
+    ("monitors", "display monitors"),
+    ("photograph", "render"),
+    ("plan", "solve --dry-run"),
+    ("play", "show"),
+    ("score", "eval score"),
+    ("study", "eval gaze"),
+    ("tradeoff", "eval tune"),
+    ("trackers", "tracker list"),
+];
+/// `view`, whose new name is also an option.
+const VIEW: (&str, &str) = ("view", "render");
+
+/// Options that have another name now, in every command.
+const OPTIONS: [(&str, &str); 17] = [
+    ("alone", "--what image"),
+    ("budget", "--duration"),
+    ("camera-keep", "--keep"),
+    ("deadline", "--quality, such as --quality 20ms"),
+    ("diameter", "--pupil-diameter"),
+    ("dry", "--dry-run"),
+    ("first", "--at"),
+    ("latency", "--tracker-latency"),
+    ("monitor", "--output window:MONITOR or direct:DISPLAY"),
+    ("no-jod", "--jod none"),
+    ("other-scene", "--force"),
+    ("raw", "--output raw:FILE"),
+    ("real-time", "--clock real"),
+    ("save-to", "--out"),
+    ("seconds", "--duration"),
+    ("shared", "--output shared:FILE"),
+    ("vulkan-from", "--engine vulkan-from:KERNEL"),
+];
+
+/// Returns the new name of an old command.
+pub fn command(name: &str) -> Option<String> {
+    let (_, now) = COMMANDS.iter().chain([&VIEW]).find(|(old, _)| *old == name)?;
+    Some(format!("it is `eyebox {now}` now"))
+}
 
 /// Options that became settings of a solve. The setting has the same name, but for `--speckle`.
 const OF_SOLVES: [&str; 15] = [
@@ -39,7 +89,7 @@ const OF_REFINEMENTS: [&str; 14] = [
 
 /// Returns the setting that replaces a former option of a command.
 fn setting(command: &str, option: &str) -> Option<String> {
-    let refines = ["refine", "live", "show", "study"].contains(&command);
+    let refines = ["refine", "show", "eval gaze"].contains(&command);
     let name = option.replace('-', "_");
     if refines && OF_REFINEMENTS.contains(&option) {
         return Some(match option {
@@ -55,14 +105,39 @@ fn setting(command: &str, option: &str) -> Option<String> {
 
 /// Returns what to write instead of a former option of a command, as a sentence.
 pub fn option(command: &str, option: &str) -> Option<String> {
-    setting(command, option).map(|setting| format!("it is a setting now: --set {setting}=VALUE"))
+    if let Some(setting) = setting(command, option) {
+        return Some(format!("it is a setting now: --set {setting}=VALUE"));
+    }
+    let (_, now) = OPTIONS.iter().find(|(old, _)| *old == option)?;
+    Some(format!("it is {now} now"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::commands::Cli;
+    use crate::headings;
+    use clap::Command;
     use eyebox::low_level::error::ErrorData;
     use eyebox::low_level::produce::GivenSettings;
+
+    #[test]
+    fn every_old_name_is_gone_and_its_new_name_exists() {
+        let all = headings::command::<Cli>();
+        let leaves = headings::leaves(&all);
+        let has = |command: &Command, long: &str| command.get_opts().any(|option| option.get_long() == Some(long));
+        for (old, now) in COMMANDS.into_iter().chain([VIEW]) {
+            assert!(all.find_subcommand(old).is_none(), "{old}");
+            let (path, sub) = leaves.iter().find(|(path, _)| now.starts_with(path.as_str())).expect(now);
+            let option = now[path.len()..].trim().strip_prefix("--");
+            assert!(option.is_none_or(|long| has(sub, long)), "{now}");
+        }
+        for (old, now) in OPTIONS {
+            assert!(!leaves.iter().any(|(_, sub)| has(sub, old)), "{old}");
+            let long = now.trim_start_matches('-').split([' ', ',']).next().unwrap_or_default();
+            assert!(leaves.iter().any(|(_, sub)| has(sub, long)), "{now}");
+        }
+    }
 
     /// A setting that does not exist would be a remedy that does not work.
     #[test]

@@ -187,7 +187,7 @@ impl SolveRequest<'_> {
             (settings.levels != Levels::Any, "the setting levels"),
             (matches!(settings.optimizer, Optimizer::Adam { .. }), "the setting optimizer"),
             (settings.storage != Storage::F32, "the setting storage"),
-            (settings.seconds.is_some(), "--seconds"),
+            (settings.seconds.is_some(), "--duration"),
             (settings.psnr.is_some(), "--psnr"),
             (given.has("pupils"), "--pupils"),
         ];
@@ -218,7 +218,7 @@ fn given(options: &SettingsArgs) -> Result<GivenSettings, Failure> {
     given.insert("method", options.method);
     given.insert("pupils", options.pupils);
     given.insert("steps", options.steps);
-    given.insert("seconds", options.seconds);
+    given.insert("seconds", options.duration);
     given.insert("psnr", options.psnr);
     given.insert("diameter", options.pupil_diameter);
     given.insert("seed", options.seed);

@@ -1,5 +1,6 @@
 //! `--help` on one screen, with the commands in groups and the usual options of a command. `eyebox help` shows everything.
 
+use crate::headings;
 use clap::builder::StyledStr;
 use clap::{Arg, Command};
 use std::ffi::OsString;
@@ -7,13 +8,15 @@ use std::ffi::OsString;
 /// The groups of commands.
 const GROUPS: [(&str, &[&str]); 7] = [
     ("Start", &["demo"]),
-    ("Compute", &["solve", "plan", "refine"]),
-    ("See", &["view", "photograph", "film", "preview"]),
-    ("Show", &["show", "play", "live", "encode"]),
-    ("Files", &["inspect", "import", "export"]),
-    ("Measure", &["score", "evaluate", "tradeoff", "study"]),
-    ("Hardware", &["displays", "calibrate", "trackers", "monitors", "devices"]),
+    ("Compute", &["solve", "refine"]),
+    ("See", &["render", "preview"]),
+    ("Show", &["show", "encode"]),
+    ("Files", &["info", "convert"]),
+    ("Measure", &["eval"]),
+    ("Hardware", &["display", "tracker", "device"]),
 ];
+/// The commands that the short help only names.
+const DEVELOP: [&str; 4] = ["bench", "feed", "completions", "man"];
 
 /// The usual options of all commands.
 const USUAL: [&str; 17] = [
@@ -37,22 +40,20 @@ const USUAL: [&str; 17] = [
 ];
 
 /// The usual options of single commands.
-const OF_COMMANDS: [(&str, &[&str]); 14] = [
-    ("bench", &["beside", "dry", "frames", "rounds", "steps"]),
-    ("evaluate", &["frames", "hologram", "jod", "methods", "pupils", "steps"]),
-    ("film", &["binning", "path"]),
-    ("import", &["exposure", "focal-length", "phase-unit", "pitch", "wavelength"]),
-    ("live", &["calibration", "duration", "monitor", "record", "stats", "tracker", "view"]),
-    ("plan", &["frames", "memory", "method", "steps"]),
-    ("play", &["duration", "loop", "monitor", "rate", "record", "speed", "stats"]),
+const OF_COMMANDS: [(&str, &[&str]); 9] = [
+    ("bench", &["beside", "dry-run", "frames", "rounds", "steps"]),
+    ("convert", &["at", "exposure", "focal-length", "phase-unit", "pitch", "wavelength"]),
+    ("eval compare", &["frames", "hologram", "jod", "methods", "pupils", "steps"]),
+    ("eval gaze", &["content", "display-rate", "duration"]),
+    ("eval score", &["at", "encoded", "jod", "pupils"]),
     ("preview", &["at", "encoded", "zoom"]),
-    ("refine", &["at", "diameter", "spread", "steps"]),
-    ("score", &["at", "encoded", "jod", "no-jod", "pupils"]),
-    ("show", &["calibration", "duration", "frames", "loop", "monitor", "rate", "record", "stats", "tracker", "view"]),
-    ("solve", &["camera", "frames", "memory", "method", "psnr", "rate", "seconds", "seed", "steps"]),
-    ("study", &["content", "duration", "rate"]),
-    ("view", &["at", "encoded", "exposure"]),
+    ("refine", &["at", "pupil-diameter", "spread", "steps"]),
+    ("render", &["at", "binning", "encoded", "exposure", "path", "what"]),
+    ("show", &["calibration", "duration", "frames", "loop", "rate", "record", "stats", "tracker", "view"]),
 ];
+/// The usual options of `solve`.
+const OF_SOLVE: [&str; 11] =
+    ["camera", "dry-run", "duration", "frames", "memory", "method", "psnr", "rate", "seed", "steps", "timings"];
 
 /// Number of options up to which a command shows all of them.
 const MOST: usize = 18;
@@ -68,32 +69,48 @@ pub fn is_asked(given: &[OsString]) -> bool {
 /// Returns the command line with the short help.
 pub fn command(command: Command) -> Command {
     let text = front(&command);
-    command.override_help(text).mut_subcommands(of_command)
+    headings::of_leaves(command.override_help(text), &mut of_command)
 }
 
 /// Returns the help of the whole command.
 fn front(command: &Command) -> String {
-    let about = |name: &str| command.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string);
-    let mut text = format!(
-        "{}\n\nUsage: eyebox COMMAND [OPTIONS]\n\n",
-        command.get_about().map(ToString::to_string).unwrap_or_default()
-    );
+    let about = |command: &Command| clause(&command.get_about().map(ToString::to_string).unwrap_or_default());
+    let mut text = format!("{}\n\nUsage: eyebox COMMAND [OPTIONS]\n\n", about(command));
     for (group, names) in GROUPS {
-        for (i, name) in names.iter().enumerate() {
+        let found: Vec<&Command> = names.iter().filter_map(|name| command.find_subcommand(name)).collect();
+        let mut rows = Vec::new();
+        for sub in found {
+            if !sub.has_subcommands() {
+                rows.push((sub.get_name().to_owned(), about(sub)));
+            } else if group == "Measure" {
+                let below = sub.get_subcommands().map(|s| (format!("{} {}", sub.get_name(), s.get_name()), about(s)));
+                rows.extend(below);
+            } else {
+                let below: Vec<&str> = sub.get_subcommands().map(Command::get_name).collect();
+                rows.push((sub.get_name().to_owned(), below.join(", ")));
+            }
+        }
+        for (i, (name, about)) in rows.iter().enumerate() {
             let group = if i == 0 { group } else { "" };
-            let about = about(name).unwrap_or_default();
-            text += &format!("{group:10}{name:12}{}\n", clause(&about));
+            text += &format!("{group:10}{name:14}{about}\n");
         }
     }
-    text += &format!("{:10}{}\n", "Develop", "bench, feed, completions, man");
+    text += &format!("{:10}{}\n", "Develop", DEVELOP.join(", "));
     text + "\n`eyebox COMMAND --help` shows the usual options, `eyebox help COMMAND` all of them. `--version` prints the version.\n\
            Numbers may have a unit, such as 4mm, 0.5D, 520nm, 30Hz, 10s or 4GiB.\n"
 }
 
+/// Returns the usual options of a command.
+fn own(path: &str) -> &'static [&'static str] {
+    if path == "solve" {
+        return &OF_SOLVE;
+    }
+    OF_COMMANDS.iter().find(|(known, _)| *known == path).map_or(&[][..], |(_, own)| own)
+}
+
 /// Returns a command with its usual options, in one list.
-fn of_command(command: Command) -> Command {
-    let (name, count) = (command.get_name().to_owned(), command.get_opts().count());
-    let own = OF_COMMANDS.iter().find(|(known, _)| *known == name).map_or(&[][..], |(_, own)| own);
+fn of_command(path: &str, command: Command) -> Command {
+    let (count, own) = (command.get_opts().count(), own(path));
     let is_usual = |option: &Arg| {
         let long = option.get_long().unwrap_or_default();
         count <= MOST || USUAL.contains(&long) || own.contains(&long) || option.is_required_set()
@@ -110,17 +127,20 @@ fn of_command(command: Command) -> Command {
         let arg = arg.help_heading(None::<&'static str>).hide(is_hidden);
         if takes { arg.hide_possible_values(true) } else { arg }
     });
-    let more = format!("`eyebox help {name}` shows all options.");
+    let more = format!("`eyebox help {path}` shows all options.");
     command.after_help(if example.is_empty() { more } else { format!("Examples:\n{}\n\n{more}", example.join("\n")) })
 }
 
 /// Returns the beginning of a help text that fits on a line, if it can be cut there.
 fn clause(text: &str) -> String {
     let mut text = text.split(" [default").next().unwrap_or(text);
-    for mark in ["; ", ": ", ", "] {
+    for mark in ["; ", ". ", ": ", ", ", " ("] {
+        // A cut within parentheses would leave one of them open.
+        let is_whole = |head: &str| head.matches('(').count() == head.matches(')').count();
         if text.chars().count() > LINE
             && let Some((head, _)) = text.split_once(mark)
             && head.len() > 14
+            && is_whole(head)
         {
             text = head;
         }
@@ -132,15 +152,14 @@ fn clause(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::commands::Cli;
-    use crate::headings;
 
     #[test]
     fn help_is_one_screen() {
         let mut short = command(headings::command::<Cli>());
         assert!(short.render_help().to_string().lines().count() < 40);
-        for sub in short.clone().get_subcommands() {
+        for (path, sub) in headings::leaves(&short) {
             let help = sub.clone().term_width(100).render_help().to_string();
-            assert!(help.lines().count() < 45, "{}: {help}", sub.get_name());
+            assert!(help.lines().count() < 45, "{path}: {help}");
         }
     }
 
@@ -148,17 +167,18 @@ mod tests {
     fn every_command_has_a_group_and_every_usual_option_exists() {
         let all = headings::command::<Cli>();
         for sub in all.get_subcommands() {
-            let of_developers = ["bench", "feed", "completions", "man"].contains(&sub.get_name());
             let grouped = GROUPS.iter().any(|(_, names)| names.contains(&sub.get_name()));
-            assert!(grouped != of_developers, "{}", sub.get_name());
+            assert!(grouped != DEVELOP.contains(&sub.get_name()), "{}", sub.get_name());
         }
+        let leaves = headings::leaves(&all);
         let has = |sub: &Command, long: &str| sub.get_opts().any(|option| option.get_long() == Some(long));
-        for (name, own) in OF_COMMANDS {
-            let sub = all.find_subcommand(name).unwrap();
-            assert!(own.iter().all(|long| has(sub, long)), "{name}: {own:?}");
+        let find = |name: &str| leaves.iter().find(|(path, _)| path == name).unwrap_or_else(|| panic!("{name}")).1;
+        for (name, own) in OF_COMMANDS.into_iter().chain([("solve", &OF_SOLVE[..])]) {
+            let missing: Vec<_> = own.iter().filter(|long| !has(find(name), long)).collect();
+            assert!(missing.is_empty(), "{name}: {missing:?}");
         }
         for long in USUAL {
-            assert!(all.get_subcommands().any(|sub| has(sub, long)), "{long}");
+            assert!(leaves.iter().any(|(_, sub)| has(sub, long)), "{long}");
         }
     }
 }

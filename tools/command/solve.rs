@@ -3,11 +3,11 @@
 mod camera;
 mod progress;
 
-use crate::Failure;
 use crate::args::Solve;
 use crate::common::{self, Form};
+use crate::eval::score::decibels;
 use crate::request::{Report, SolveRequest};
-use crate::score::decibels;
+use crate::{Failure, plan};
 use eyebox::low_level::calibrate::CameraGain;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display, depth_in_words, dioptres};
@@ -21,6 +21,9 @@ use std::time::Instant;
 
 /// Solves, saves, and says what came of it.
 pub fn run(args: &Solve) -> Result<(), Failure> {
+    if args.dry_run {
+        return plan::run(args);
+    }
     let start = Instant::now();
     let mut request = SolveRequest::of(args)?;
     let report = request.report;

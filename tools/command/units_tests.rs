@@ -37,14 +37,13 @@ const WITH_UNITS: [(&str, &str, &str, &str); 21] = [
 /// Names of values that are numbers without a unit.
 const WITHOUT: [&str; 8] = ["TIMES", "SHARE", "FACTOR", "N", "EXPOSURE", "UNIT", "SHARE|cold", "KEY=A..B"];
 
-fn options(command: &Command) -> impl Iterator<Item = (&Command, &Arg, String)> {
-    let of = |sub: &Command| sub.get_opts().filter(|o| o.get_long().is_some()).map(|o| o.get_id().clone()).collect();
-    let subs = command.get_subcommands().map(move |sub| (sub, of(sub)));
-    subs.flat_map(|(sub, ids): (_, Vec<clap::Id>)| {
-        let each = ids.into_iter().filter_map(|id| sub.get_opts().find(|option| *option.get_id() == id));
-        each.map(move |option| {
+/// Returns the options of all commands, with the path of their command and the name of their value.
+fn options(command: &Command) -> impl Iterator<Item = (String, &Arg, String)> {
+    headings::leaves(command).into_iter().flat_map(|(path, sub)| {
+        let options = sub.get_opts().filter(|option| option.get_long().is_some());
+        options.map(move |option| {
             let name = option.get_value_names().and_then(|names| names.first()).map_or("", |name| name.as_str());
-            (sub, option, name.to_owned())
+            (path.clone(), option, name.to_owned())
         })
     })
 }
@@ -55,11 +54,12 @@ fn is_seed(option: &Arg) -> bool {
 }
 
 /// Parses a command line with this option alone, which may lack other arguments.
-fn given(command: &Command, sub: &Command, option: &Arg, value: &str) -> Result<(), Error> {
+fn given(command: &Command, path: &str, option: &Arg, value: &str) -> Result<(), Error> {
     let long = option.get_long().expect("a long name");
     let option = if option.is_require_equals_set() { format!("--{long}={value}") } else { format!("--{long} {value}") };
     // A value may hold spaces.
-    let words = ["eyebox", sub.get_name()].into_iter().chain(option.splitn(2, ' ')).map(std::ffi::OsString::from);
+    let words =
+        ["eyebox"].into_iter().chain(path.split(' ')).chain(option.splitn(2, ' ')).map(std::ffi::OsString::from);
     match command.clone().try_get_matches_from(usage::arguments(words.collect(), command)) {
         Err(error) if error.kind() != ErrorKind::MissingRequiredArgument => Err(error),
         _ => Ok(()),
@@ -70,17 +70,17 @@ fn given(command: &Command, sub: &Command, option: &Arg, value: &str) -> Result<
 fn each_option_with_a_unit_takes_it_and_no_other_dimension() {
     let command = headings::command::<Cli>();
     let mut seen = BTreeSet::new();
-    for (sub, option, name) in options(&command) {
+    for (path, option, name) in options(&command) {
         let Some((_, with, plain, other)) = WITH_UNITS.iter().find(|(known, ..)| *known == name) else { continue };
         if is_seed(option) {
             continue;
         }
         seen.insert(name.clone());
-        let place = format!("{} --{} <{name}>", sub.get_name(), option.get_long().unwrap_or_default());
+        let place = format!("{path} --{} <{name}>", option.get_long().unwrap_or_default());
         for value in [with, plain] {
-            given(&command, sub, option, value).unwrap_or_else(|error| panic!("{place} {value}: {error}"));
+            given(&command, &path, option, value).unwrap_or_else(|error| panic!("{place} {value}: {error}"));
         }
-        let error = given(&command, sub, option, other).expect_err(&place);
+        let error = given(&command, &path, option, other).expect_err(&place);
         let wrong: Option<&QuantityError> = error
             .source()
             .and_then(|first| first.downcast_ref().or_else(|| first.source().and_then(|second| second.downcast_ref())));
@@ -95,9 +95,9 @@ fn each_option_with_a_unit_takes_it_and_no_other_dimension() {
 fn each_option_with_a_size_takes_its_names() {
     let command = headings::command::<Cli>();
     let sizes = options(&command).filter(|(_, _, name)| name == "HxW");
-    let count = sizes.map(|(sub, option, _)| {
+    let count = sizes.map(|(path, option, _)| {
         for value in ["256", "1080x1920", "1080p", "4k"] {
-            given(&command, sub, option, value).unwrap_or_else(|error| panic!("{} {value}: {error}", sub.get_name()));
+            given(&command, &path, option, value).unwrap_or_else(|error| panic!("{path} {value}: {error}"));
         }
     });
     assert!(count.count() > 10);
@@ -107,10 +107,10 @@ fn each_option_with_a_size_takes_its_names() {
 fn each_number_has_a_unit_or_is_known_to_have_none() {
     let command = headings::command::<Cli>();
     let real = clap::builder::ValueParser::from(value_parser!(f64)).type_id();
-    for (sub, option, name) in options(&command) {
+    for (path, option, name) in options(&command) {
         let is_known = WITHOUT.contains(&&name[..]) || WITH_UNITS.iter().any(|(known, ..)| *known == name);
         if option.get_value_parser().type_id() == real {
-            assert!(is_known, "{} --{} <{name}>", sub.get_name(), option.get_long().unwrap_or_default());
+            assert!(is_known, "{path} --{} <{name}>", option.get_long().unwrap_or_default());
         }
     }
 }

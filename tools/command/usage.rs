@@ -1,9 +1,10 @@
 //! Mistakes on the command line: one line each, with a remedy that works.
 
+use crate::commands::Cli;
 use crate::renamed;
 use crate::talk::print_error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Command, Error};
+use clap::{Command, CommandFactory, Error};
 use eyebox::low_level::error::ErrorData;
 use eyebox::low_level::quantity::QuantityError;
 use serde_json::Value;
@@ -37,7 +38,8 @@ pub fn arguments(mut given: Vec<OsString>, command: &Command) -> Vec<OsString> {
 /// Joins an option with a value that begins with a minus and a digit. clap would take the option that follows an option, too, if it
 /// were to take `-3..3` or `-1,0,4,1.5`.
 fn join_negative_values(given: Vec<OsString>, command: &Command) -> Vec<OsString> {
-    let Some(sub) = given.iter().skip(1).find_map(|word| command.find_subcommand(word)) else { return given };
+    let words: Vec<&str> = given.iter().skip(1).filter_map(|word| word.to_str()).collect();
+    let Some((_, sub)) = named(command, &words) else { return given };
     let takes_value = |name: &str| {
         let option = sub.get_opts().find(|option| option.get_long() == Some(name));
         option.is_some_and(|option| option.get_action().takes_values() && !option.is_require_equals_set())
@@ -60,6 +62,16 @@ fn join_negative_values(given: Vec<OsString>, command: &Command) -> Vec<OsString
     }
     joined.extend(words);
     joined
+}
+
+/// Returns the command that the words name, with its path, such as `eval score`.
+fn named<'a>(command: &'a Command, words: &[&str]) -> Option<(String, &'a Command)> {
+    let (at, sub) = words.iter().enumerate().find_map(|(at, word)| Some((at, command.find_subcommand(word)?)))?;
+    let own = (sub.get_name().to_owned(), sub);
+    if !sub.has_subcommands() {
+        return Some(own);
+    }
+    Some(named(sub, &words[at + 1..]).map_or(own, |(path, leaf)| (format!("{} {path}", sub.get_name()), leaf)))
 }
 
 /// Returns whether a word begins like a negative number. No option does.
@@ -127,13 +139,15 @@ fn line(error: &Error) -> String {
         let wrong = std::env::args_os().find(|a| a.to_str().is_none()).unwrap_or_default();
         return format!("{}: the name is not UTF-8: rename the file", wrong.display());
     }
-    let text = error.to_string();
+    let (text, advice) = (error.to_string(), advice(error));
+    // A similar name is no remedy if the new name is known.
+    let is_renamed = advice.starts_with("; it is ");
     let lines: Vec<&str> = text
         .lines()
         .map(str::trim)
         .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"))
         // What begins with a hyphen is a value of nothing here.
-        .filter(|l| !l.is_empty() && !l.starts_with("tip: to pass '"))
+        .filter(|l| !l.is_empty() && !l.starts_with("tip: to pass '") && !(is_renamed && l.starts_with("tip:")))
         .collect();
     let said = lines.join(" ").trim_start_matches("error: ").replace("tip: ", "; ").replace(" ; ", "; ");
     // What the standard library says of a number is no remedy.
@@ -142,7 +156,7 @@ fn line(error: &Error) -> String {
         .fold(said, |said, what| said.replace(what, "expected a whole number, 0 or more"))
         .replace("number too large to fit in target type", "the number is too large")
         .replace("invalid float literal", "expected a number");
-    format!("{said}{} (see --help)", advice(error))
+    format!("{said}{advice} (see --help)")
 }
 
 /// What may be meant: a file whose name looks like options, or --out where a name of a display is expected.
@@ -155,12 +169,19 @@ fn advice(error: &Error) -> String {
         Some(ContextValue::String(text)) => text.as_str(),
         _ => "",
     };
-    if error.kind() == ErrorKind::UnknownArgument
-        && let Some(command) = std::env::args_os().skip(1).find(|word| !word.to_string_lossy().starts_with('-'))
-        && let Some(now) =
-            renamed::option(&command.to_string_lossy(), context(ContextKind::InvalidArg).trim_start_matches('-'))
+    if error.kind() == ErrorKind::InvalidSubcommand
+        && let Some(now) = renamed::command(context(ContextKind::InvalidSubcommand))
     {
         return format!("; {now}");
+    }
+    if error.kind() == ErrorKind::UnknownArgument {
+        let words: Vec<_> = std::env::args_os().skip(1).collect();
+        let words: Vec<&str> = words.iter().filter_map(|word| word.to_str()).collect();
+        let path = named(&Cli::command(), &words).map(|(path, _)| path).unwrap_or_default();
+        let option = context(ContextKind::InvalidArg).trim_start_matches('-');
+        if let Some(now) = renamed::option(&path, option.split('=').next().unwrap_or_default()) {
+            return format!("; {now}");
+        }
     }
     let is_output = context(ContextKind::InvalidArg).starts_with("--output");
     let is_file = [".zarr", ".npy", ".png", "/"].iter().any(|end| context(ContextKind::InvalidValue).ends_with(end));
@@ -170,7 +191,6 @@ fn advice(error: &Error) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::Cli;
     use crate::headings;
 
     fn joined(words: &str) -> String {
@@ -182,13 +202,13 @@ mod tests {
     #[test]
     fn negative_values_belong_to_the_option_before_them() {
         for (given, taken) in [
-            ("eyebox view h.zarr --pupil -1,0,4,1.5 -o x.png", "eyebox view h.zarr --pupil=-1,0,4,1.5 -o x.png"),
+            ("eyebox render h.zarr --pupil -1,0,4,1.5 -o x.png", "eyebox render h.zarr --pupil=-1,0,4,1.5 -o x.png"),
             ("eyebox solve a.png --depth -.5D..3 --json", "eyebox solve a.png --depth=-.5D..3 --json"),
             ("eyebox -v solve a --psnr -5dB", "eyebox -v solve a --psnr=-5dB"),
             // The value of no option, of a switch, and what follows an option without its value.
             ("eyebox solve a -1 --json -3 -o -2", "eyebox solve a -1 --json -3 -o -2"),
-            ("eyebox view h --pupil -o x.png", "eyebox view h --pupil -o x.png"),
-            ("eyebox view --pupil --json", "eyebox view --pupil --json"),
+            ("eyebox render h --pupil -o x.png", "eyebox render h --pupil -o x.png"),
+            ("eyebox render --pupil --json", "eyebox render --pupil --json"),
             ("eyebox solve -- --depth -3..3", "eyebox solve -- --depth -3..3"),
             ("eyebox solve a --joint-color -3", "eyebox solve a --joint-color -3"),
         ] {
@@ -198,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_following_option_is_not_a_value() {
-        for words in ["view h.zarr --pupil -o x.png", "solve a --depth --json", "live a --focus --unsteered"] {
+        for words in ["render h.zarr --pupil -o x.png", "solve a --depth --json", "show a --focus --unsteered"] {
             let given = std::iter::once("eyebox").chain(words.split(' ')).map(OsString::from).collect();
             let command = headings::command::<Cli>();
             let error = command.clone().try_get_matches_from(arguments(given, &command)).unwrap_err();

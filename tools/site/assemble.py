@@ -57,13 +57,19 @@ def commands(eyebox):
         result = subprocess.run([eyebox, "help", *arguments], capture_output=True, text=True, check=True, env={"COLUMNS": "110"})
         return result.stdout.rstrip()
 
+    def below(text):
+        """The commands that a help lists."""
+        _, heading, rest = text.partition("\nCommands:\n")
+        names = re.findall(r"^  ([a-z]+) ", rest.split("Options:")[0], re.M) if heading else []
+        return [name for name in names if name != "help"]
+
     front = ask()
-    names = re.findall(r"^  ([a-z]+) ", front.split("Commands:")[1].split("Options:")[0], re.M)
     out = ["# Commands\n", "What `eyebox help COMMAND` prints. `eyebox man` makes manual pages of the same, `eyebox completions` what shells read.\n"]
     out.append(f"```text\n{front}\n```\n")
-    for name in names:
-        if name != "help":
-            out.append(f"\n## {name}\n\n```text\n{ask(name)}\n```\n")
+    for name in below(front):
+        text = ask(name)
+        out.append(f"\n## {name}\n\n```text\n{text}\n```\n")
+        out += [f"\n### {name} {sub}\n\n```text\n{ask(name, sub)}\n```\n" for sub in below(text)]
     return "\n".join(out)
 
 

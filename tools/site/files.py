@@ -9,7 +9,7 @@ import rust_source
 FILES = [
     (
         "A display file",
-        "TOML, `--display FILE.toml`; begun by `eyebox displays new`. What each key means at length: [displays](../displays.md).",
+        "TOML, `--display FILE.toml`; begun by `eyebox display new`. What each key means at length: [displays](../displays.md).",
         [
             ("", "optics/display.rs", "File"),
             ("[encoding]", "optics/encoding.rs", "Encoding"),
@@ -53,7 +53,7 @@ FILES = [
     ),
     (
         "A tracker's calibration",
-        "TOML, `--calibration FILE.toml`, written by `eyebox trackers --calibrate`.",
+        "TOML, `--calibration FILE.toml`, written by `eyebox tracker calibrate`.",
         [("", "tracking/gaze/calibration.rs", "Calibration"), ("[left], [right], [combined]", "tracking/gaze/calibration.rs", "FitText")],
     ),
 ]

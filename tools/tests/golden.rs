@@ -47,6 +47,16 @@ impl Golden {
     /// Runs the command, which writes to `out`, and keeps the digest of that under the name `out`.
     fn keep(&mut self, line: &str, out: &str) {
         self.run(&format!("{line} -o {out}"));
+        self.digest(out);
+    }
+
+    /// The same of a hologram's phases.
+    fn convert(&mut self, hologram: &str, out: &str, more: &str) {
+        self.run(&format!("convert {hologram} {out} {more}"));
+        self.digest(out);
+    }
+
+    fn digest(&mut self, out: &str) {
         let digest = digest(&self.temp.path().join(out));
         self.found.insert(out.to_owned(), digest);
     }
@@ -54,7 +64,7 @@ impl Golden {
     /// Solves to a hologram and keeps the digest of its phases.
     fn solve(&mut self, name: &str, line: &str) {
         self.run(&format!("solve {line} --engine cpu -o {name}.zarr"));
-        self.keep(&format!("export {name}.zarr"), &format!("{name}.npy"));
+        self.convert(&format!("{name}.zarr"), &format!("{name}.npy"), "");
     }
 }
 
@@ -121,36 +131,36 @@ fn solves(g: &mut Golden) {
     );
     g.run("solve builtin:still-life builtin:still-life?camera=1 --size 24x32 --steps 3 --frames 8 --engine cpu -o moving.zarr");
     for at in [0, 1] {
-        g.keep(&format!("export moving.zarr --at {at}"), &format!("moving-{at}.npy"));
+        g.convert("moving.zarr", &format!("moving-{at}.npy"), &format!("--at {at}"));
     }
 }
 
 fn looks(g: &mut Golden) {
     let pupil = "--pupil=4,-2,4,1.5";
     for out in ["view.npy", "view.png"] {
-        g.keep(&format!("view colors.zarr {pupil} --engine cpu"), out);
+        g.keep(&format!("render colors.zarr {pupil} --engine cpu"), out);
     }
-    g.keep(&format!("view padding.zarr {pupil} --engine cpu"), "view-padded.npy");
-    g.keep("view far.zarr --pupil=0.2,-0.1,0.3,0 --engine cpu", "view-far.npy");
-    g.keep("view tiles.zarr --pupil=0.2,-0.1,0.3,0 --engine cpu", "view-tiles.npy");
-    g.keep(&format!("view moving.zarr --at 1 {pupil} --engine cpu"), "view-moving.npy");
+    g.keep(&format!("render padding.zarr {pupil} --engine cpu"), "view-padded.npy");
+    g.keep("render far.zarr --pupil=0.2,-0.1,0.3,0 --engine cpu", "view-far.npy");
+    g.keep("render tiles.zarr --pupil=0.2,-0.1,0.3,0 --engine cpu", "view-tiles.npy");
+    g.keep(&format!("render moving.zarr --at 1 {pupil} --engine cpu"), "view-moving.npy");
     let scene = "builtin:still-life --size 40x48 --engine cpu";
     for out in ["photograph.npy", "photograph.png"] {
-        g.keep(&format!("photograph {scene} {pupil}"), out);
+        g.keep(&format!("render {scene} {pupil}"), out);
     }
-    g.keep(&format!("photograph {scene} --views 3 --color green --pupil=0,0,18,-1"), "photograph-3.npy");
+    g.keep(&format!("render {scene} --views 3 --color green --pupil=0,0,18,-1"), "photograph-3.npy");
     for i in 0..9 {
         let (x, y) = ((i % 3 - 1) * 7, (i / 3 - 1) * 7);
         std::fs::create_dir_all(g.temp.path().join("views")).unwrap();
         g.run(&format!(
-            "photograph builtin:still-life --size 40x48 --views 3 --engine cpu --pupil={x},{y},2,0 -o views/view_{i:02}.png"
+            "render builtin:still-life --size 40x48 --views 3 --engine cpu --pupil={x},{y},2,0 -o views/view_{i:02}.png"
         ));
     }
     g.solve("folder", "views --size 40x48 --color green --steps 3 --frames 2");
     g.run(&format!("refine colors.zarr builtin:still-life {pupil} --steps 3 --engine cpu -o refined.zarr"));
-    g.keep("export refined.zarr", "refined.npy");
+    g.convert("refined.zarr", "refined.npy", "");
     g.run("refine tiles.zarr builtin:still-life --pupil=0.2,-0.1,0.3,0 --steps 2 --engine cpu -o refined-tiles.zarr");
-    g.keep("view refined-tiles.zarr --pupil=0.2,-0.1,0.3,0 --engine cpu", "view-refined-tiles.npy");
+    g.keep("render refined-tiles.zarr --pupil=0.2,-0.1,0.3,0 --engine cpu", "view-refined-tiles.npy");
 }
 
 fn encodings(g: &mut Golden) {
@@ -168,9 +178,8 @@ fn encodings(g: &mut Golden) {
             &format!("frames-{display}"),
         );
     }
-    g.run("play moving.zarr --display planes24 --size 24x32 --record shown --clock simulated --duration 0.2");
-    let digest = digest(&g.temp.path().join("shown"));
-    g.found.insert("shown".into(), digest);
+    g.run("show moving.zarr --display planes24 --size 24x32 --record shown --clock simulated --duration 0.2");
+    g.digest("shown");
 }
 
 /// Vector instructions decide how sums are split: the digests are those of AVX2 with FMA.

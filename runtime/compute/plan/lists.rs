@@ -84,7 +84,7 @@ impl Planner {
         step
     }
 
-    /// The intensity through each pupil, left in `Image` of slots 0, 1, ...: what `view` shows.
+    /// The intensity through each pupil, left in `Image` of slots 0, 1, ...: what `render` shows.
     pub fn view_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.empty(pupil_passes);

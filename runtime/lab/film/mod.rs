@@ -28,15 +28,15 @@ use std::path::Path;
 /// How a film is made.
 #[derive(Debug, Clone, Copy)]
 pub struct FilmSettings {
-    /// Only what the eye sees of the hologram, without what it should see beside it.
-    pub alone: bool,
+    /// The image of the hologram, the target image of its scene, or both.
+    pub content: FilmContent,
     /// So many pixels along each axis become one, their mean in linear light.
     pub binning: usize,
 }
 
 impl Default for FilmSettings {
     fn default() -> Self {
-        Self { alone: false, binning: 1 }
+        Self { content: FilmContent::Both, binning: 1 }
     }
 }
 
@@ -48,6 +48,18 @@ pub struct Content {
     pub scene: Option<SceneSource>,
     /// By which its intensities are multiplied, one for each colour.
     pub exposures: Vec<f64>,
+}
+
+/// Content of a film.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum FilmContent {
+    /// The hologram's image.
+    Image,
+    /// The scene's target image.
+    Target,
+    /// Both, the image on the left.
+    #[default]
+    Both,
 }
 
 /// A film that was made.
@@ -181,7 +193,7 @@ impl<E: From<FilmError>> Shooting<'_, '_, E> {
     }
 }
 
-/// What is seen of the content at its exposures, and what should be.
+/// Returns the image of the content at its exposures and the target image, as far as they are requested.
 fn look(
     content: &Content,
     pupil: &Pupil,
@@ -189,12 +201,16 @@ fn look(
     engine: &mut dyn Engine,
 ) -> Result<[Option<Vec<Plane>>; 2], FilmError> {
     let about = content.source.about();
-    let mut seen = about.as_seen(content.source.look(None, pupil, engine)?);
-    for (plane, exposure) in seen.iter_mut().zip(&content.exposures) {
-        plane.values.iter_mut().for_each(|v| *v *= *exposure as f32);
+    let mut seen = None;
+    if settings.content != FilmContent::Target || content.scene.is_none() {
+        let mut planes = about.as_seen(content.source.look(None, pupil, engine)?);
+        for (plane, exposure) in planes.iter_mut().zip(&content.exposures) {
+            plane.values.iter_mut().for_each(|v| *v *= *exposure as f32);
+        }
+        seen = Some(planes);
     }
     let wanted = match &content.scene {
-        Some(scene) if !settings.alone => {
+        Some(scene) if settings.content != FilmContent::Image => {
             let mut planes = Vec::new();
             for color in 0..scene.colors() {
                 planes.extend(scene.photographs(color, &[*pupil], Sampling::Picture, engine)?);
@@ -206,12 +222,12 @@ fn look(
     let binned = |planes: Vec<Plane>| planes.iter().map(|p| picture::binned(p, settings.binning)).collect::<Vec<_>>();
     let of_one_size =
         |planes: &[Plane]| planes.windows(2).all(|p| (p[0].rows, p[0].columns) == (p[1].rows, p[1].columns));
-    if !of_one_size(&seen) || wanted.as_ref().is_some_and(|w| !of_one_size(w)) {
+    if [&seen, &wanted].into_iter().flatten().any(|planes| !of_one_size(planes)) {
         let reason =
             reason!("sizes-of-colors", "its colours have pictures of different sizes, as in tiles: film one colour");
         return Err(FilmError::Setting(reason));
     }
-    Ok([Some(binned(seen)), wanted.map(binned)])
+    Ok([seen.map(binned), wanted.map(binned)])
 }
 
 #[cfg(test)]
@@ -274,11 +290,11 @@ mod tests {
         assert!(of(0) == of(5) && of(0) != of(8) && of(0) != of(20) && of(15) == of(20));
         let luma = |i: usize| of(i)[6..6 + 24 * 24].iter().map(|v| u32::from(*v)).sum::<u32>();
         assert!(luma(8) < luma(0) / 2);
-        let (alone, folder) = shoot("pictures", &FilmSettings { alone: true, binning: 2 });
+        let (alone, folder) = shoot("pictures", &FilmSettings { content: FilmContent::Image, binning: 2 });
         assert_eq!(alone.size, [12, 12]);
         assert!((0..21).all(|i| folder.join(frame_name(i)).is_file()));
         // A film replaces a film, and nothing else.
-        shoot("pictures", &FilmSettings { alone: true, binning: 3 });
+        shoot("pictures", &FilmSettings { content: FilmContent::Image, binning: 3 });
         std::fs::write(folder.join("mine.txt"), "").unwrap();
         let mut load = |_| -> Result<_, FilmError> { Ok(Some(content(0))) };
         let taken = film(&path(STILL_AND_BLINK), &both, &mut load, &folder, &mut engine, &mut |_, _| Flow::Continue);

@@ -33,7 +33,7 @@ pub enum MeasuredError {
     },
 }
 
-/// What a run of `tradeoff` found on one device.
+/// What a run of `eval tune` found on one device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// The engine, as it [describes](eyebox::low_level::engine::Engine::describe) itself.

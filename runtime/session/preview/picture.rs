@@ -121,7 +121,7 @@ fn resized(plane: &Plane, whole: [usize; 2], to: [usize; 2]) -> Vec<f32> {
 }
 
 /// The picture of `to` pixels of planes that sample a picture of `whole` pixels, each times its exposure: in its colour,
-/// or grey where there is one plane, as `eyebox view` writes it.
+/// or grey where there is one plane, as `eyebox render` writes it.
 ///
 /// Light is resized before it is encoded: speckle keeps its brightness.
 pub(crate) fn develop(

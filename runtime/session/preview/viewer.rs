@@ -270,7 +270,7 @@ impl Looker {
     }
 }
 
-/// As `eyebox score` has it, but at the exposure that is shown.
+/// As `eyebox eval score` has it, but at the exposure that is shown.
 fn psnr(seen: &[Plane], exposures: &[f64], wanted: &[Plane], [height, width]: [usize; 2]) -> f64 {
     let pooled = |planes: &[Plane], exposure: &dyn Fn(usize) -> f32| -> Vec<f32> {
         let one = |(i, plane): (usize, &Plane)| {

@@ -172,6 +172,16 @@ fn parse_name(name: &str) -> Option<(Key, usize)> {
     Some((key, frame.parse().ok()?))
 }
 
+/// Returns whether a folder holds pictures that are called as pictures of phases are: `green-00.png`, or `phase_000.png`. A folder of
+/// pictures with other names may as well be a light field.
+pub(super) fn are_named_in(folder: &Path) -> bool {
+    let Ok(entries) = std::fs::read_dir(folder) else { return false };
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut pictures = names.filter(|name| !name.starts_with('.') && is_lossless(name)).peekable();
+    let is_phase = |name: String| name.starts_with("phase") || matches!(parse_name(&name), Some(((Some(_), _), _)));
+    pictures.peek().is_some() && pictures.all(is_phase)
+}
+
 fn of_folder(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     let folder = opened.path();
     let mut names: Vec<String> = opened

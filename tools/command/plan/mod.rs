@@ -1,10 +1,8 @@
-//! `eyebox plan`: what of a scene will be computed, why, and what it will take.
+//! `eyebox solve --dry-run`: what of a scene will be computed, why, and what it will take.
 
-mod args;
 mod tiled;
 
-pub use args::Plan;
-
+use crate::args::Solve;
 use crate::failure::in_options;
 use crate::request::SolveRequest;
 use crate::{Failure, common, model_terms};
@@ -20,8 +18,8 @@ use serde_json::json;
 const PROGRAM: u64 = 10 << 20;
 
 /// Plans a solve and prints the plan.
-pub fn run(args: &Plan) -> Result<(), Failure> {
-    let mut request = SolveRequest::of(&args.solve)?;
+pub fn run(args: &Solve) -> Result<(), Failure> {
+    let mut request = SolveRequest::of(args)?;
     if request.printed()? {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! The arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, EyeArgs, ObstructedArgs, OtherSceneArgs, SceneOptions};
+use crate::args::{EngineArgs, EyeArgs, ObstructedArgs, SceneOptions};
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs};
 use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
@@ -21,9 +21,6 @@ pub struct Preview {
     /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// A scene that the hologram was not made of
-    #[command(flatten)]
-    pub other: OtherSceneArgs,
     /// How the scene is read
     #[command(flatten)]
     pub options: SceneOptions,
@@ -36,9 +33,9 @@ pub struct Preview {
     /// Holograms a second [default: what the sequence says]
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// Where the key s puts its PNGs
-    #[arg(help_heading = "Window", long, value_name = "OUT_DIR", default_value = ".")]
-    pub save_to: PathBuf,
+    /// Folder for the PNGs of the key s
+    #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR", default_value = ".")]
+    pub out: PathBuf,
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,

@@ -5,9 +5,11 @@ mod sequence;
 
 pub use args::Preview;
 
+use crate::args::scene_of;
 use crate::common::{self, Form};
 use crate::phases::tell_unfinished;
-use crate::{Failure, progress, view};
+use crate::render::picture;
+use crate::{Failure, progress};
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::hologram::{Hologram, Opening, PhaseSource, Sequence, Tiles};
@@ -34,7 +36,7 @@ const ROOM: f64 = 0.85;
 pub fn run(args: &Preview) -> Result<(), Failure> {
     args.options.check(args.scene.as_ref())?;
     let Opened { hologram, playing, tiles } = open(args)?;
-    let pupil = common::pupil_of(&args.pupil, &hologram, args.phases.force)?;
+    let pupil = common::pupil_of(&args.pupil, &hologram, args.phases.display.force)?;
     // Nobody waits for a scene to be told that there is no window.
     let mut desktop = Desktop::open()?;
     let opener = common::opener(&args.engine)?;
@@ -55,7 +57,7 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
         contents: 0,
         colors,
         size,
-        folder: args.save_to.clone(),
+        folder: args.out.clone(),
     };
     let mut showing = PreviewContent::new(hologram, shown.padding)?;
     showing.tiles = tiles;
@@ -125,7 +127,7 @@ fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Holog
         (None, false) => return Ok(hologram),
         (None, true) => {
             let planes = hologram.look(pupil, common::engine(&args.engine)?.as_mut())?;
-            view::exposures(&hologram, None, &planes)
+            picture::exposures(&hologram, None, &planes)
         }
     };
     hologram.colors.iter_mut().zip(exposures).for_each(|(color, exposure)| color.exposure = exposure);
@@ -141,7 +143,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
             "--scene is the scene of one hologram, and a sequence has many: choose with --at"
         )));
     }
-    let input = args.other.open(&args.file, hologram, Some(scene), &args.options)?;
+    let input = scene_of(&args.file, hologram, Some(scene), &args.options, args.phases.display.force)?;
     if tiled {
         return Ok(SceneSource::Around(input.around()?));
     }

@@ -1,7 +1,7 @@
 //! The camera in a solve's last steps.
 
 use crate::Failure;
-use crate::patterns;
+use crate::display::patterns;
 use crate::progress::{self, JobBar};
 use crate::request::{Report, SolveRequest};
 use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraCommand, CameraGain, CameraJob, Event};
@@ -30,7 +30,7 @@ pub fn open<'a>(
     }
     progress::catch_interrupt();
     let limit = args.camera_timeout.map(Duration::from_secs_f64);
-    let command = CameraCommand { command, keep: args.camera_keep.as_deref(), limit, iris_mm: args.iris };
+    let command = CameraCommand { command, keep: args.keep.as_deref(), limit, iris_mm: args.iris };
     let SolveRequest { display, colors, .. } = request;
     *output = args.patterns.open(display, colors)?;
     Ok(Some(CameraBench::open(display, colors, &command, steps, patterns::shows(output), say)?))

@@ -1,8 +1,8 @@
 //! What a user sees of a solve while it runs.
 
+use crate::eval::score::decibels;
 use crate::failure::in_options;
 use crate::progress::{self, Bar};
-use crate::score::decibels;
 use eyebox::low_level::optics::{Color, Padding, depths_in_words};
 use eyebox::low_level::produce::{SceneEvent, SceneJob, TilesPlan};
 use eyebox::low_level::solve::{Flow, Solution};

@@ -110,7 +110,7 @@ def test_the_command_fits_the_first_phases_of_the_display_that_it_writes(tmp_pat
         return subprocess.run([pathlib.Path(program).resolve(), *words], cwd=tmp_path, env=environment, check=True, capture_output=True, text=True)
 
     tables = lambda: {file.name: file.stat().st_mtime_ns for file in (tmp_path / "cache" / "eyebox").glob("start-*.table")}
-    found = json.loads(command("calibrate", "--display", "bench.toml", "--captures", "kept", "-o", "out.toml", "--json").stdout)
+    found = json.loads(command("display", "calibrate", "bench.toml", "--captures", "kept", "-o", "out.toml", "--json").stdout)
     made = tables()
     assert found["calibrated"] and len(made) == 1
     solve = ["solve", "builtin:plane", "--color", "green", "--steps", "0", "--engine", "cpu"]

@@ -39,7 +39,7 @@ def test_the_same_seed_gives_the_commands_bytes(tmp_path, color):
 
 def test_views_and_photographs_are_the_commands(tmp_path, hologram, display):
     hologram.save(tmp_path / "x.zarr")
-    command("view", tmp_path / "x.zarr", "--pupil=2,0,4,1.5", "--engine", "cpu", "-o", tmp_path / "seen.npy")
+    command("render", tmp_path / "x.zarr", "--pupil=2,0,4,1.5", "--engine", "cpu", "-o", tmp_path / "seen.npy")
     seen = hologram.view(x=2e-3, diameter=4e-3, depth=1.5e-3)
     raw = np.load(tmp_path / "seen.npy").reshape(40, 48)
     np.testing.assert_array_equal(raw * np.float32(hologram.exposures["green"]), seen[..., 0])
@@ -60,8 +60,8 @@ def test_past_an_obstruction(tmp_path, display, hologram):
         seen = hologram.view(*at, engine="cpu", obstructed=name)
         [score] = hologram.score(pupils=[at], engine="cpu", obstructed=name)
         assert np.abs(seen - clear).max() > 0.01 and abs(score.psnr - whole.psnr) > 1e-3
-        how = ["--no-jod", "--engine", "cpu", "--json", "--obstructed", name]
-        [row] = json.loads(command("score", file, "--pupils", pupils, *how))["pupils"]
+        how = ["--jod", "none", "--engine", "cpu", "--json", "--obstructed", name]
+        [row] = json.loads(command("eval", "score", file, "--pupils", pupils, *how))["pupils"]
         np.testing.assert_allclose([score.psnr, score.against_clear], [row["psnr_db"], row["against_clear_db"]], rtol=1e-6)
     with coded(eyebox.DisplayError, "optics/unknown-obstruction"):
         hologram.view(*at, obstructed="nose")

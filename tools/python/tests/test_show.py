@@ -14,7 +14,7 @@ from conftest import coded, named
 def raw(tmp_path, *arguments):
     """Video frames that `eyebox show` gives."""
     out = tmp_path / "command.raw"
-    command("show", *arguments, "--display", "planes8", "--size", "40x48", "--clock", "simulated", "--raw", out)
+    command("show", *arguments, "--display", "planes8", "--size", "40x48", "--clock", "simulated", "--output", f"raw:{out}")
     return np.fromfile(out, np.uint8).reshape(-1, 40, 48, 1)
 
 

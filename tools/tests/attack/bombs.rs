@@ -29,15 +29,17 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         format!(
             "solve base/photo.png --depth-map {file} --near large --views 2 --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.zarr"
         ),
-        "inspect in --size 16x16 -o out/views.png".into(),
-        format!("inspect {file}?lenslets --size 16x16 -o out/views.png"),
-        format!("inspect {file}?grid=2x3 --size 16x16 -o out/views.png"),
-        format!("view {file} --display small --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png"),
+        "info in --size 16x16 -o out/views.png".into(),
+        format!("info {file}?lenslets --size 16x16 -o out/views.png"),
+        format!("info {file}?grid=2x3 --size 16x16 -o out/views.png"),
         format!(
-            "view --encoded {file} --display grey8 --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png"
+            "render {file} --display small --size 16x16 --color green --phase-unit 256 --pupil=0,0,1,0 --engine cpu -o out/seen.png"
         ),
         format!(
-            "play {file} --display grey8 --size 16x16 --color green --output offscreen --duration 0.05 --engine cpu"
+            "render --encoded {file} --display grey8 --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png"
+        ),
+        format!(
+            "show {file} --display grey8 --size 16x16 --color green --output offscreen --duration 0.05 --engine cpu"
         ),
         "encode base/h.zarr --display in/x.toml --engine cpu -o out/frames".into(),
     ];
@@ -47,7 +49,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         .replace("green.csv", "../base/bench/green.csv")
         .replace("flat.npy", name);
     let mut case = Case::of(&run.split(' ').collect::<Vec<_>>()).put("in/x.toml", Put::Bytes(display.into_bytes()));
-    if run.starts_with("inspect") {
+    if run.starts_with("info ") {
         // A folder of nine of them.
         let ending = name.split_once('.').map_or("", |(_, ending)| ending);
         for i in 0..9 {

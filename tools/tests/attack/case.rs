@@ -118,8 +118,9 @@ impl Case {
         }
         let left = ground::files(&at.join("out"));
         let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
-        // A run that was stopped may continue from its files. Outputs other than the result grow while the run lasts.
-        let keeps = self.keeps || watched.asked.is_some() || self.args.iter().any(|arg| place.is_log(arg));
+        // A run that was stopped may continue from its files. Recordings and outputs beside the result grow while the run lasts.
+        let grows = self.args.iter().any(|arg| arg == "record" || place.is_log(arg));
+        let keeps = self.keeps || watched.asked.is_some() || grows;
         let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
         if let Some(left) = left {
             return Err(format!("it left {}: {}", left.display(), said.unwrap_or_default()));
@@ -128,12 +129,14 @@ impl Case {
         Ok(answer)
     }
 
-    /// What `plan` says that it takes, KiB; nothing where it says nothing.
+    /// What `solve --dry-run` says that it takes, KiB; nothing where it says nothing.
     fn planned_kib(&self, at: &Path) -> u64 {
         let values = ["--size", "--views", "--frames", "--color", "--display", "--depth-map"];
         let kept = self.args.windows(2).filter(|pair| values.iter().any(|value| pair[0] == *value)).flatten();
+        // The scene stands behind the command's one or two words.
+        let scene = self.args.get(1 + usize::from(self.args.first().is_some_and(|arg| arg == "eval")));
         let mut plan = Command::new(program());
-        plan.arg("plan").args(self.args.get(1)).args(kept).args(["--engine", "cpu", "--json"]).current_dir(at);
+        plan.arg("solve").args(scene).args(kept).args(["--dry-run", "--engine", "cpu", "--json"]).current_dir(at);
         let said = plan.output().expect("the command starts").stdout;
         let said: serde_json::Value = serde_json::from_slice(&said).unwrap_or_default();
         let colors = said["forecast"].as_array().into_iter().flatten();

@@ -14,35 +14,35 @@ struct Subject {
 }
 
 pub const HOLOGRAM: &[&str] = &[
-    "view {} --pupil=0,0,1,0 --engine cpu -o out/seen.png",
-    "view {} --at 1 --pupil=0,0,0.3,0 --engine cpu -o out/seen.png",
-    "score {} builtin:plane --pupils random:1 --engine cpu",
+    "render {} --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "render {} --at 1 --pupil=0,0,0.3,0 --engine cpu -o out/seen.png",
+    "eval score {} builtin:plane --pupils random:1 --engine cpu",
     "refine {} builtin:plane --pupil=0,0,1,0 --steps 1 --engine cpu -o out/x.zarr",
-    "export {} -o out/x.npy",
+    "convert {} out/x.npy",
     "encode {} --display grey8 --size 16x16 --engine cpu -o out/frames",
-    "play {} --display grey8 --size 16x16 --output offscreen --clock simulated --duration 0.1 --engine cpu",
-    "live {} --display grey8 --size 16x16 --duration 0.05 --engine cpu",
-    "evaluate builtin:plane --hologram mine={} --other-scene --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 \
+    "show {} --display grey8 --size 16x16 --output offscreen --clock simulated --duration 0.1 --engine cpu",
+    "show {} --tracker simulated --display grey8 --size 16x16 --duration 0.05 --engine cpu",
+    "eval compare builtin:plane --hologram mine={} --force --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 \
      --no-speckle --engine cpu -o out/evaluate",
 ];
 const SCENE: &[&str] = &[
-    "inspect {} --size 16x16 -o out/views.png --json",
+    "info {} --size 16x16 -o out/views.png --json",
     "solve {} --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
 ];
 const DISPLAY: &[&str] = &[
     "encode base/h.zarr --display {} --engine cpu -o out/frames --json",
-    "play base/h.zarr --display {} --output offscreen --clock simulated --duration 0.1 --engine cpu",
-    "devices --display {}",
+    "show base/h.zarr --display {} --output offscreen --clock simulated --duration 0.1 --engine cpu",
+    "display check {}",
     "solve builtin:plane --display {} --steps 1 --frames 1 --engine cpu -o out/x.zarr",
-    "import base/phases.npy --display {} --color green -o out/x.zarr",
+    "convert base/phases.npy out/x.zarr --display {} --color green",
 ];
 const FAR: &[&str] = &[
     "solve builtin:plane --display {} --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1 --engine cpu -o out/x.zarr",
-    "devices --display {}",
+    "display check {}",
 ];
 const CALIBRATION: &[&str] = &[
-    "trackers --watch base/eye.jsonl --pupil --calibration {}",
-    "live base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --calibration {}",
+    "tracker watch base/eye.jsonl --pupil --calibration {}",
+    "show base/h.zarr --tracker simulated --display grey8 --size 16x16 --duration 0.05 --engine cpu --calibration {}",
 ];
 
 const SUBJECTS: [Subject; 21] = [
@@ -53,8 +53,8 @@ const SUBJECTS: [Subject; 21] = [
     Subject { whole: "moving.zarr", inside: "phases/zarr.json", runs: HOLOGRAM },
     Subject { whole: "far.zarr", inside: "zarr.json", runs: HOLOGRAM },
     Subject { whole: "far.zarr", inside: "phases/zarr.json", runs: HOLOGRAM },
-    Subject { whole: "frames", inside: "frames.json", runs: &["view {} --pupil=0,0,1,0 --engine cpu -o out/x.png"] },
-    Subject { whole: "frames", inside: "display.toml", runs: &["view {} --pupil=0,0,1,0 --engine cpu -o out/x.png"] },
+    Subject { whole: "frames", inside: "frames.json", runs: &["render {} --pupil=0,0,1,0 --engine cpu -o out/x.png"] },
+    Subject { whole: "frames", inside: "display.toml", runs: &["render {} --pupil=0,0,1,0 --engine cpu -o out/x.png"] },
     Subject { whole: "views", inside: "lightfield.toml", runs: SCENE },
     Subject { whole: "bench", inside: "bench.toml", runs: DISPLAY },
     Subject {
@@ -64,12 +64,12 @@ const SUBJECTS: [Subject; 21] = [
     },
     Subject { whole: "planes.toml", inside: "", runs: DISPLAY },
     Subject { whole: "far.toml", inside: "", runs: FAR },
-    Subject { whole: "device.toml", inside: "", runs: &["trackers --watch base/eye.hid --device-file {}"] },
+    Subject { whole: "device.toml", inside: "", runs: &["tracker watch base/eye.hid --device-file {}"] },
     Subject { whole: "ada.toml", inside: "", runs: CALIBRATION },
     Subject {
         whole: "pupils.json",
         inside: "",
-        runs: &["score base/h.zarr builtin:plane --pupils {} --engine cpu --json"],
+        runs: &["eval score base/h.zarr builtin:plane --pupils {} --engine cpu --json"],
     },
     Subject {
         whole: "slm.toml",
@@ -81,14 +81,10 @@ const SUBJECTS: [Subject; 21] = [
     Subject {
         whole: "eye.jsonl",
         inside: "",
-        runs: &["trackers --watch {} --pupil", "trackers --watch {} --json --record out/eye.jsonl"],
+        runs: &["tracker watch {} --pupil", "tracker record {} --json -o out/eye.jsonl"],
     },
-    Subject {
-        whole: "eye.hid",
-        inside: "",
-        runs: &["trackers --watch {} --record out/eye.hid", "trackers --describe {} --json"],
-    },
-    Subject { whole: "descriptor.txt", inside: "", runs: &["trackers --describe {} --json"] },
+    Subject { whole: "eye.hid", inside: "", runs: &["tracker record {} -o out/eye.hid", "tracker describe {} --json"] },
+    Subject { whole: "descriptor.txt", inside: "", runs: &["tracker describe {} --json"] },
 ];
 
 /// What a field may come to hold.
@@ -286,7 +282,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         Case::default().put(&format!("in/{whole}"), Put::Copy(format!("base/{whole}"))).put(&to, Put::Bytes(is));
     case.args =
         run.split(' ').filter(|w| !w.is_empty()).map(|arg| word(arg.replace("{}", &named).as_bytes())).collect();
-    if rng.u8(..8) == 0 && ["encode", "solve", "devices", "import"].iter().any(|name| case.args[0] == *name) {
+    if rng.u8(..8) == 0 && ["encode", "solve", "display", "convert"].iter().any(|name| case.args[0] == *name) {
         case.args.push(word(b"--force"));
     }
     case

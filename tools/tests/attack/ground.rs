@@ -56,16 +56,16 @@ impl Ground {
             "solve builtin:plane builtin:plane?depth=1 --size 16x16 --color green --engine cpu --steps 1 --frames 1 -o base/moving.zarr",
             "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 \
              --steps 1 --engine cpu -o base/far.zarr",
-            "export base/h.zarr -o base/phases.npy",
-            "export base/h.zarr -o base/pictures",
+            "convert base/h.zarr base/phases.npy",
+            "convert base/h.zarr base/pictures",
             "encode base/h.zarr --display grey8 --size 16x16 -o base/frames",
-            "trackers --watch simulated --duration 0.1 --record base/eye.jsonl",
+            "tracker record simulated --duration 0.1 -o base/eye.jsonl",
         ] {
             done(at, args, &at.join("cache"));
         }
         // The rates of this machine are measured once, for all tests of the command.
         let shared = std::env::temp_dir().join("eyebox-tests");
-        done(at, "plan builtin:plane --size 16x16 --color green --engine cpu", &shared);
+        done(at, "solve builtin:plane --dry-run --size 16x16 --color green --engine cpu", &shared);
         copy(&shared, &at.join("cache"));
         let name = |f: &PathBuf| f.strip_prefix(at).expect("inside").to_str().expect("text").to_string();
         let files = files(&at.join("base")).iter().map(|f| (name(f), fs::read(f).expect("a file"))).collect();

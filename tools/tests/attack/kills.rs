@@ -31,7 +31,7 @@ struct Job {
 }
 
 fn jobs() -> Vec<Job> {
-    let look = ["view", "out.zarr", "--pupil=0,0,0.5,0", "--engine", "cpu", "-o", "seen.png"];
+    let look = ["render", "out.zarr", "--pupil=0,0,0.5,0", "--engine", "cpu", "-o", "seen.png"];
     let scenes = ["solve", "builtin:plane?depth=-1", "builtin:plane?depth=0", "builtin:plane?depth=1"];
     let tiles = [
         "solve",
@@ -53,9 +53,10 @@ fn jobs() -> Vec<Job> {
         "-o",
         "out.zarr",
     ];
-    let evaluate = ["evaluate", "builtin:plane", "--methods", "slfh,dpac", "--no-speckle", "--steps", "2", "-o", "out"];
-    let tradeoff = ["tradeoff", "builtin:plane", "--budget", "1", "--no-store", "-o", "out"];
-    let record = ["trackers", "--watch", "simulated:3", "--rate", "500", "--record", "out.jsonl"];
+    let compare =
+        ["eval", "compare", "builtin:plane", "--methods", "slfh,dpac", "--no-speckle", "--steps", "2", "-o", "out"];
+    let tune = ["eval", "tune", "builtin:plane", "--duration", "1", "--no-store", "-o", "out"];
+    let record = ["tracker", "record", "simulated:3", "--tracker-rate", "500", "-o", "out.jsonl"];
     let all: fn(&str) -> bool = |_| true;
     let job = |name, args: &[&[&'static str]], out, opens: &[&'static str]| Job {
         name,
@@ -78,14 +79,14 @@ fn jobs() -> Vec<Job> {
             "encode",
             &[&["encode", "kept.zarr", "--display", "planes8", "--size", "40x48", "-o", "out"]],
             "out",
-            &[&["view", "out", "--encoded"], &look[2..]].concat(),
+            &[&["render", "out", "--encoded"], &look[2..]].concat(),
         ),
         Job {
             same: |name| name.starts_with("holograms/") && !name.ends_with(".json") || name == "scores.csv",
-            ..job("evaluate", &[&evaluate, &SMALL[..6]], "out", &[])
+            ..job("compare", &[&compare, &SMALL[..6]], "out", &[])
         },
-        Job { same: |_| false, ..job("tradeoff", &[&tradeoff, &SMALL[..6]], "out", &[]) },
-        Job { endless: true, ..job("record", &[&record], "out.jsonl", &["trackers", "--watch", "out.jsonl"]) },
+        Job { same: |_| false, ..job("tune", &[&tune, &SMALL[..6]], "out", &[]) },
+        Job { endless: true, ..job("record", &[&record], "out.jsonl", &["tracker", "watch", "out.jsonl"]) },
     ]
 }
 

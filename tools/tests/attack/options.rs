@@ -2,7 +2,7 @@
 
 use crate::case::{Case, word};
 use crate::ground::Ground;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// An option that takes a value, and what the help says of the value.
@@ -29,36 +29,36 @@ pub const SOUND: [&str; 38] = [
     "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1 --engine cpu -o out/far.zarr",
     "solve builtin:plane builtin:points --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
     "solve builtin:plane --size 16x16 --steps 2 --frames 2 --set optimizer=adam --settings base/slm.toml --color green --engine cpu -o out/x.zarr",
-    "plan builtin:plane --size 16x16 --color green --engine cpu",
-    "inspect base/views --size 16x16 -o out/views.png",
-    "view base/h.zarr --pupil=0,0,1,0 --engine cpu -o out/seen.png",
-    "view base/far.zarr --pupil=0,0,0.3,0 --engine cpu -o out/seen.npy",
-    "view base/phases.npy --display small --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png",
-    "view base/frames --pupil=0,0,1,0 --engine cpu -o out/seen.png",
-    "photograph builtin:plane --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/wanted.png",
+    "solve builtin:plane --dry-run --size 16x16 --color green --engine cpu",
+    "info base/views --size 16x16 -o out/views.png",
+    "render base/h.zarr --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "render base/far.zarr --pupil=0,0,0.3,0 --engine cpu -o out/seen.npy",
+    "render base/phases.npy --display small --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "render base/frames --pupil=0,0,1,0 --engine cpu -o out/seen.png",
+    "render builtin:plane --size 16x16 --color green --pupil=0,0,1,0 --engine cpu -o out/wanted.png",
     "refine base/h.zarr builtin:plane --pupil=0,0,1,0 --steps 1 --engine cpu -o out/x.zarr",
-    "live base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --stats out/live.json",
-    "live base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --tracker base/eye.jsonl --trace out/trace.json",
-    "study base/h.zarr --display grey8 --size 16x16 --duration 0.1 --engine cpu -o out/study",
-    "score base/h.zarr builtin:plane --pupils base/pupils.json --engine cpu --json",
-    "score base/rgb.zarr builtin:plane --pupils random:2 --engine cpu",
-    "tradeoff builtin:plane --size 16x16 --color green --frames 1 --budget 0.01 --no-store --engine cpu -o out/tradeoff",
-    "evaluate builtin:plane --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/evaluate",
-    "export base/moving.zarr --at 1 -o out/phases.npy",
-    "import base/pictures --display base/bench/bench.toml --color green -o out/x.zarr",
+    "show base/h.zarr --tracker simulated --display grey8 --size 16x16 --duration 0.05 --engine cpu --stats out/stats.json",
+    "show base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --tracker base/eye.jsonl --trace out/trace.json",
+    "eval gaze base/h.zarr --display grey8 --size 16x16 --duration 0.1 --engine cpu -o out/study",
+    "eval score base/h.zarr builtin:plane --pupils base/pupils.json --engine cpu --json",
+    "eval score base/rgb.zarr builtin:plane --pupils random:2 --engine cpu",
+    "eval tune builtin:plane --size 16x16 --color green --frames 1 --duration 0.01 --no-store --engine cpu -o out/tune",
+    "eval compare builtin:plane --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/compare",
+    "convert base/moving.zarr out/phases.npy --at 1",
+    "convert base/pictures out/x.zarr --display base/bench/bench.toml --color green",
     "encode base/rgb.zarr --display base/bench/bench.toml --engine cpu -o out/frames",
     "encode base/h.zarr --display base/planes.toml --engine cpu -o out/frames --json",
-    "play base/moving.zarr --display grey8 --size 16x16 --output offscreen --clock simulated --engine cpu --stats out/played.json",
-    "play base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --record out/shown --trace out/trace.json",
-    "play base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --raw out/frames.raw",
+    "show base/moving.zarr --display grey8 --size 16x16 --output offscreen --clock simulated --engine cpu --stats out/played.json",
+    "show base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --record out/shown --trace out/trace.json",
+    "show base/h.zarr --display grey8 --size 16x16 --output raw:out/frames.raw --duration 0.05 --engine cpu",
     "preview base/h.zarr",
-    "monitors",
+    "display monitors",
     "bench builtin:plane --size 16x16 --color green --frames 1 --steps 1 --rounds 1 --engine cpu",
-    "devices --display base/bench/bench.toml",
-    "trackers --watch base/eye.jsonl --pupil",
-    "trackers --watch simulated:3 --duration 0.1 --record out/eye.jsonl --calibration base/ada.toml --pupil 20",
-    "trackers --watch base/eye.hid --device-file base/device.toml",
-    "trackers --describe base/descriptor.txt --json",
+    "display check base/bench/bench.toml",
+    "tracker watch base/eye.jsonl --pupil",
+    "tracker record simulated:3 --duration 0.1 -o out/eye.jsonl --calibration base/ada.toml --pupil 20",
+    "tracker watch base/eye.hid --device-file base/device.toml",
+    "tracker describe base/descriptor.txt --json",
 ];
 
 /// Numbers, words and sizes as nobody writes them.
@@ -118,12 +118,20 @@ const ODD: [&str; 51] = [
 
 /// The options of every command that take a value, by its help.
 pub fn all() -> BTreeMap<String, Vec<Opt>> {
-    let names = SOUND.iter().map(|line| line.split(' ').next().unwrap_or_default());
-    names.map(|name| (name.to_string(), of(name))).collect()
+    let names: BTreeSet<String> = SOUND.iter().map(|line| command(&line.split(' ').collect::<Vec<_>>())).collect();
+    names.into_iter().map(|name| (name.clone(), of(&name))).collect()
+}
+
+/// The words of a run's command: two of a command that has commands of its own.
+fn command<T: AsRef<str>>(args: &[T]) -> String {
+    let words = args.iter().map(AsRef::as_ref).collect::<Vec<_>>();
+    let nested = ["device", "display", "eval", "tracker"].contains(&words[0]);
+    words[..1 + usize::from(nested)].join(" ")
 }
 
 fn of(command: &str) -> Vec<Opt> {
-    let answer = Command::new(crate::case::program()).args(["help", command]).output().expect("the command starts");
+    let words = ["help"].into_iter().chain(command.split(' '));
+    let answer = Command::new(crate::case::program()).args(words).output().expect("the command starts");
     let text = String::from_utf8(answer.stdout).expect("text");
     let found = text.lines().filter_map(|line| {
         let line = line.trim_start();
@@ -135,7 +143,7 @@ fn of(command: &str) -> Vec<Opt> {
     });
     // What it says is run as a command.
     let found: Vec<Opt> = found.filter(|opt| opt.name != "beside").collect();
-    assert!(command == "monitors" || !found.is_empty(), "{command} --help lists no options: {text}");
+    assert!(command == "display monitors" || !found.is_empty(), "{command} --help lists no options: {text}");
     found
 }
 
@@ -205,9 +213,9 @@ pub fn value(hint: &str, rng: &mut fastrand::Rng) -> String {
 /// A sound run with one to three options of odd values.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let mut args = sound(rng).into_iter().map(String::from).collect::<Vec<_>>();
-    let options = &ground.options[&args[0]];
+    let options = &ground.options[&command(&args)];
     if options.is_empty() {
-        return Case::of(&["monitors", "--json"]);
+        return Case::of(&["display", "monitors", "--json"]);
     }
     let mut set = BTreeMap::new();
     for _ in 0..[1, 1, 1, 2, 3][rng.usize(..5)] {

@@ -40,11 +40,11 @@ const RUNS: [&str; 12] = [
     "solve builtin:plane --size 16x16 --steps 1 --frames {f} --views {} --color green --engine cpu -o out/x.zarr",
     "solve base/photo.png --depth-map base/depth.png --size {}x16 --views {} --steps 1 --frames 1 --engine cpu -o out/x.zarr",
     "solve base/views --size 16x{} --steps 1 --frames 2 --engine cpu -o out/x.zarr",
-    "photograph builtin:plane --size {}x{} --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
-    "plan builtin:plane --size {}x{} --color green --engine cpu",
-    "evaluate builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
-    "tradeoff builtin:plane --size {s}x{s} --color green --frames {f} --budget 0.01 --no-store --engine cpu -o out/t",
-    "score base/h.zarr builtin:plane --pupils random:{} --engine cpu",
+    "render builtin:plane --size {}x{} --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
+    "solve builtin:plane --dry-run --size {}x{} --color green --engine cpu",
+    "eval compare builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
+    "eval tune builtin:plane --size {s}x{s} --color green --frames {f} --duration 0.01 --no-store --engine cpu -o out/t",
+    "eval score base/h.zarr builtin:plane --pupils random:{} --engine cpu",
     "solve builtin:plane --display base/far.toml --size {}x{} --frames 1 --memory 300MiB --picture {} --passes 1 --steps 1 --engine cpu -o out/x.zarr",
     "demo --size {} --engine cpu --out out/demo",
 ];
@@ -62,9 +62,9 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
             let runs = [
                 "solve builtin:plane --display in/bench/x.toml --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
                 "encode base/h.zarr --display in/bench/x.toml --engine cpu -o out/frames",
-                "play base/h.zarr --display in/bench/x.toml --output offscreen --clock simulated --duration 0.1 --engine cpu",
-                "photograph builtin:plane --display in/bench/x.toml --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
-                "inspect base/views --display in/bench/x.toml -o out/x.png",
+                "show base/h.zarr --display in/bench/x.toml --output offscreen --clock simulated --duration 0.1 --engine cpu",
+                "render builtin:plane --display in/bench/x.toml --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
+                "info base/views --display in/bench/x.toml -o out/x.png",
             ];
             let args: Vec<&str> = runs[rng.usize(..runs.len())].split(' ').collect();
             let case = Case::of(&args).put("in/bench", Put::Copy("base/bench".into()));

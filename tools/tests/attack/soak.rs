@@ -31,20 +31,18 @@ fn place() -> tempfile::TempDir {
     temp
 }
 
-/// `play` or `live` on a small display in real time, with more arguments and limits.
-fn start(at: &Path, command: &str, more: &str, limits: &str) -> Child {
-    let shown = "h.zarr --display grey8 --size 16x16 --output offscreen --engine cpu";
-    let script = format!(
-        "{limits} exec '{}' {command} {shown} --duration {} --stats {command}.json {more}",
-        program(),
-        seconds()
-    );
+/// `show` on a small display in real time, as solved (`played`) or refined for an eye (`followed`), with more arguments and limits.
+fn start(at: &Path, how: &str, more: &str, limits: &str) -> Child {
+    let shown = "show h.zarr --display grey8 --size 16x16 --engine cpu";
+    let tracker = if how == "played" || more.contains("--tracker") { "" } else { "--tracker simulated" };
+    let script =
+        format!("{limits} exec '{}' {shown} {tracker} --duration {} --stats {how}.json {more}", program(), seconds());
     let mut shell = Command::new("sh");
     shell.args(["-c", &script]).current_dir(at).env("MALLOC_ARENA_MAX", "1");
     shell
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        .stderr(File::create(at.join(format!("{command}.said"))).expect("a file"));
+        .stderr(File::create(at.join(format!("{how}.said"))).expect("a file"));
     shell.spawn().expect("sh starts")
 }
 
@@ -55,7 +53,7 @@ fn resident(id: u32) -> Option<u64> {
 }
 
 /// Waits for a run's end, and checks its memory, its exit code and its account, which it returns.
-fn attend(at: &Path, command: &str, mut child: Child, code: i32) -> Value {
+fn attend(at: &Path, how: &str, mut child: Child, code: i32) -> Value {
     let (begun, half) = (Instant::now(), Duration::from_secs(seconds()) / 2);
     let (mut early, mut late) = (0, 0);
     let end = loop {
@@ -65,20 +63,20 @@ fn attend(at: &Path, command: &str, mut child: Child, code: i32) -> Value {
         let is = resident(child.id()).unwrap_or(0);
         let most = if begun.elapsed() < half { &mut early } else { &mut late };
         *most = is.max(*most);
-        assert!(begun.elapsed() < 4 * half + Duration::from_secs(60), "{command} does not end");
+        assert!(begun.elapsed() < 4 * half + Duration::from_secs(60), "{how} does not end");
         std::thread::sleep(Duration::from_millis(20));
     };
-    let said = std::fs::read_to_string(at.join(format!("{command}.said"))).unwrap_or_default();
-    assert_eq!(end.code(), Some(code), "{command}: {said}");
+    let said = std::fs::read_to_string(at.join(format!("{how}.said"))).unwrap_or_default();
+    assert_eq!(end.code(), Some(code), "{how}: {said}");
     assert!(!said.contains("panicked"), "{said}");
     assert!(code == 0 || said.contains("the disk is full"), "{said}");
-    println!("{command}: {} KiB, then {} KiB; {}", early, late, said.lines().last().unwrap_or_default());
+    println!("{how}: {} KiB, then {} KiB; {}", early, late, said.lines().last().unwrap_or_default());
     // Two seconds are over before all that is made once is made.
     let flat = late <= early + FLAT_KIB || seconds() < 60;
-    assert!(flat, "{command}: memory grew from {early} to {late} KiB");
-    let text = std::fs::read_to_string(at.join(format!("{command}.json"))).unwrap_or_else(|e| panic!("{e}: {said}"));
+    assert!(flat, "{how}: memory grew from {early} to {late} KiB");
+    let text = std::fs::read_to_string(at.join(format!("{how}.json"))).unwrap_or_else(|e| panic!("{e}: {said}"));
     let stats: Value = serde_json::from_str(&text).expect("JSON");
-    let account = if command == "live" { stats["playback"].clone() } else { stats.clone() };
+    let account = if how == "followed" { stats["playback"].clone() } else { stats.clone() };
     let n = |key: &str| account[key].as_u64().unwrap_or_else(|| panic!("{key}: {account}"));
     let dropped: u64 = account["content_dropped"].as_object().expect("causes").values().filter_map(Value::as_u64).sum();
     assert_eq!(n("content_due"), n("content_shown") + dropped + n("content_pending"), "{account}");
@@ -91,11 +89,11 @@ fn attend(at: &Path, command: &str, mut child: Child, code: i32) -> Value {
 }
 
 /// Both at once.
-fn attend_both(at: &Path, play: Child, live: Child, code: i32) {
+fn attend_both(at: &Path, played: Child, followed: Child, code: i32) {
     std::thread::scope(|scope| {
-        let live = scope.spawn(|| attend(at, "live", live, code));
-        attend(at, "play", play, code);
-        live.join().expect("live ends well");
+        let followed = scope.spawn(|| attend(at, "followed", followed, code));
+        attend(at, "played", played, code);
+        followed.join().expect("it ends well");
     });
 }
 
@@ -140,23 +138,23 @@ fn a_disk_that_is_full() {
     let disk = SmallDisk::mount(&at.join("full"));
     // Elsewhere no file grows beyond 8 KiB.
     let limit = if disk.is_some() { "" } else { "ulimit -f 16;" };
-    let play = start(at, "play", "--trace full/play-trace.json", limit);
-    let live = start(at, "live", "--record full/shown --trace full/live-trace.json", limit);
-    attend_both(at, play, live, 2);
+    let played = start(at, "played", "--trace full/played-trace.json", limit);
+    let followed = start(at, "followed", "--record full/shown --trace full/followed-trace.json", limit);
+    attend_both(at, played, followed, 2);
     for picture in std::fs::read_dir(at.join("full/shown")).into_iter().flatten().flatten() {
         if picture.path().extension().is_some_and(|e| e == "png") {
             image::open(picture.path()).unwrap_or_else(|e| panic!("{}: {e}", picture.path().display()));
         }
     }
-    for trace in ["play", "live"] {
+    for trace in ["played", "followed"] {
         // An array of events, of which every line is whole, without its end.
         let text = std::fs::read_to_string(at.join(format!("full/{trace}-trace.json"))).unwrap_or_default();
         let whole = text.trim_end().trim_end_matches(',');
         assert!(text.is_empty() || serde_json::from_str::<Value>(&format!("{whole}]")).is_ok(), "{text}");
     }
-    let mut shown = start(at, "play", "--raw full/frames.raw", limit);
+    let mut shown = start(at, "played", "--output raw:full/frames.raw", limit);
     let end = shown.wait().expect("ours");
-    let said = std::fs::read_to_string(at.join("play.said")).unwrap_or_default();
+    let said = std::fs::read_to_string(at.join("played.said")).unwrap_or_default();
     assert!(end.code() == Some(2) && said.contains("the disk is full"), "{end}: {said}");
     let raw = std::fs::read(at.join("full/frames.raw")).unwrap_or_default();
     assert_eq!(torn(&raw[..raw.len() / FRAME * FRAME]), None);
@@ -167,8 +165,8 @@ fn a_disk_that_is_slow() {
     let temp = place();
     let at = temp.path();
     assert!(Command::new("mkfifo").arg(at.join("pipe")).status().expect("mkfifo").success());
-    let play = start(at, "play", "--raw pipe", "");
-    let live = start(at, "live", "--record shown", "");
+    let played = start(at, "played", "--output raw:pipe", "");
+    let followed = start(at, "followed", "--record shown", "");
     let pipe = at.join("pipe");
     let reader = std::thread::spawn(move || {
         let (mut file, mut all, mut part) = (File::open(pipe).expect("the pipe"), Vec::new(), vec![0; 10_000]);
@@ -181,7 +179,7 @@ fn a_disk_that_is_slow() {
             std::thread::sleep(Duration::from_millis(10));
         }
     });
-    attend_both(at, play, live, 0);
+    attend_both(at, played, followed, 0);
     assert_eq!(torn(&reader.join().expect("the reader")), None);
 }
 
@@ -191,9 +189,10 @@ fn a_machine_that_is_busy() {
     let at = temp.path();
     let busy = || Command::new("sh").args(["-c", "while :; do :; done"]).spawn().expect("sh starts");
     let mut all: Vec<Child> = (0..20).map(|_| busy()).collect();
-    let (play, live) = (start(at, "play", "--raw frames.raw", ""), start(at, "live", "", ""));
+    let played = start(at, "played", "--output raw:frames.raw", "");
+    let followed = start(at, "followed", "", "");
     // What is busy ends whatever comes of it.
-    let seen = std::panic::catch_unwind(|| attend_both(at, play, live, 0));
+    let seen = std::panic::catch_unwind(|| attend_both(at, played, followed, 0));
     all.iter_mut().for_each(|child| {
         let _ = child.kill();
         let _ = child.wait();
@@ -237,7 +236,7 @@ fn a_tracker_gone_mad() {
     let at = temp.path();
     // A port that was free a moment ago.
     let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
-    let live = start(at, "live", &format!("--tracker udp://:{port}"), "");
+    let followed = start(at, "followed", &format!("--tracker udp://:{port}"), "");
     let stop = AtomicBool::new(false);
     let stats = std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -255,7 +254,7 @@ fn a_tracker_gone_mad() {
                 std::thread::sleep(Duration::from_millis(rng.u64(..20)));
             }
         });
-        let stats = std::panic::catch_unwind(|| attend(at, "live", live, 0));
+        let stats = std::panic::catch_unwind(|| attend(at, "followed", followed, 0));
         stop.store(true, Relaxed);
         stats
     });

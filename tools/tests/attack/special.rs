@@ -48,7 +48,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
 /// Where results go, or where something is kept to save time.
 fn elsewhere(run: Vec<&str>, rng: &mut fastrand::Rng) -> Case {
     let case = Case::of(&run);
-    match run.iter().find(|arg| arg.starts_with("out/")) {
+    match run.iter().map(|arg| arg.trim_start_matches("raw:")).find(|arg| arg.starts_with("out/")) {
         // What stands there may be taken for a result of before, or is refused: nothing is half-written.
         Some(out) if rng.bool() => {
             // A link to a folder is what was asked for.

@@ -7,9 +7,8 @@ use crate::options::sound;
 /// A sound run with other streams.
 pub fn case(_: &Ground, rng: &mut fastrand::Rng) -> Case {
     if rng.u8(..8) == 0 {
-        let run = [
-            "play base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --raw in/pipe",
-        ][0];
+        let run =
+            ["show base/h.zarr --display grey8 --size 16x16 --output raw:in/pipe --duration 0.05 --engine cpu"][0];
         return Case::of(&run.split(' ').collect::<Vec<_>>()).put("in/pipe", Put::Fifo);
     }
     let streams = [Stream::Kept, Stream::Closed, Stream::Full, Stream::Gone, Stream::Stuck];

@@ -14,7 +14,7 @@ fn run(at: &Path, line: &str) -> String {
 fn sequence(at: &Path) {
     run(at, &format!("solve builtin:plane builtin:still-life {SMALL} -o s.zarr"));
     for i in 0..2 {
-        run(at, &format!("export s.zarr --at {i} -o {i}.npy"));
+        run(at, &format!("convert s.zarr {i}.npy --at {i}"));
     }
 }
 
@@ -36,10 +36,10 @@ fn every_command_takes_the_hologram_that_is_named() {
         run(
             at,
             &format!(
-                "view {i}.npy --display paper --size 48x64 --color green --pupil=1,2,4,0 --engine cpu -o bare{i}.npy"
+                "render {i}.npy --display paper --size 48x64 --color green --pupil=1,2,4,0 --engine cpu -o bare{i}.npy"
             ),
         );
-        run(at, &format!("view s.zarr --at {i} --pupil=1,2,4,0 --engine cpu -o view{i}.npy"));
+        run(at, &format!("render s.zarr --at {i} --pupil=1,2,4,0 --engine cpu -o view{i}.npy"));
         let light = |name: &str| eyebox::low_level::files::read_npy(&at.join(name)).expect("a view").values;
         let [bare, own] = [light(&format!("bare{i}.npy")), light(&format!("view{i}.npy"))];
         // Bare phases have no exposure: the views are the same but for a factor.
@@ -50,13 +50,13 @@ fn every_command_takes_the_hologram_that_is_named() {
         run(at, &format!("refine s.zarr --at {i} --pupil=0,0,4,0 --steps 1 --engine cpu -o refined{i}.zarr"));
         let group: Value = serde_json::from_slice(&read(&format!("refined{i}.zarr/zarr.json"))).expect("JSON");
         assert_eq!(group["attributes"]["eyebox"]["scene"], scene);
-        let how = "--duration 0.1 --rate 20 --step-time 10 --encode-time 1 --no-jod --engine cpu";
-        run(at, &format!("study s.zarr --at {i} {how} -o study{i}"));
+        let how = "--duration 0.1 --display-rate 20 --step-time 10 --encode-time 1 --jod none --engine cpu";
+        run(at, &format!("eval gaze s.zarr --at {i} {how} -o study{i}"));
         let study: Value = serde_json::from_slice(&read(&format!("study{i}/study.json"))).expect("JSON");
         assert_eq!(study["scene"], scene);
     }
     let psnr = |words: &str| {
-        let said = run(at, &format!("score {words} --pupils random:4 --no-jod --engine cpu --json"));
+        let said = run(at, &format!("eval score {words} --pupils random:4 --jod none --engine cpu --json"));
         serde_json::from_str::<Value>(&said).expect("JSON")["psnr_db"]["mean"].as_f64().expect("a number")
     };
     let own = [0, 1].map(|i| psnr(&format!("s.zarr --at {i}")));

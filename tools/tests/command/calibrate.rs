@@ -1,4 +1,4 @@
-//! `eyebox calibrate`: what a camera's command may do wrong, and what is left of it.
+//! `eyebox display calibrate`: what a camera's command may do wrong, and what is left of it.
 
 use crate::common::{self, Printed, Refusal, text};
 use std::fs;
@@ -23,7 +23,7 @@ fn bench(hello: &str, then: &str) -> tempfile::TempDir {
 
 /// Runs a calibration that must fail. Returns its exit code, its error and standard error.
 fn failed(at: &Path, more: &[&str]) -> (Option<i32>, Refusal, String) {
-    let args = ["calibrate", "--display", "bench.toml", "--camera", "sh camera.sh", "--keep", "kept", "-o", "out.toml"];
+    let args = ["display", "calibrate", "bench.toml", "--camera", "sh camera.sh", "--keep", "kept", "-o", "out.toml"];
     let mut command = common::command(at, &[&args[..], more].concat());
     let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("it starts");
     assert!(!at.join("out.toml").exists(), "something was written");
@@ -104,7 +104,7 @@ fn a_bench_that_is_not_the_displays_is_refused_with_both() {
 fn what_cannot_be_asked_for_is_one_line() {
     let here = bench(HELLO, "exit");
     let at = here.path();
-    let base = ["calibrate", "--display", "bench.toml", "-o", "out.toml"];
+    let base = ["display", "calibrate", "bench.toml", "-o", "out.toml"];
     for (more, what) in [
         (&["--camera", "'unclosed"][..], "calibrate/words"),
         (&["--camera", "no-such-program-here"], "calibrate/start"),

@@ -1,4 +1,4 @@
-//! `eyebox calibrate` with a bench that computes: the whole way, and what becomes of benches that are otherwise.
+//! `eyebox display calibrate` with a bench that computes: the whole way, and what becomes of other benches.
 
 use crate::common::{self, Printed, Refusal, notes, refusal_of, text, with_json_errors};
 use crate::simulated;
@@ -22,15 +22,17 @@ fn camera() {
 
 /// A calibration of the bench in `at`, with what is wrong with it.
 fn calibrate(at: &Path, more: &[&str], bench: &[(&str, &str)]) -> Command {
+    fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
+    calibrate_display(at, "bench.toml", more, bench)
+}
+
+/// A calibration of this display.
+fn calibrate_display(at: &Path, display: &str, more: &[&str], bench: &[(&str, &str)]) -> Command {
     let exe = std::env::current_exe().expect("this program");
     let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
-    let mut args = vec!["calibrate", "--json"];
+    let mut args = vec!["display", "calibrate", display, "--json"];
     if !more.contains(&"--captures") {
         args.extend(["--camera", &camera]);
-    }
-    if !more.contains(&"--display") {
-        fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
-        args.extend(["--display", "bench.toml"]);
     }
     let mut command = common::command(at, &[&args, more].concat());
     command.envs(bench.iter().copied());
@@ -111,8 +113,8 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
     // The iris was moved since: four pictures tell.
     let drifted = [("BENCH_IRIS_X", "0.3")];
-    let args = ["--quick", "--display", "out.toml", "--temperature", "24.5", "-o", "quick.toml"];
-    let (quick, said) = report(&mut calibrate(at, &args, &drifted));
+    let args = ["--quick", "--temperature", "24.5", "-o", "quick.toml"];
+    let (quick, said) = report(&mut calibrate_display(at, "out.toml", &args, &drifted));
     // The age of the model is told, and the calibration's day stays beside that of the drift.
     let before = &quick["model_before"];
     assert!(before["days"].is_i64() && before["updated"].is_null(), "{before}");
@@ -182,7 +184,7 @@ fn a_perfect_bench_stays_as_it_is() {
     // The text has the orientation of the bench as well.
     let directions = &first["directions"];
     assert!(directions["phase"] == "as-requested" && directions["mirrored"] == true, "{directions}");
-    let args = ["calibrate", "--display", "bench.toml", "--captures", "kept", "-o", "words.toml"];
+    let args = ["display", "calibrate", "bench.toml", "--captures", "kept", "-o", "words.toml"];
     let words = text(&common::eyebox(at, &args).stdout);
     let turned = directions["turned_deg"].as_f64().expect("degrees").abs();
     assert!(words.has(&format!("{turned:.1}")), "{words}");
@@ -271,9 +273,10 @@ fn a_picture_is_registered_colour_by_colour() {
     let mut from = "rgb.toml".to_string();
     for (color, lens) in lenses {
         let out = format!("{color}.toml");
-        let args = ["--display", &from, "--color", color, "--register", "--captures-max", "20", "-o", &out];
+        let args = ["--color", color, "--register", "--captures-max", "20", "-o", &out];
         let lens = lens.map(|v| v.to_string()).join(",");
-        let (_, said) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_LENS", &lens)]));
+        let (_, said) =
+            report(&mut calibrate_display(at, &from, &args, &[("BENCH_IDEAL", "1"), ("BENCH_LENS", &lens)]));
         assert!(
             said.lines().any(|line| line.has(color) && line.has("pixels") && line.number("pixels") > 0.1),
             "{said}"
@@ -307,7 +310,7 @@ fn a_picture_is_registered_colour_by_colour() {
 fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     let here = common::folder();
     let at = here.path();
-    let shows = ["--output", "offscreen", "--shared", "video", "--settle", "0"];
+    let shows = ["--output", "shared:video", "--settle", "0"];
     let args = [&KEEP[..], &shows, &["--captures-max", "20", "-o", "out.toml"]].concat();
     let (first, _) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_SHARED", "video")]));
     assert_eq!(first["calibrated"], true);
@@ -318,8 +321,8 @@ fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     assert!(captures.iter().any(|c| c["shown"]["file"] == "random-0.npy"), "{captures:?}");
     let (second, _) = report(&mut calibrate(at, &["--captures", "kept", "-o", "again.toml"], &[]));
     assert_eq!(first["unexplained"], second["unexplained"]);
-    let wrong = ["--output", "window", "--shared", "video", "-o", "no.toml"];
-    refusal_of(&mut calibrate(at, &wrong, &[])).is("arguments/share-without-offscreen --shared offscreen");
+    let wrong = ["--output", "shared", "-o", "no.toml"];
+    refusal_of(&mut calibrate(at, &wrong, &[])).is("usage/value-validation --output shared:FILE");
 }
 
 /// The same output shows the hologram of a solve with a camera, whose iris stands where the command does not say.
@@ -333,13 +336,13 @@ fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
     let run = |more: &[&str]| {
         let solve = ["solve", "builtin:still-life", "--display", "bench.toml", "--frames", "2", "--steps", "6"];
         let with = ["--camera", &camera, "--camera-steps", "1", "--engine", "cpu", "--json", "-o", "h.zarr"];
-        let shows = ["--output", "offscreen", "--shared", "video", "--settle", "0"];
+        let shows = ["--output", "shared:video", "--settle", "0"];
         let mut command = common::command(at, &[&solve[..], &with, &shows, more].concat());
         command.envs([("BENCH_IDEAL", "1"), ("BENCH_STILL", "0.6,-0.4,9"), ("BENCH_SHARED", "video")]);
         command
     };
     refusal_of(&mut run(&[])).is("calibrate/captures/no-iris --iris");
-    let answer = run(&["--iris=0.6,-0.4,9", "--camera-keep", "kept"]).output().expect("it starts");
+    let answer = run(&["--iris=0.6,-0.4,9", "--keep", "kept"]).output().expect("it starts");
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     let said: Value = serde_json::from_slice(&answer.stdout).expect("JSON");
     let camera = &said["camera"][0];
@@ -361,7 +364,7 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     let exe = std::env::current_exe().expect("this program");
     let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
     let show = ["show", "builtin:still-life", "--display", "bench.toml", "--frames", "1", "--engine", "cpu"];
-    let shows = ["--output", "offscreen", "--shared", "video", "--settle", "0", "--camera-keep", "kept"];
+    let shows = ["--output", "shared:video", "--settle", "0", "--keep", "kept"];
     let follows = ["--camera", &camera, "--camera-every", "1e-6", "--camera-model", "followed.toml"];
     let mut command = common::command(at, &[&show[..], &shows, &follows].concat());
     command.envs([("BENCH_IDEAL", "1"), ("BENCH_IRIS_X", "0.3"), ("BENCH_SHARED", "video")]);

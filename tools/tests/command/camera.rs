@@ -178,7 +178,7 @@ fn mean(values: &Value) -> f64 {
 fn what_no_model_has_is_corrected_by_what_the_camera_sees() {
     let here = folder();
     let at = here.path();
-    let steps = ["--steps", "20", "--json", "--camera-steps", "8", "--camera-keep", "kept"];
+    let steps = ["--steps", "20", "--json", "--camera-steps", "8", "--keep", "kept"];
     let answer = solve(at, "ghost", "h.zarr", &steps);
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     let said: Value = serde_json::from_str(&text(&answer.stdout)).expect("an object");
@@ -196,7 +196,7 @@ fn what_no_model_has_is_corrected_by_what_the_camera_sees() {
     let first = kept();
     // Dots, darkness, and those of the steps.
     assert_eq!(first.len() as u64, 2 + camera["pictures"].as_u64().unwrap());
-    let again = ["--steps", "2", "--camera-steps", "1", "--camera-keep", "kept"];
+    let again = ["--steps", "2", "--camera-steps", "1", "--keep", "kept"];
     let answer = solve(at, "ghost", "i.zarr", &again);
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     let both = kept();
@@ -280,7 +280,7 @@ fn ctrl_c_leaves_the_best_so_far() {
     let camera = format!("env '{BENCH}=ghost' '{program}' camera::serve --exact --ignored --nocapture");
     let solve =
         ["solve", "builtin:still-life", "--display", "bench.toml", "--frames", "2", "--steps", "2", "--engine", "cpu"];
-    let with = ["--camera", &camera, "--camera-steps", "60000", "--camera-keep", "kept", "-o", "h.zarr"];
+    let with = ["--camera", &camera, "--camera-steps", "60000", "--keep", "kept", "-o", "h.zarr"];
     let mut command = common::command(at, &[&solve[..], &with].concat());
     let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("it starts");
     while !at.join("kept/010.npy").exists() {
@@ -340,7 +340,7 @@ fn the_documents_program_answers() {
     {
         fs::write(at.join(name), text).expect("a file");
     }
-    let calibrate = ["calibrate", "--display", "bench.toml", "--camera", "python3 -B my_camera.py", "-o", "out.toml"];
+    let calibrate = ["display", "calibrate", "bench.toml", "--camera", "python3 -B my_camera.py", "-o", "out.toml"];
     let answer = common::failed(&mut common::command(at, &calibrate));
     // The program's own line. No dots are seen: every request was answered.
     assert!(text(&answer.stderr).contains("a motor says hello"), "{}", text(&answer.stderr));

@@ -6,13 +6,13 @@ use std::path::Path;
 const SMALL: [&str; 12] =
     ["--size", "40x48", "--views", "3", "--steps", "2", "--frames", "1", "--color", "green", "--engine", "cpu"];
 
-/// Photographs a.png and b.png, and as maps of them the same two in green.
+/// Renders a.png and b.png, and as maps of them the same two in green.
 fn pictures(at: &Path) {
     for (name, scene) in [("a", "builtin:still-life"), ("b", "builtin:still-life?camera=5")] {
-        let photograph = ["photograph", scene, "--size", "40x48", "--views", "3", "--pupil=0,0,2,0"];
+        let render = ["render", scene, "--size", "40x48", "--views", "3", "--pupil=0,0,2,0"];
         std::fs::create_dir_all(at.join("maps")).unwrap();
-        done(at, &[&photograph[..], &["-o", &format!("{name}.png")]].concat());
-        done(at, &[&photograph[..], &["--color", "green", "-o", &format!("maps/{name}.png")]].concat());
+        done(at, &[&render[..], &["-o", &format!("{name}.png")]].concat());
+        done(at, &[&render[..], &["--color", "green", "-o", &format!("maps/{name}.png")]].concat());
     }
 }
 
@@ -27,7 +27,7 @@ fn what_is_near_is_said_and_remembered() {
     assert!(answer.status.success() && said.lines_with("maps/a.png bright") == 1, "{said}");
     done(at, &solve("dark.zarr", &["--depth-map", "maps/a.png", "--near", "dark"]));
     let score = |hologram, more: &[&'static str]| {
-        let words = ["score", hologram, "a.png", "--depth-map", "maps/a.png", "--pupils", "random:4", "--json"];
+        let words = ["eval", "score", hologram, "a.png", "--depth-map", "maps/a.png", "--pupils", "random:4", "--json"];
         done(at, &[&words[..], more].concat())
     };
     let remembered = score("dark.zarr", &[]);
@@ -62,15 +62,26 @@ fn each_picture_of_a_sequence_has_its_own_map() {
     done(at, &solve("each.zarr", &["maps/a.png", "maps/b.png"]));
     done(at, &solve("same.zarr", &["maps/a.png", "maps/a.png"]));
     let second = |sequence: &str| {
-        done(at, &["export", sequence, "--at", "1", "-o", "phases.npy"]);
+        done(at, &["convert", sequence, "phases.npy", "--at", "1"]);
         std::fs::read(at.join("phases.npy")).unwrap()
     };
     let wanted = second("each.zarr");
     assert_eq!(second("folder.zarr"), wanted);
     assert_ne!(second("same.zarr"), wanted);
     let compare = |maps| {
-        let words =
-            ["evaluate", "a.png", "b.png", "-o", "report", "--depth-map", maps, "--methods", "dpac", "--no-speckle"];
+        let words = [
+            "eval",
+            "compare",
+            "a.png",
+            "b.png",
+            "-o",
+            "report",
+            "--depth-map",
+            maps,
+            "--methods",
+            "dpac",
+            "--no-speckle",
+        ];
         [&words[..], &["--size", "40x48", "--views", "3", "--frames", "1", "--color", "green", "--engine", "cpu"]]
             .concat()
     };
@@ -96,8 +107,8 @@ fn a_deep_map_gets_as_many_views_as_it_needs() {
         (views, text(&answer.stderr))
     };
     let plan = |more: &[&'static str]| {
-        let words = ["plan", "a.png", "--depth-map", "maps/a.png", "--near", "bright", "--size", "40x48", "--json"];
-        json(at, &[&words[..], &["--color", "green", "--engine", "cpu"], more].concat())["choices"].clone()
+        let words = ["solve", "a.png", "--depth-map", "maps/a.png", "--near", "bright", "--size", "40x48", "--json"];
+        json(at, &[&words[..], &["--dry-run", "--color", "green", "--engine", "cpu"], more].concat())["choices"].clone()
     };
     // 22 mm of eyebox: a millimetre of depth is 6.9 pixels.
     let (views, said) = solve(&["--depth=-1..1"]);

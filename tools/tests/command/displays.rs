@@ -1,4 +1,4 @@
-//! `eyebox displays`, and display files begun from it.
+//! `eyebox display list`, `show` and `new`, and display files begun from it.
 
 use crate::common::{Printed, command, done, eyebox, folder, json, notes, refused, text};
 
@@ -6,7 +6,7 @@ use crate::common::{Printed, command, done, eyebox, folder, json, notes, refused
 fn presets_are_listed_and_shown_with_their_sources() {
     let temp = folder();
     let at = temp.path();
-    let listed = done(at, &["displays"]);
+    let listed = done(at, &["display", "list"]);
     for name in [
         "paper",
         "plm",
@@ -18,7 +18,7 @@ fn presets_are_listed_and_shown_with_their_sources() {
     ] {
         assert!(listed.lines().any(|line| line.starts_with(name)), "{name}: {listed}");
     }
-    let report = json(at, &["displays", "--json"]);
+    let report = json(at, &["display", "list", "--json"]);
     let all = report["displays"].as_array().expect("displays");
     let is_listed = |name: &str| listed.lines().any(|line| line.split(' ').next() == Some(name));
     assert!(all.iter().all(|display| is_listed(display["name"].as_str().expect("a name"))), "{listed}");
@@ -27,19 +27,19 @@ fn presets_are_listed_and_shown_with_their_sources() {
         (&pluto["resolution"][1], &pluto["pitch_um"], &pluto["rate_hz"]),
         (&1920.into(), &8.0.into(), &serde_json::Value::Null)
     );
-    let shown = done(at, &["displays", "show", "holoeye-pluto-2.1"]);
+    let shown = done(at, &["display", "show", "holoeye-pluto-2.1"]);
     assert!(shown.lines().any(|line| line.starts_with('#') && line.contains("https://holoeye.com/")), "{shown}");
-    let again = done(at, &["displays", "show", "fields"]);
+    let again = done(at, &["display", "show", "fields"]);
     std::fs::write(at.join("fields.toml"), &again).unwrap();
-    assert!(again.ends_with(&done(at, &["displays", "show", "fields.toml"])));
-    refused(at, &["displays", "show", "none"], "x", "optics/unknown-display holoeye-pluto-2.1");
+    assert!(again.ends_with(&done(at, &["display", "show", "fields.toml"])));
+    refused(at, &["display", "show", "none"], "x", "optics/unknown-display holoeye-pluto-2.1");
 }
 
 #[test]
 fn a_file_begun_from_a_preset_is_taken_as_a_display() {
     let temp = folder();
     let at = temp.path();
-    done(at, &["displays", "new", "holoeye-pluto-2.1", "-o", "bench.toml"]);
+    done(at, &["display", "new", "holoeye-pluto-2.1", "-o", "bench.toml"]);
     let begun = std::fs::read_to_string(at.join("bench.toml")).unwrap();
     let measured = begun.replace("#two_pi_level", "two_pi_level").replace("green = 256", "green = 218");
     std::fs::write(at.join("bench.toml"), measured).unwrap();
@@ -50,9 +50,9 @@ fn a_file_begun_from_a_preset_is_taken_as_a_display() {
     assert_eq!(report["display"], "bench");
     let frame = image::open(at.join("x/frame-00000.png")).unwrap().into_luma8().into_raw();
     assert_eq!(frame, [0, 35, 69, 104, 183, 217]);
-    refused(at, &["displays", "new", "paper", "-o", "bench.toml"], "none", "arguments/exists");
-    refused(at, &["displays", "new", "none", "-o", "y.toml"], "y.toml", "arguments/no-such-preset");
-    refused(at, &["displays", "new", "paper", "-o", "y.txt"], "y.txt", "arguments/ending");
+    refused(at, &["display", "new", "paper", "-o", "bench.toml"], "none", "arguments/exists");
+    refused(at, &["display", "new", "none", "-o", "y.toml"], "y.toml", "arguments/no-such-preset");
+    refused(at, &["display", "new", "paper", "-o", "y.txt"], "y.txt", "arguments/ending");
 }
 
 /// A file that is begun brings its first phases, one table a color: a solve of all colors reads them and fits none. What is in the cache
@@ -73,12 +73,12 @@ fn a_file_begun_from_a_preset_brings_its_first_phases() {
         kept.sort();
         kept
     };
-    cached(&["displays", "new", "far-field", "-o", "far.toml"]);
+    cached(&["display", "new", "far-field", "-o", "far.toml"]);
     assert_eq!(tables().len(), 0);
-    cached(&["displays", "new", "small", "-o", "bench.toml"]);
+    cached(&["display", "new", "small", "-o", "bench.toml"]);
     let kept = tables();
     assert_eq!(kept.len(), 3);
-    cached(&["displays", "new", "small", "-o", "again.toml"]);
+    cached(&["display", "new", "small", "-o", "again.toml"]);
     cached(&["solve", "builtin:plane", "--display", "bench.toml", "--steps", "0", "--engine", "cpu", "-o", "h.zarr"]);
     assert_eq!(tables(), kept);
 }
@@ -99,7 +99,7 @@ fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
         frame.pixels().map(|image::Rgb([r, g, b])| u32::from(r >> 5) << 7 | u32::from(g >> 5) << 4 | u32::from(b >> 4));
     assert_eq!(read.collect::<Vec<_>>(), levels.map(|n| 4 * n as u32));
     // And back.
-    done(at, &["view", "x", "--pupil=0,0,4,0", "--force", "--engine", "cpu", "-o", "seen.png"]);
+    done(at, &["render", "x", "--pupil=0,0,4,0", "--force", "--engine", "cpu", "-o", "seen.png"]);
 }
 
 /// A set of eight grey frames takes an eighth of a 60 Hz display's rate: that is said wherever such a set is made.
@@ -119,10 +119,10 @@ fn a_set_that_flickers_is_said() {
     assert!(text(&eyebox(at, &encode("grey8")).stderr).has("7.5"));
     assert!(!notes(&notes_of("planes8"), "50"), "{}", notes_of("planes8"));
     // What the display's file says counts.
-    let fast = done(at, &["displays", "show", "grey8"]).replace("levels = 256", "levels = 256\nrate_hz = 480");
+    let fast = done(at, &["display", "show", "grey8"]).replace("levels = 256", "levels = 256\nrate_hz = 480");
     std::fs::write(at.join("fast.toml"), fast).unwrap();
     assert!(!notes(&notes_of("fast.toml"), "50"), "{}", notes_of("fast.toml"));
-    let plan = ["plan", "builtin:plane", "--size", "32x32", "--color", "green", "--engine", "cpu"];
+    let plan = ["solve", "builtin:plane", "--dry-run", "--size", "32x32", "--color", "green", "--engine", "cpu"];
     let planned = json(at, &[&plan[..], &["--json"]].concat());
     assert!(planned["flicker"].as_str().is_some_and(|slow| slow.has("7.5")), "{planned}");
     assert!(done(at, &plan).has("7.5"));
@@ -141,8 +141,8 @@ fn a_set_that_flickers_is_said() {
         "cpu",
     ];
     done(at, &solve);
-    let play = ["play", "h.zarr", "--display", "grey8", "--size", "32x32", "--clock", "simulated", "--duration", "0.5"];
-    let said = text(&eyebox(at, &play).stderr);
+    let show = ["show", "h.zarr", "--display", "grey8", "--size", "32x32", "--clock", "simulated", "--duration", "0.5"];
+    let said = text(&eyebox(at, &show).stderr);
     // Below 50 sets a second an eye sees flicker.
     assert!(said.lines_with("7.5 50") == 1, "{said}");
 }

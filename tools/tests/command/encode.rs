@@ -90,7 +90,7 @@ fn a_hologram_is_encoded_on_both_engines_for_a_display_of_ones_own() {
     let at = temp.path();
     let solve = ["solve", "builtin:plane", "-o", "h.zarr", "--size", "20x26", "--steps", "1", "--engine", "cpu"];
     done(at, &solve);
-    done(at, &["export", "h.zarr", "-o", "h.npy"]);
+    done(at, &["convert", "h.zarr", "h.npy"]);
     let display = "resolution = [20, 26]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
                    wavelengths_nm = { red = 660, green = 532, blue = 440 }\n[encoding]\npacking = \"fields\"\n\
                    two_pi_level = { red = 250, green = 218, blue = 200.5 }\nflip = \"horizontal\"\n\

@@ -8,7 +8,7 @@ const BENCH: &str = "resolution = [40, 48]\npitch_um = 8.0\nfocal_length_mm = 40
                      [encoding]\ntwo_pi_level = 218\n";
 
 fn seen(folder: &Path, args: &[&str]) -> Vec<f32> {
-    done(folder, &[&["view"][..], args, &["--pupil=0,0,4,0", "--engine", "cpu", "-o", "seen.npy"]].concat());
+    done(folder, &[&["render"][..], args, &["--pupil=0,0,4,0", "--engine", "cpu", "-o", "seen.npy"]].concat());
     ::eyebox::low_level::files::read_npy(&folder.join("seen.npy")).unwrap().values
 }
 
@@ -49,15 +49,15 @@ fn what_was_encoded_is_seen_as_the_hologram_is_or_as_the_slm_shows_it() {
     }
     assert_eq!(frames, seen(at, &["mine", "--encoded", "--display", "bench.toml", "--color", "green"]));
     let score = |what: &str| -> f64 {
-        let args = ["score", what, "builtin:still-life", "--pupils", "random:2", "--engine", "cpu", "--json"];
+        let args = ["eval", "score", what, "builtin:still-life", "--pupils", "random:2", "--engine", "cpu", "--json"];
         let found: serde_json::Value = serde_json::from_str(&done(at, &args)).expect("JSON");
         found["psnr_db"]["mean"].as_f64().expect("a PSNR")
     };
     let (whole, encoded) = (score("h.zarr"), score("frames"));
     assert!((whole - encoded).abs() < 0.5, "{whole} dB, encoded {encoded} dB");
     // A picture of it is as bright: the exposure is known.
-    done(at, &["view", "frames", "--pupil=0,0,4,0", "--engine", "cpu", "-o", "seen.png"]);
-    done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "--engine", "cpu", "-o", "hologram.png"]);
+    done(at, &["render", "frames", "--pupil=0,0,4,0", "--engine", "cpu", "-o", "seen.png"]);
+    done(at, &["render", "h.zarr", "--pupil=0,0,4,0", "--engine", "cpu", "-o", "hologram.png"]);
     let mean = |name: &str| {
         let picture = image::open(at.join(name)).unwrap().into_luma8();
         picture.iter().map(|p| f64::from(*p)).sum::<f64>() / picture.len() as f64
@@ -74,7 +74,7 @@ fn frames_that_do_not_fit_are_one_line() {
     done(at, &["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "frames"]);
     std::fs::create_dir(at.join("mine")).unwrap();
     std::fs::copy(at.join("frames/frame-00000.png"), at.join("mine/0.png")).unwrap();
-    let view = |more: &[&'static str]| [&["view"][..], more, &["--pupil=0,0,4,0", "-o", "x.png"]].concat();
+    let render = |more: &[&'static str]| [&["render"][..], more, &["--pupil=0,0,4,0", "-o", "x.png"]].concat();
     for (args, what) in [
         (&["mine", "--encoded"][..], "encode/frame/no-display --display"),
         (&["mine", "--encoded", "--display", "paper", "--color", "green"], "file/content/frame-size --size 40x48"),
@@ -86,12 +86,12 @@ fn frames_that_do_not_fit_are_one_line() {
         (&["frames", "--pitch", "8"], "arguments/options-of-phases --display --size --color"),
         (&["frames", "--color", "red"], "encode/frame/other-color"),
     ] {
-        refused(at, &view(args), "x.png", what);
+        refused(at, &render(args), "x.png", what);
     }
     std::fs::remove_file(at.join("frames/frame-00000.png")).unwrap();
-    refused(at, &view(&["frames"]), "x.png", "file/read frame-00000.png");
+    refused(at, &render(&["frames"]), "x.png", "file/read frame-00000.png");
     std::fs::write(at.join("frames/frames.json"), "{\"format\": 1}").unwrap();
-    refused(at, &view(&["frames"]), "x.png", "file/content/damaged frames.json");
+    refused(at, &render(&["frames"]), "x.png", "file/content/damaged frames.json");
     // Damaged files are replaced.
     done(at, &["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "frames"]);
     assert!(

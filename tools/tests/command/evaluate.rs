@@ -1,4 +1,4 @@
-//! `eyebox evaluate` as a user runs it: the report, going on after an interruption, and what it answers to mistakes.
+//! `eyebox eval compare` as a user runs it: the report, going on after an interruption, and what it answers to mistakes.
 
 use crate::common::{self, command, done};
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ fn refused(folder: &Path, args: &[&str], what: &str) {
 const SMALL: [&str; 8] = ["--size", "40x48", "--steps", "3", "--engine", "cpu", "-o", "out"];
 
 fn evaluate<'a>(scenes: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
-    [&["evaluate"][..], scenes, &SMALL, more].concat()
+    [&["eval", "compare"][..], scenes, &SMALL, more].concat()
 }
 
 fn read(folder: &Path, name: &str) -> String {
@@ -30,7 +30,7 @@ fn views(folder: &Path, name: &str, size: &str) -> PathBuf {
     for i in 0..4 {
         let (pupil, out) =
             (format!("--pupil={},{},2,0", i % 2 * 8 - 4, i / 2 * 8 - 4), format!("{name}/view_{i:02}.png"));
-        done(folder, &["photograph", "builtin:plane", "--size", size, "--views", "3", &pupil, "-o", &out]);
+        done(folder, &["render", "builtin:plane", "--size", size, "--views", "3", &pupil, "-o", &out]);
     }
     folder.join(name)
 }
@@ -128,7 +128,8 @@ fn an_interrupted_evaluation_goes_on_where_it_was() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
     let args = [
-        "evaluate",
+        "eval",
+        "compare",
         "builtin:still-life",
         "--size",
         "64x64",
@@ -191,8 +192,17 @@ fn holograms_that_exist_are_measured_as_they_are() {
     };
     solve("40x48", "mine.zarr");
     solve("32x32", "other.zarr");
-    let wrong =
-        ["evaluate", "builtin:plane", "--hologram", "mine=mine.zarr", "--hologram", "other=other.zarr", "-o", "out"];
+    let wrong = [
+        "eval",
+        "compare",
+        "builtin:plane",
+        "--hologram",
+        "mine=mine.zarr",
+        "--hologram",
+        "other=other.zarr",
+        "-o",
+        "out",
+    ];
     refused(at, &wrong, "quality/input/size other.zarr 32");
     refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine=mine.zarr"]), "quality/input/colors --color");
     refused(
@@ -209,13 +219,16 @@ fn holograms_that_exist_are_measured_as_they_are() {
     let two = evaluate(&["builtin:chart", "builtin:points"], &["--color", "green", "--hologram", "mine=mine.zarr"]);
     refused(at, &two, "quality/input/other-scene");
     // Its own size and colours, without being told.
-    done(at, &["evaluate", "builtin:plane", "--hologram", "Mine & <co>=mine.zarr", "--engine", "cpu", "-o", "out"]);
+    done(
+        at,
+        &["eval", "compare", "builtin:plane", "--hologram", "Mine & <co>=mine.zarr", "--engine", "cpu", "-o", "out"],
+    );
     let report: serde_json::Value = serde_json::from_str(&read(at, "report.json")).unwrap();
     assert_eq!(report["about"]["size"], serde_json::json!([40, 48]));
     assert_eq!(report["runs"][0]["method"], "Mine & <co>");
     let page = read(at, "report.html");
     assert!(page.contains("Mine &amp; &lt;co&gt;") && !page.contains("<co>"));
-    // And the same numbers as `score` looks at.
+    // And the same numbers as `eval score` looks at.
     assert!(read(at, "scores.csv").lines().count() == 93);
 }
 
@@ -237,12 +250,12 @@ fn mistakes_are_one_line_and_leave_nothing() {
     std::fs::write(at.join("bad.csv"), "method,mean\nslfh,1\n").unwrap();
     refused(at, &evaluate(&["builtin:plane"], &["--reference", "bad.csv"]), "quality/input/columns bad.csv");
     let mut zero = evaluate(&["builtin:plane"], &[]);
-    zero[5] = "0";
+    zero[6] = "0";
     refused(at, &zero, "arguments/steps --steps");
     // Folders of pictures of different sizes, with nothing said of what they are fitted to.
     views(at, "wide", "20x40");
     views(at, "tall", "40x36");
-    refused(at, &["evaluate", "wide", "tall", "--engine", "cpu", "-o", "out"], "arguments/sizes 40 36 20");
+    refused(at, &["eval", "compare", "wide", "tall", "--engine", "cpu", "-o", "out"], "arguments/sizes 40 36 20");
     // A view that is missing is found before anything is written.
     std::fs::remove_file(at.join("wide/view_02.png")).unwrap();
     refused(at, &evaluate(&["builtin:plane", "wide"], &[]), "scene/missing-view");

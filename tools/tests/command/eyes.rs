@@ -6,7 +6,7 @@ use eyebox::low_level::files::read_npy;
 const BENCH: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 
-/// The mean PSNR that `score --json` prints.
+/// The mean PSNR that `eval score --json` prints.
 fn decibels(text: &str) -> f64 {
     serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
 }
@@ -21,7 +21,7 @@ fn a_score_says_what_an_obstruction_costs() {
     let solve = ["solve", "builtin:still-life", "--size", "96x96", "--color", "green", "--steps", "10", "-o", "h.zarr"];
     done(at, &[&solve[..], &["--engine", "cpu"]].concat());
     let score = |more: &[&str]| {
-        let how = ["score", "h.zarr", "--pupils", "pupils.json", "--engine", "cpu", "--json", "--no-jod"];
+        let how = ["eval", "score", "h.zarr", "--pupils", "pupils.json", "--engine", "cpu", "--json", "--jod", "none"];
         serde_json::from_str::<serde_json::Value>(&done(at, &[&how[..], more].concat())).unwrap()
     };
     let clear = score(&[]);
@@ -36,9 +36,10 @@ fn a_score_says_what_an_obstruction_costs() {
     let [lashes, floaters, opacity, scratches] = ["lashes", "floaters", "opacity", "scratches"].map(of);
     assert!(lashes > 18.0 && lashes < opacity && opacity > 24.0, "{lashes} {opacity}");
     assert!(floaters > opacity - 3.0 && scratches > opacity - 3.0, "{floaters} {scratches}");
-    let said = done(at, &["score", "h.zarr", "--pupils", "pupils.json", "--no-jod", "--obstructed", "lashes"]);
+    let said =
+        done(at, &["eval", "score", "h.zarr", "--pupils", "pupils.json", "--jod", "none", "--obstructed", "lashes"]);
     assert!(said.has(&format!("{lashes:.2}")), "{said}");
-    refused(at, &["score", "h.zarr", "--obstructed", "nose"], "x", "usage/invalid-value");
+    refused(at, &["eval", "score", "h.zarr", "--obstructed", "nose"], "x", "usage/invalid-value");
 }
 
 /// A hologram keeps the eye that it was solved for and is looked at with it, unless another is given.
@@ -68,7 +69,7 @@ fn a_hologram_keeps_its_eye() {
     solve("file.zarr", &["--eye-file", "eye.toml"]);
     let view = |hologram: &str, out: &str, more: &[&str]| {
         let pupil = ["--pupil", "2,-1,4,0", "--engine", "cpu", "-o", out];
-        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        let answer = eyebox(at, &[&["render", hologram][..], &pupil, more].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
     };
@@ -84,7 +85,7 @@ fn a_hologram_keeps_its_eye() {
     assert!(view("plain.zarr", "none.npy", &["--prescription", "none"]).0 == plain);
     let score = |hologram: &str, more: &[&str]| {
         let pupils = ["builtin:still-life", "--json", "--engine", "cpu", "--pupil-diameter", "2..5"];
-        decibels(&done(at, &[&["score", hologram][..], &pupils, more].concat()))
+        decibels(&done(at, &[&["eval", "score", hologram][..], &pupils, more].concat()))
     };
     let (kept, lost) = (score("near.zarr", &[]), score("plain.zarr", &["--prescription", "-0.1"]));
     assert!(kept > score("plain.zarr", &[]) - 0.5 && lost < kept, "{kept} {lost}");
@@ -106,10 +107,10 @@ fn a_plan_and_a_comparison_have_an_eye() {
     let at = dir.path();
     std::fs::write(at.join("bench.toml"), format!("{BENCH}[prescription]\nsphere = -0.05\n")).unwrap();
     let plan = |more: &[&str]| {
-        let plan =
-            ["plan", "builtin:still-life", "--display", "bench.toml", "--engine", "cpu", "--pupil-diameter", "2..5"];
-        let said = done(at, &[&plan[..], more].concat());
-        let choices = json(at, &[&plan[..], &["--json"], more].concat())["choices"].clone();
+        let plan = ["solve", "builtin:still-life", "--dry-run", "--display", "bench.toml", "--pupil-diameter", "2..5"];
+        let plan = [&plan[..], &["--engine", "cpu"], more].concat();
+        let said = done(at, &plan);
+        let choices = json(at, &[&plan[..], &["--json"]].concat())["choices"].clone();
         let chosen = choices.as_array().unwrap().iter().find(|c| c["what"] == "eye");
         let chosen = chosen.map(|choice| choice["value"].as_str().unwrap().to_owned());
         assert!(chosen.iter().all(|eye| said.contains(eye)), "{chosen:?}: {said}");
@@ -119,7 +120,7 @@ fn a_plan_and_a_comparison_have_an_eye() {
     let evaluate = |out: &str, more: &[&str]| {
         let settings =
             ["--methods", "slfh", "--steps", "3", "--frames", "2", "--engine", "cpu", "--pupil-diameter", "2..5"];
-        let evaluate = ["evaluate", "builtin:still-life", "--display", "bench.toml", "--no-speckle", "-o", out];
+        let evaluate = ["eval", "compare", "builtin:still-life", "--display", "bench.toml", "--no-speckle", "-o", out];
         done(at, &[&evaluate[..], &settings, more].concat())
     };
     let own = evaluate("out", &[]);
@@ -136,8 +137,19 @@ fn a_study_follows_an_eye_with_its_prescription() {
         ["solve", "builtin:still-life", "--size", "64x72", "--color", "green", "--steps", "8", "--engine", "cpu"];
     done(at, &[&solve[..], &["--prescription", "-0.1", "--pupil-diameter", "2..5", "-o", "h.zarr"]].concat());
     let study = |out: &str, more: &[&str]| {
-        let study =
-            ["study", "h.zarr", "--display", "planes8", "--duration", "0.5", "--step-time", "4", "--engine", "cpu"];
+        let study = [
+            "eval",
+            "gaze",
+            "h.zarr",
+            "--display",
+            "planes8",
+            "--duration",
+            "0.5",
+            "--step-time",
+            "4",
+            "--engine",
+            "cpu",
+        ];
         done(at, &[&study[..], &["-o", out], more].concat());
         let all = std::fs::read(at.join(out).join("study.json")).unwrap();
         let all: serde_json::Value = serde_json::from_slice(&all).unwrap();

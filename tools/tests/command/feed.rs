@@ -28,7 +28,7 @@ fn a_path_is_fed_as_it_is_loaded() {
     let temp = common::folder();
     let mut display = display(temp.path());
     let mut frame = display.frame();
-    let args = ["feed", "builtin:plane?brightness=0.5", "--name", "show", "--rate", "200", "--path=depth=-1..1"];
+    let args = ["feed", "builtin:plane?brightness=0.5", "--name", "show", "--rate", "200", "--move=depth=-1..1"];
     let mut command = common::command(temp.path(), &args);
     command.args(["--display", "small", "--steps", "3", "--frames", "9", "--json"]).env("XDG_RUNTIME_DIR", temp.path());
     let mut feed = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -64,8 +64,8 @@ fn mistakes_are_one_line() {
     let temp = common::folder();
     let at = temp.path();
     refused(at, &["feed", "builtin:plane", "--name", "../x"], "x", "live 64");
-    refused(at, &["feed", "builtin:plane", "--name", "x", "--path=depth"], "x", "usage/value-validation KEY=A..B");
-    refused(at, &["feed", "a", "b", "--name", "x", "--path=depth=0..1"], "x", "arguments/path-of-many --path");
+    refused(at, &["feed", "builtin:plane", "--name", "x", "--move=depth"], "x", "usage/value-validation KEY=A..B");
+    refused(at, &["feed", "a", "b", "--name", "x", "--move=depth=0..1"], "x", "arguments/path-of-many --move");
     refused(at, &["feed", "builtin:plane", "--name", "nobody-takes-this"], "x", "live");
     assert!(done(at, &["feed", "--help"]).contains("--rate"));
 }

@@ -31,7 +31,7 @@ fn views(folder: &Path, ending: &str, save: impl Fn(&RgbImage, &Path)) {
 
 /// What a pupil sees of a scene: the values that another way to give it must have, too.
 fn seen(at: &Path, scene: &str, more: &[&str]) -> Vec<f32> {
-    let words = ["photograph", scene, "--size", "16x16", "--pupil=0,0,8,0", "-o", "seen.npy", "--engine", "cpu"];
+    let words = ["render", scene, "--size", "16x16", "--pupil=0,0,8,0", "-o", "seen.npy", "--engine", "cpu"];
     done(at, &[&words[..], more].concat());
     read_npy(&at.join("seen.npy")).unwrap().values
 }
@@ -92,13 +92,13 @@ fn a_view_whose_name_is_not_utf8_is_named_and_read_once_it_is_renamed() {
         let right = at.join("v/v_2_2.png");
         let whole = seen(at, "v", &[]);
         fs::rename(&right, &wrong).unwrap();
-        refused(at, &["inspect", "v"], "x", "scene/unreadable/name-not-utf8");
+        refused(at, &["info", "v"], "x", "scene/unreadable/name-not-utf8");
         fs::rename(&wrong, &right).unwrap();
         assert_eq!(seen(at, "v", &[]), whole);
         // The scene's own name, too.
         let scene = at.join(OsStr::from_bytes(b"caf\xe9"));
         fs::rename(at.join("v"), &scene).unwrap();
-        let mut command = crate::common::command(at, &["inspect"]);
+        let mut command = crate::common::command(at, &["info"]);
         crate::common::refusal_of(command.arg(&scene)).is("usage/invalid-utf8");
     }
 }
@@ -135,7 +135,7 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
     ] {
         let (stored, its) = transposed(&pixels, &shape, &order);
         write_npy(&at.join("other.npy"), &its, &stored).unwrap();
-        let refusal = refusal(at, &["inspect", "other.npy"]);
+        let refusal = refusal(at, &["info", "other.npy"]);
         assert_eq!(refusal.code, "scene/corrupt/array-shape");
         assert!(refusal.message.contains(remedy), "{refusal:?}");
         let (turned, its) = transposed(&stored, &its, &back);
@@ -146,9 +146,9 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
     let gray: Vec<f32> = pixels.chunks(3).map(|p| p[1]).collect();
     let (stored, its) = transposed(&gray, &shape[..4], &[2, 3, 0, 1]);
     write_npy(&at.join("other.npy"), &its, &stored).unwrap();
-    refused(at, &["inspect", "other.npy"], "x", "scene/corrupt/array-shape numpy.moveaxis(views");
+    refused(at, &["info", "other.npy"], "x", "scene/corrupt/array-shape numpy.moveaxis(views");
     write_npy(&at.join("other.npy"), &[N as usize, N as usize, 3], &pixels[..(N * N * 3) as usize]).unwrap();
-    refused(at, &["inspect", "other.npy"], "x", "scene/corrupt/array-one-picture");
+    refused(at, &["info", "other.npy"], "x", "scene/corrupt/array-one-picture");
 }
 
 #[test]
@@ -229,21 +229,21 @@ fn what_is_no_scene_is_called_what_it_is_with_the_line_that_converts_it() {
             assert!(found.as_str().is_some_and(|found| found.contains(kind)), "{words:?}: {refusal:?}");
             refusal
         };
-        for words in [&["inspect", name][..], &["solve", name, "-o", "x.zarr"], &["plan", name]] {
+        for words in [&["info", name][..], &["solve", name, "-o", "x.zarr"], &["solve", name, "--dry-run"]] {
             let refusal = is(words, "scene/kind");
             assert!(refusal.message.contains(remedy), "{words:?}: {refusal:?}");
         }
         // The same as a map, and as phases.
         view(0, 0).save(at.join("photo.png")).unwrap();
-        is(&["inspect", "photo.png", "--depth-map", name], "scene/kind");
-        is(&["import", name, "--display", "small", "--color", "green", "-o", "x.zarr"], "file/kind");
+        is(&["info", "photo.png", "--depth-map", name], "scene/kind");
+        is(&["convert", name, "x.zarr", "--display", "small", "--color", "green"], "file/kind");
     }
     // Folders of them.
     fs::create_dir(at.join("webp")).unwrap();
     for i in 0..9 {
         fs::write(at.join(format!("webp/v_{i}.webp")), b"RIFF\0\0\0\0WEBPVP8 ").unwrap();
     }
-    refused(at, &["inspect", "webp"], "x", "scene/kind");
+    refused(at, &["info", "webp"], "x", "scene/kind");
 }
 
 /// Runs the command that a refusal ends with. Returns false if this machine lacks a program that it calls.
@@ -278,7 +278,7 @@ fn the_lines_for_python_make_arrays_that_show_the_same() {
             eprintln!("left out: python has no {needs}");
             continue;
         }
-        let answer = eyebox(at, &["inspect", name]);
+        let answer = eyebox(at, &["info", name]);
         let said = text(&answer.stderr);
         assert_eq!(answer.status.code(), Some(2), "{name}: {said}");
         assert!(follow(at, &said, needs));
@@ -313,9 +313,9 @@ fn phases_as_pictures_are_imported_by_the_documented_rule() {
         rgb.save(at.join(format!("three/{k}.png"))).unwrap();
     }
     let import = |file: &str, more: &[&str]| -> Vec<f32> {
-        let words = ["import", file, "--display", "small", "--size", "16x16", "-o", "h.zarr"];
+        let words = ["convert", file, "h.zarr", "--display", "small", "--size", "16x16"];
         done(at, &[&words[..], more].concat());
-        done(at, &["export", "h.zarr", "-o", "p.npy"]);
+        done(at, &["convert", "h.zarr", "p.npy"]);
         read_npy(&at.join("p.npy")).unwrap().values
     };
     let wanted = |k: u32| (0..N * N).map(move |i| radians(f32::from(level(i % N, i / N, k)), 256.0));
@@ -335,20 +335,20 @@ fn phases_as_pictures_are_imported_by_the_documented_rule() {
     assert!(near(&import("eight", &["--color", "green", "--phase-unit", "128"]), &half, 1e-5), "128 levels a turn");
 
     // Without the color, with a hole, of two phases, and lossy.
-    let plain = ["import", "eight", "--display", "small", "--size", "16x16", "-o", "x.zarr"];
+    let plain = ["convert", "eight", "x.zarr", "--display", "small", "--size", "16x16"];
     refused(at, &plain, "x.zarr", "hologram/doubtful/colors-not-named --color");
     fs::rename(at.join("eight/phase_001.bmp"), at.join("one.bmp")).unwrap();
     refused(at, &[&plain[..], &green].concat(), "x.zarr", "hologram/not-a-hologram/missing-sub-frame phase_002.bmp");
     let binary = GrayImage::from_fn(N, N, |x, y| Luma([if level(x, y, 1) > 127 { 255 } else { 0 }]));
     binary.save(at.join("two.png")).unwrap();
-    let two = ["import", "two.png", "--display", "small", "--size", "16x16", "--color", "green", "-o"];
-    refused(at, &[&two[..], &["x.zarr"]].concat(), "x.zarr", "hologram/doubtful/two-levels --phase-unit 510");
+    let two = ["convert", "two.png", "x.zarr", "--display", "small", "--size", "16x16", "--color", "green"];
+    refused(at, &two, "x.zarr", "hologram/doubtful/two-levels --phase-unit 510");
     let phases = import("two.png", &["--color", "green", "--phase-unit", "510"]);
     assert!(phases.iter().all(|p| p.abs() < 1e-6 || (p.abs() - TAU / 2.0).abs() < 1e-6));
     binary.save(at.join("two.jpg")).unwrap();
     refused(
         at,
-        &["import", "two.jpg", "--display", "small", "--color", "green", "-o", "x.zarr"],
+        &["convert", "two.jpg", "x.zarr", "--display", "small", "--color", "green"],
         "x.zarr",
         "file/content/jpeg",
     );
@@ -362,21 +362,21 @@ fn phases_whose_last_axis_counts_sub_frames_are_refused_and_the_line_turns_them(
     let shape = [4, 24, 24];
     write_npy(&at.join("right.npy"), &shape, &values).unwrap();
     let import = |file: &'static str, size: &'static str| {
-        ["import", file, "--display", "small", "--size", size, "--color", "green", "-o", "h.zarr"]
+        ["convert", file, "h.zarr", "--display", "small", "--size", size, "--color", "green"]
     };
     done(at, &import("right.npy", "24x24"));
-    done(at, &["export", "h.zarr", "-o", "right-again.npy"]);
+    done(at, &["convert", "h.zarr", "right-again.npy"]);
     fs::remove_dir_all(at.join("h.zarr")).unwrap();
     let (last, its) = transposed(&values, &shape, &[1, 2, 0]);
     write_npy(&at.join("last.npy"), &its, &last).unwrap();
     refused(at, &import("last.npy", "24x24"), "h.zarr", "hologram/not-a-hologram/shape numpy.moveaxis(phases");
     // Without a display's size its shape alone decides; of 12 columns only the display knows.
-    let bare = ["--pitch", "8", "--wavelength", "520", "--focal-length", "400", "-o", "h.zarr"];
+    let bare = ["--pitch", "8", "--wavelength", "520", "--focal-length", "400"];
     let (many, its) = transposed(&vec![0.5; 8 * 64 * 64], &[8, 64, 64], &[1, 2, 0]);
     write_npy(&at.join("many.npy"), &its, &many).unwrap();
     refused(
         at,
-        &[&["import", "many.npy"][..], &bare].concat(),
+        &[&["convert", "many.npy", "h.zarr"][..], &bare].concat(),
         "h.zarr",
         "hologram/doubtful/sub-frames-last numpy.moveaxis(phases",
     );
@@ -388,7 +388,7 @@ fn phases_whose_last_axis_counts_sub_frames_are_refused_and_the_line_turns_them(
     let (turned, its) = transposed(&last, &its_of(&shape, &[1, 2, 0]), &[2, 0, 1]);
     write_npy(&at.join("last.npy"), &its, &turned).unwrap();
     done(at, &import("last.npy", "24x24"));
-    done(at, &["export", "h.zarr", "-o", "again.npy"]);
+    done(at, &["convert", "h.zarr", "again.npy"]);
     assert_eq!(fs::read(at.join("again.npy")).unwrap(), fs::read(at.join("right-again.npy")).unwrap());
 }
 

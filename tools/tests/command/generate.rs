@@ -8,7 +8,7 @@ fn every_shell_completes_commands_and_their_options() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         let text = done(folder.path(), &["completions", shell]);
         let option = if shell == "fish" { "-l depth-map" } else { "--depth-map" };
-        assert!(text.contains("photograph") && text.contains(option), "{shell}: {text}");
+        assert!(text.contains("render") && text.contains(option), "{shell}: {text}");
     }
     refused(folder.path(), &["completions", "tcl"], "x", "usage/invalid-value bash");
 }
@@ -18,15 +18,24 @@ fn there_is_a_page_of_the_manual_for_every_command() {
     let folder = folder();
     done(folder.path(), &["man", "-o", "man1"]);
     let pages = folder.path().join("man1");
-    let first = std::fs::read_to_string(pages.join("eyebox.1")).unwrap();
-    let help = done(folder.path(), &["help"]);
-    let listed = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-    // A line that begins farther in goes on with what a command is for.
-    let names = listed.filter_map(|l| l.strip_prefix("  ")?.split(' ').next().filter(|n| !["", "help"].contains(n)));
-    for name in names {
-        let page = std::fs::read_to_string(pages.join(format!("eyebox-{name}.1"))).unwrap();
-        assert!(page.contains(".SH SYNOPSIS") && page.contains(&format!("eyebox {name}")), "{name}: {page}");
-        assert!(first.contains(name), "{name}");
+    let read = |words: &[&str]| std::fs::read_to_string(pages.join(format!("{}.1", words.join("-")))).unwrap();
+    // All commands, and those of each group.
+    for group in
+        [&["eyebox"][..], &["eyebox", "eval"], &["eyebox", "display"], &["eyebox", "device"], &["eyebox", "tracker"]]
+    {
+        let help = done(folder.path(), &[&["help"], &group[1..]].concat());
+        let listed = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
+        // A line that begins farther in goes on with what a command is for.
+        let names =
+            listed.filter_map(|l| l.strip_prefix("  ")?.split(' ').next().filter(|n| !["", "help"].contains(n)));
+        let names: Vec<_> = names.collect();
+        assert!(names.len() >= 2, "{group:?}: {help}");
+        for name in names {
+            let words = [group, &[name]].concat();
+            let page = read(&words);
+            assert!(page.contains(".SH SYNOPSIS") && page.contains(&words.join(" ")), "{name}: {page}");
+            assert!(read(group).contains(name), "{name}");
+        }
     }
     std::fs::write(folder.path().join("file"), "").unwrap();
     refused(folder.path(), &["man", "-o", "file/man1"], "file/man1", "file/taken/no-such-folder");
@@ -36,7 +45,7 @@ fn there_is_a_page_of_the_manual_for_every_command() {
 fn forty_options_stand_under_headings() {
     let folder = folder();
     let help = done(folder.path(), &["help", "solve"]);
-    let options = ["--depth-map", "--size", "--seconds", "--json"];
+    let options = ["--depth-map", "--size", "--duration", "--json"];
     let heading_of = |option: &&str| {
         let lines: Vec<&str> = help.lines().collect();
         let at = lines.iter().position(|line| line.trim_start().starts_with(option)).expect("the option");

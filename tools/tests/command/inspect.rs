@@ -1,4 +1,4 @@
-//! `eyebox inspect`, and the order of views, as a user meets them.
+//! `eyebox info`, and the order of views, as a user meets them.
 
 use crate::common::{Printed, done, folder, refused};
 use serde_json::Value;
@@ -14,13 +14,12 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     for i in 0..9 {
         let (x, y) = ((i % 3 - 1) * 7, (1 - i / 3) * 7);
         let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{}_{}.png", i / 3, i % 3));
-        let scene =
-            ["photograph", "builtin:still-life?span=0.7", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
+        let scene = ["render", "builtin:still-life?span=0.7", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
         done(at, &[&scene[..], &SIZE].concat());
     }
-    let inspect = |more: &[&str]| done(at, &[&["inspect", "views"][..], &SIZE, more].concat());
+    let info = |more: &[&str]| done(at, &[&["info", "views"][..], &SIZE, more].concat());
     let read = |text: &str| serde_json::from_str::<Value>(text).unwrap();
-    let doubted = read(&inspect(&["--json"]));
+    let doubted = read(&info(&["--json"]));
     assert_eq!(
         (&doubted["grid"], &doubted["order_confirmed"]),
         (&Value::from(vec![3, 3]), &Value::from(false)),
@@ -30,8 +29,8 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     let solve = [&["solve", "views", "-o", "x.zarr", "--steps", "1", "--engine", "cpu"][..], &SIZE].concat();
     refused(at, &solve, "x.zarr", "scene/order/moves-otherwise lightfield.toml");
 
-    let text = inspect(&["--order", "flip-rows", "-o", "sheet.png"]);
-    let found = read(&inspect(&["--order", "flip-rows", "--json"]));
+    let text = info(&["--order", "flip-rows", "-o", "sheet.png"]);
+    let found = read(&info(&["--order", "flip-rows", "--json"]));
     assert!(text.has("views 3 64 flip-rows green"), "{text}");
     for of in [&found["disparity_px"], &found["depth_mm"], &found["parallax_px"][0], &found["parallax_px"][1]] {
         let ends = [0, 1].map(|i| (of[i].as_f64().unwrap() * 100.0).round() / 100.0);
@@ -44,13 +43,13 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     assert_eq!(sheet, (3 * 66 - 2, 3 * 66 - 2));
     // A hologram remembers what was said.
     done(at, &[&solve[..], &["--order", "flip-rows"]].concat());
-    done(at, &["score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
+    done(at, &["eval", "score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
     // Stated in the folder, it needs no flag.
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
-    assert_eq!(read(&inspect(&["--json"]))["order"], "flip-rows");
+    assert_eq!(read(&info(&["--json"]))["order"], "flip-rows");
     // Of which views photographs are made is planned, solved, remembered, and asked the same when it is scored.
     let plan = |how: &str| {
-        let plan = ["plan", "views", "--photographs", how, "--engine", "cpu", "--json"];
+        let plan = ["solve", "views", "--dry-run", "--photographs", how, "--engine", "cpu", "--json"];
         let choices = read(&done(at, &[&plan[..], &SIZE].concat()))["choices"].clone();
         choices.as_array().unwrap().iter().find(|choice| choice["what"] == "photographs").cloned()
     };
@@ -60,9 +59,10 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     let settings = std::fs::read_to_string(at.join("x.zarr/zarr.json")).unwrap();
     let settings = &read(&settings)["attributes"]["eyebox"]["settings"];
     assert_eq!((&settings["photographs"], &settings["views"]), (&"layers".into(), &Value::from(vec![3, 3])));
-    done(at, &["score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
-    for command in ["solve", "evaluate", "study", "live", "preview", "photograph"] {
-        refused(at, &[command, "views", "--order", "backwards"], "none", "usage/value-validation as-named");
+    done(at, &["eval", "score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
+    for command in ["solve", "eval compare", "eval gaze", "show", "preview", "render"] {
+        let words: Vec<_> = command.split(' ').chain(["views", "--order", "backwards"]).collect();
+        refused(at, &words, "none", "usage/value-validation as-named");
     }
 }
 
@@ -75,14 +75,14 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
     for i in 0..9 {
         let (x, y) = ((i % 3 - 1) * 7, (i / 3 - 1) * 7);
         let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{}_{}.png", i / 3, i % 3));
-        let scene = ["photograph", "builtin:dense-grass?span=2", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
+        let scene = ["render", "builtin:dense-grass?span=2", "--views", "3", &pupil, "-o", &out, "--engine", "cpu"];
         done(at, &[&scene[..], &SIZE].concat());
     }
     let asks = "scene/depth --depth depth_mm lightfield.toml";
-    let inspect = |more: &[&str]| done(at, &[&["inspect", "views"][..], &SIZE, more].concat());
-    let found: Value = serde_json::from_str(&inspect(&["--json"])).unwrap();
+    let info = |more: &[&str]| done(at, &[&["info", "views"][..], &SIZE, more].concat());
+    let found: Value = serde_json::from_str(&info(&["--json"])).unwrap();
     assert!(found["doubt"].as_str().is_some_and(|doubt| doubt.contains("--depth")), "{found}");
-    assert!(inspect(&[]).contains(found["doubt"].as_str().unwrap()), "{}", inspect(&[]));
+    assert!(info(&[]).contains(found["doubt"].as_str().unwrap()), "{}", info(&[]));
     let steps = ["--steps", "1", "--frames", "1", "--engine", "cpu"];
     refused(
         at,
@@ -98,8 +98,11 @@ fn depths_that_the_views_do_not_show_are_asked_for() {
     );
     refused(
         at,
-        &[&["evaluate", "views", "-o", "report", "--methods", "dpac", "--json", "--order", "as-named"][..], &SIZE]
-            .concat(),
+        &[
+            &["eval", "compare", "views", "-o", "report", "--methods", "dpac", "--json", "--order", "as-named"][..],
+            &SIZE,
+        ]
+        .concat(),
         "report/report.html",
         asks,
     );

@@ -39,12 +39,12 @@ fn a_command_that_has_nothing_to_save_ends_and_leaves_nothing() {
     // Each takes seconds before there is anything to save, and the signal comes as soon as it is heard.
     let lines = [
         "solve builtin:still-life --size 384x384 --views 17 -o out/x.zarr --engine cpu",
-        "photograph builtin:still-life --size 384x384 --views 17 --pupil=0,0,4,0 -o out/x.png --engine cpu",
-        "inspect builtin:still-life --size 384x384 --views 17 -o out/x.png",
-        "plan builtin:still-life --size 384x384 --views 17",
-        "score h.zarr --pupils random:40000 --engine cpu",
-        "score h.zarr builtin:still-life --pupils random:40000 --json --engine cpu",
-        "study builtin:still-life --size 384x384 --views 17 -o out/x --engine cpu",
+        "render builtin:still-life --size 384x384 --views 17 --pupil=0,0,4,0 -o out/x.png --engine cpu",
+        "info builtin:still-life --size 384x384 --views 17 -o out/x.png",
+        "solve builtin:still-life --size 384x384 --views 17 --dry-run",
+        "eval score h.zarr --pupils random:40000 --engine cpu",
+        "eval score h.zarr builtin:still-life --pupils random:40000 --json --engine cpu",
+        "eval gaze builtin:still-life --size 384x384 --views 17 -o out/x --engine cpu",
     ];
     for line in lines {
         let (status, said) = interrupt(at, line);
@@ -69,7 +69,7 @@ fn an_interrupted_solve_leaves_a_whole_hologram() {
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(killed.success());
     assert!(child.wait().unwrap().success(), "{:?}", lines.map(Result::unwrap).collect::<Vec<_>>());
-    done(at, &["view", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+    done(at, &["render", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
 }
 
 /// A step of it takes far longer than the second ctrl-C: it ends inside one, with nothing written.

@@ -22,11 +22,11 @@ fn a_hologram_of_all_colours_at_once() {
 
     let pupil = ["--pupil", "1,-1,6,0", "--engine", "cpu", "-o"];
     let view = |hologram: &str, out: &str, more: &[&str]| {
-        done(at, &[&["view", hologram][..], &pupil, &[out], more].concat());
+        done(at, &[&["render", hologram][..], &pupil, &[out], more].concat());
         read_npy(&at.join(out)).unwrap().values
     };
     let whole = view("joint.zarr", "whole.npy", &[]);
-    let score = ["score", "joint.zarr", SCENE, "--views", "3", "--json", "--no-jod", "--engine", "cpu"];
+    let score = ["eval", "score", "joint.zarr", SCENE, "--views", "3", "--json", "--jod", "none", "--engine", "cpu"];
     let scored: serde_json::Value = serde_json::from_str(&done(at, &score)).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 14.0, "{scored}");
 
@@ -150,8 +150,8 @@ fn a_study_says_what_steering_gains() {
     let dir = folder();
     let at = dir.path();
     solved(at, "6");
-    let study = ["study", "joint.zarr", "--display", "grey8", "--views", "3", "--engine", "cpu", "--json"];
-    let eye = ["--duration", "1", "--step-time", "1", "--no-jod", "-o", "out"];
+    let study = ["eval", "gaze", "joint.zarr", "--display", "grey8", "--views", "3", "--engine", "cpu", "--json"];
+    let eye = ["--duration", "1", "--step-time", "1", "--jod", "none", "-o", "out"];
     let said = json(&done(at, &[&study[..], &eye].concat()));
     let gain = said["summary"]["end_of_fixation_db"]["mean"].as_f64().unwrap();
     let steps = said["summary"]["steps"].as_u64().unwrap();
@@ -207,8 +207,8 @@ fn what_cannot_be_is_refused_in_a_line() {
     document["attributes"]["eyebox"].as_object_mut().unwrap().remove("version");
     document["attributes"]["eyebox"]["settings"]["joint_color"]["lasers"]["red"]["powers"][0] = (-1.0).into();
     std::fs::write(&file, document.to_string()).unwrap();
-    let view = ["view", "joint.zarr", "--pupil=0,0,6,0", "--engine", "cpu", "-o", "out.npy"];
-    refused(at, &view, "out.npy", "hologram/not-a-hologram/power -1 red");
+    let render = ["render", "joint.zarr", "--pupil=0,0,6,0", "--engine", "cpu", "-o", "out.npy"];
+    refused(at, &render, "out.npy", "hologram/not-a-hologram/power -1 red");
 }
 
 /// The same number of sub-frames, the same lasers: a section of the report with its picture, and a table.
@@ -217,7 +217,8 @@ fn the_report_compares_it_with_one_colour_after_another() {
     let dir = folder();
     let at = dir.path();
     let line = [
-        "evaluate",
+        "eval",
+        "compare",
         "builtin:plane",
         "--joint-color=1,3",
         "--frames",
@@ -231,7 +232,8 @@ fn the_report_compares_it_with_one_colour_after_another() {
         "--size",
         "48x64",
         "--no-speckle",
-        "--no-jod",
+        "--jod",
+        "none",
         "--engine",
         "cpu",
         "-o",
@@ -262,7 +264,7 @@ fn the_report_compares_it_with_one_colour_after_another() {
     assert_eq!(done(at, &line), said);
     refused(
         at,
-        &["evaluate", "builtin:plane", "--joint-color=4", "-o", "other"],
+        &["eval", "compare", "builtin:plane", "--joint-color=4", "-o", "other"],
         "other/report.html",
         "arguments/joint-color --joint-color",
     );

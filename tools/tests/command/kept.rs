@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 const SMALL: [&str; 10] = ["--size", "40x48", "--steps", "2", "--color", "green", "--engine", "cpu", "--views", "3"];
 
-const VIEW: [&str; 5] = ["view", "h.zarr", "--pupil=0,0,4,0", "-o", "x.png"];
-const PLAY: [&str; 8] = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--duration", "0.2"];
+const RENDER: [&str; 5] = ["render", "h.zarr", "--pupil=0,0,4,0", "-o", "x.png"];
+const SHOW: [&str; 8] = ["show", "h.zarr", "--display", "planes8", "--size", "40x48", "--duration", "0.2"];
 
 fn solve<'a>(scenes: &[&'a str], out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["solve"], scenes, &["-o", out], &SMALL, more].concat()
@@ -47,7 +47,7 @@ fn four_solves_to_one_name_all_succeed_and_leave_one_hologram() {
         assert!(answer.status.success(), "{}", text(&answer.stderr));
     }
     assert_eq!(names(at), ["h.zarr"]);
-    done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
+    done(at, &["render", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
 }
 
 /// A sequence has one writer at a time: who comes second is refused, or finds it complete.
@@ -95,7 +95,7 @@ fn ctrl_c_leaves_no_draft() {
     use std::os::unix::process::ExitStatusExt;
     let temp = folder();
     let at = temp.path();
-    let args = ["photograph", "builtin:plane", "--size", "800x800", "--views", "1", "--color", "green"];
+    let args = ["render", "builtin:plane", "--size", "800x800", "--views", "1", "--color", "green"];
     let (mut begun, mut ended) = (0, 0);
     for _ in 0..6 {
         let plain = command(at, &[&args[..], &["--pupil=0,0,1,0", "--engine", "cpu", "-o", "x.png"]].concat());
@@ -127,7 +127,7 @@ fn a_full_disk_costs_a_sequence_what_was_not_whole_yet_and_it_is_gone_on_with() 
     let answer = after(at, "ulimit -f 16", &solve(&scenes, "s.zarr", &[]));
     assert_eq!(answer.status.code(), Some(2), "{}", text(&answer.stderr));
     Refusal::of(&answer).is("file/full");
-    done(at, &["view", "s.zarr", "--at", "0", "--pupil=0,0,4,0", "-o", "seen.png"]);
+    done(at, &["render", "s.zarr", "--at", "0", "--pupil=0,0,4,0", "-o", "seen.png"]);
     done(at, &solve(&scenes, "s.zarr", &[]));
     assert!([0, 1, 2].map(chunk) == whole);
     assert_eq!(names(&at.join("s.zarr")), ["phases", "zarr.json"]);
@@ -165,7 +165,7 @@ fn links_in_a_hologram_are_not_followed() {
         let (file, kept) = (at.join("h.zarr").join(inside), at.join("kept"));
         std::fs::rename(&file, &kept).unwrap();
         std::os::unix::fs::symlink(&kept, &file).unwrap();
-        for args in [&VIEW[..], &PLAY] {
+        for args in [&RENDER[..], &SHOW] {
             let refusal = refusal(at, args);
             let file = refusal.fields["file"].as_str().unwrap_or_default();
             assert!(file.starts_with(&format!("h.zarr/{inside}")), "{inside}: {args:?}: {refusal:?}");
@@ -173,11 +173,11 @@ fn links_in_a_hologram_are_not_followed() {
         std::fs::remove_file(&file).unwrap();
         std::fs::rename(&kept, &file).unwrap();
     }
-    done(at, &VIEW);
+    done(at, &RENDER);
 }
 
 #[test]
-fn a_hologram_that_lacks_a_chunk_is_not_played() {
+fn a_hologram_that_lacks_a_chunk_is_not_shown() {
     let temp = folder();
     let at = temp.path();
     done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
@@ -186,7 +186,7 @@ fn a_hologram_that_lacks_a_chunk_is_not_played() {
     bytes[100] ^= 1;
     std::fs::write(&chunk, bytes).unwrap();
     for what in ["checksum", "missing"] {
-        refusal(at, &PLAY).is(&format!("hologram/damaged/{what} phases/c/0/3/0/0"));
+        refusal(at, &SHOW).is(&format!("hologram/damaged/{what} phases/c/0/3/0/0"));
         let _ = std::fs::remove_file(&chunk);
     }
 }
@@ -219,25 +219,26 @@ fn every_look_at_unfinished_tiles_says_how_far_they_are() {
     drop(Tiles::create(&at.join("h.zarr"), &random(), 32, Value::Null, 9).unwrap());
     let how_far = "h.zarr 0 9";
     let pupil = "--pupil=0,0,0.4,0";
-    let (_, said) = told(at, &["view", "h.zarr", pupil, "-o", "x.png", "--engine", "cpu"]);
+    let (_, said) = told(at, &["render", "h.zarr", pupil, "-o", "x.png", "--engine", "cpu"]);
     assert_eq!(said.lines_with(how_far), 1, "{said}");
     let still = ["h.zarr", "builtin:still-life", "--json", "--engine", "cpu"];
     let some = ["--pupils", "random:1", "--pupil-diameter", "0.3..0.3"];
-    for args in
-        [&[&["score"], &still[..], &some].concat(), &[&["refine"], &still[..], &[pupil, "--steps", "1"]].concat()]
-    {
+    for args in [
+        &[&["eval", "score"], &still[..], &some].concat(),
+        &[&["refine"], &still[..], &[pupil, "--steps", "1"]].concat(),
+    ] {
         let (json, said) = told(at, args);
         assert_eq!(said.lines_with(how_far), 1, "{args:?}: {said}");
         let json: Value = serde_json::from_str(&json).unwrap();
         assert_eq!(json["unfinished"], json!({ "done": 0, "total": 9, "unit": "visits" }), "{args:?}: {json}");
     }
     let encode = ["encode", "h.zarr", "--display", "far.toml", "-o", "frames"];
-    for (args, out) in [(&["export", "h.zarr", "-o", "x.npy"][..], "x.npy"), (&encode, "frames")] {
+    for (args, out) in [(&["convert", "h.zarr", "x.npy"][..], "x.npy"), (&encode, "frames")] {
         refused(at, args, out, "arguments/unfinished --unfinished");
         done(at, &[args, &["--unfinished"]].concat());
         assert!(at.join(out).exists());
     }
-    let evaluated = ["evaluate", "builtin:still-life", "--hologram", "mine=h.zarr", "-o", "report"];
+    let evaluated = ["eval", "compare", "builtin:still-life", "--hologram", "mine=h.zarr", "-o", "report"];
     refused(at, &evaluated, "report", "hologram/unfinished");
     assert!(matches!(Hologram::load(&at.join("h.zarr")), Err(HologramError::Unfinished { .. })));
 }
@@ -250,17 +251,17 @@ fn every_look_at_an_unfinished_sequence_says_how_far_it_is() {
     let mut writer = SequenceWriter::create(&at.join("s.zarr"), &random(), [30, 1], Some(2)).unwrap();
     writer.append(&random()).unwrap();
     let how_far = "arguments/unfinished s.zarr 1 2 --unfinished";
-    let view = ["view", "s.zarr", "--at", "0", "--pupil=0,0,0.4,0", "-o", "x.png", "--engine", "cpu"];
-    assert_eq!(told(at, &view).1.lines_with("s.zarr 1 2"), 1);
-    let play = ["play", "s.zarr", "--display", "far.toml", "--clock", "simulated"];
-    for (args, out) in [(&["export", "s.zarr", "--at", "0", "-o", "x.npy"][..], "x.npy"), (&play, "none")] {
+    let render = ["render", "s.zarr", "--at", "0", "--pupil=0,0,0.4,0", "-o", "x.png", "--engine", "cpu"];
+    assert_eq!(told(at, &render).1.lines_with("s.zarr 1 2"), 1);
+    let show = ["show", "s.zarr", "--display", "far.toml", "--clock", "simulated"];
+    for (args, out) in [(&["convert", "s.zarr", "x.npy", "--at", "0"][..], "x.npy"), (&show, "none")] {
         refused(at, args, out, how_far);
         done(at, &[args, &["--unfinished"]].concat());
     }
     writer.append(&random()).unwrap();
     writer.finish().unwrap();
-    assert_eq!(told(at, &view).1.lines_with("s.zarr"), 0);
-    done(at, &play);
+    assert_eq!(told(at, &render).1.lines_with("s.zarr"), 0);
+    done(at, &show);
 }
 
 /// Ended by force or by a terminal that is closed, a recording has all that came up to the last second, and is read.
@@ -270,7 +271,7 @@ fn a_recording_survives_whatever_ends_it() {
     let temp = folder();
     let at = temp.path();
     for (signal, code) in [("-KILL", None), ("-HUP", Some(0))] {
-        let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--record", "r.jsonl"];
+        let args = ["tracker", "record", "simulated:3", "--tracker-rate", "200", "-o", "r.jsonl"];
         // Whoever runs the tests may have SIGHUP ignored.
         let plain = command(at, &args);
         let mut recorder = Command::new("env");
@@ -286,7 +287,7 @@ fn a_recording_survives_whatever_ends_it() {
         assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
         assert_eq!(child.wait().unwrap().code(), code, "{signal}");
         assert_eq!(names(at), ["r.jsonl"], "{signal}");
-        assert!(done(at, &["trackers", "--watch", "r.jsonl"]).lines().count() >= there, "{signal}");
+        assert!(done(at, &["tracker", "watch", "r.jsonl"]).lines().count() >= there, "{signal}");
         std::fs::remove_file(at.join("r.jsonl")).unwrap();
     }
 }
@@ -296,7 +297,7 @@ fn a_recording_survives_whatever_ends_it() {
 fn a_full_disk_ends_a_recording_and_nothing_else() {
     let temp = folder();
     let at = temp.path();
-    let args = ["trackers", "--watch", "simulated:3", "--rate", "200", "--duration", "2", "--record", "r.jsonl"];
+    let args = ["tracker", "record", "simulated:3", "--tracker-rate", "200", "--duration", "2", "-o", "r.jsonl"];
     let answer = after(at, "ulimit -f 8", &args);
     let said = text(&answer.stderr);
     assert_eq!((answer.status.code(), said.lines().count()), (Some(2), 1), "{said}");
@@ -304,11 +305,11 @@ fn a_full_disk_ends_a_recording_and_nothing_else() {
     assert!(text(&answer.stdout).lines().count() > 390, "it was watched to the end");
     let kept = std::fs::read_to_string(at.join("r.jsonl")).unwrap();
     assert!(kept.ends_with("}\n") && kept.len() > 7000, "{} bytes", kept.len());
-    let read = done(at, &["trackers", "--watch", "r.jsonl"]);
+    let read = done(at, &["tracker", "watch", "r.jsonl"]);
     assert_eq!(read.lines().count(), kept.lines().count());
     // Cut in a line, as by a copy that stopped, it is read up to there, and that is said.
     std::fs::write(at.join("cut.jsonl"), &kept[..kept.len() - 9]).unwrap();
-    let (read, said) = told(at, &["trackers", "--watch", "cut.jsonl"]);
+    let (read, said) = told(at, &["tracker", "watch", "cut.jsonl"]);
     let count = kept.lines().count();
     assert_eq!((read.lines().count(), said.lines_with(&format!("{count}"))), (count - 1, 1), "{said}");
 }
@@ -337,10 +338,10 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     let at = temp.path();
     std::fs::create_dir_all(at.join("mine/figures")).unwrap();
     let commands: [(&[&str], &str); 6] = [
-        (&["evaluate", "builtin:plane"], "report.html"),
-        (&["evaluate", "builtin:plane"], "figures/drawing.svg"),
-        (&["tradeoff", "builtin:plane"], "index.html"),
-        (&["study", "builtin:plane"], "study.json"),
+        (&["eval", "compare", "builtin:plane"], "report.html"),
+        (&["eval", "compare", "builtin:plane"], "figures/drawing.svg"),
+        (&["eval", "tune", "builtin:plane"], "index.html"),
+        (&["eval", "gaze", "builtin:plane"], "study.json"),
         (&["demo"], "far.png"),
         (&["demo"], "still-life.zarr"),
     ];
@@ -366,7 +367,7 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
 fn without_a_home_the_machine_is_not_timed_again() {
     let temp = folder();
     let at = temp.path();
-    let plan = ["plan", "builtin:plane", "--size", "48x40", "--engine", "cpu", "--color", "green"];
+    let plan = ["solve", "builtin:plane", "--dry-run", "--size", "48x40", "--engine", "cpu", "--color", "green"];
     done(at, &plan);
     std::fs::create_dir(at.join("run")).unwrap();
     let cache = std::env::temp_dir().join("eyebox-tests/eyebox");
@@ -385,16 +386,16 @@ fn without_a_home_the_machine_is_not_timed_again() {
     assert!(!before.is_empty() && rates() == before);
 }
 
-/// Ended by force, what is played has left its statistics and its trace up to the last second; a full disk ends neither the
-/// playing nor what there is of them.
+/// Ended by force, what is shown has left its statistics and its trace up to the last second; a full disk ends neither the show
+/// nor what there is of them.
 #[cfg(target_os = "linux")]
 #[test]
 fn statistics_and_traces_survive_whatever_ends_a_session() {
     let temp = folder();
     let at = temp.path();
     done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
-    let play = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--stats", "s.json", "--trace", "t.json"];
-    let mut child = command(at, &play).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let show = ["show", "h.zarr", "--display", "planes8", "--size", "40x48", "--stats", "s.json", "--trace", "t.json"];
+    let mut child = command(at, &show).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let stats = || serde_json::from_slice::<Value>(&std::fs::read(at.join("s.json")).ok()?).ok();
     let begun = Instant::now();
     let traced = || std::fs::read_to_string(at.join("t.json")).is_ok_and(|trace| trace.contains("decode"));
@@ -411,7 +412,7 @@ fn statistics_and_traces_survive_whatever_ends_a_session() {
     let events: Vec<Value> = serde_json::from_str(&format!("{whole}]")).unwrap();
     assert!(events.iter().any(|e| e["name"] == "decode"), "{trace}");
 
-    let limited = [&play[..], &["--duration", "3", "--clock", "simulated"]].concat();
+    let limited = [&show[..], &["--duration", "3", "--clock", "simulated"]].concat();
     let answer = after(at, "ulimit -f 8", &limited);
     let said = text(&answer.stderr);
     assert_eq!(answer.status.code(), Some(2), "{said}");

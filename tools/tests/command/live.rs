@@ -1,4 +1,4 @@
-//! `eyebox study` and `eyebox live` as a user runs them.
+//! `eyebox eval gaze` and `eyebox show --tracker` as a user runs them.
 
 use crate::common::desk::Desk;
 use crate::common::screen::Screen;
@@ -26,10 +26,9 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let temp = folder();
     let at = temp.path();
     solved(at);
-    let study =
-        ["study", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json", "--step-time", "4"];
+    let study = ["eval", "gaze", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json"];
     // As if the picture were seen so large that its grain is seen.
-    let large = ["--pixels-per-degree", "20", "-o", "out"];
+    let large = ["--step-time", "4", "--pixels-per-degree", "20", "-o", "out"];
     let said: Value = serde_json::from_str(&done(at, &[&study[..], &large].concat())).expect("one object");
     let all = json(&at.join("out/study.json"));
     let moments = all["study"]["moments"].as_array().unwrap();
@@ -59,7 +58,8 @@ fn a_study_of_content_says_what_moments_gain() {
     let at = temp.path();
     solved(at);
     let study = [
-        "study",
+        "eval",
+        "gaze",
         "h.zarr",
         "--display",
         "planes8",
@@ -114,9 +114,9 @@ fn a_study_of_content_says_what_moments_gain() {
 fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
     let temp = folder();
     let at = temp.path();
-    let live = ["live", "builtin:still-life", "--size", "64x72", "--color", "green", "--display", "planes8"];
+    let show = ["show", "builtin:still-life", "--size", "64x72", "--color", "green", "--display", "planes8"];
     let more = ["--duration", "1.5", "--stats", "s.json", "--trace", "t.json", "--record", "kept", "--engine", "cpu"];
-    done(at, &[&live[..], &more, &["--quality", "fast"]].concat());
+    done(at, &[&show[..], &more, &["--quality", "fast", "--tracker", "simulated"]].concat());
     let stats = json(&at.join("s.json"));
     let count = |name: &str| stats[name].as_u64().unwrap();
     let sets = stats["playback"]["sets"].as_u64().unwrap() - stats["playback"]["idle_sets"].as_u64().unwrap();
@@ -146,7 +146,7 @@ fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
 fn the_hologram_follows_a_focus_that_changes() {
     let temp = folder();
     let at = temp.path();
-    let bench = done(at, &["displays", "show", "grey8"]).replace("focal_length_mm = 400", "focal_length_mm = 100");
+    let bench = done(at, &["display", "show", "grey8"]).replace("focal_length_mm = 400", "focal_length_mm = 100");
     std::fs::write(at.join("bench.toml"), bench).unwrap();
     let optics = ["--display", "bench.toml", "--size", "64x72", "--color", "green", "--engine", "cpu"];
     let scene = "builtin:still-life?span=4";
@@ -161,9 +161,9 @@ fn the_hologram_follows_a_focus_that_changes() {
         format!("{{\"t\": {}, \"left\": {left}, \"right\": {right}, {more}}}\n", f64::from(i) / 100.0)
     };
     std::fs::write(at.join("eye.jsonl"), (0..200).map(line).collect::<String>()).unwrap();
-    let live =
-        ["live", "h.zarr", "--tracker", "eye.jsonl", "--duration", "2.5", "--stats", "s.json", "--record", "kept"];
-    done(at, &[&live[..], &optics].concat());
+    let show =
+        ["show", "h.zarr", "--tracker", "eye.jsonl", "--duration", "2.5", "--stats", "s.json", "--record", "kept"];
+    done(at, &[&show[..], &optics].concat());
     let stats = json(&at.join("s.json"));
     for (key, nearest) in [("focus_mm", 1.4), ("focus_dioptres", 0.14)] {
         let [far, near] = [0, 1].map(|i| stats[key][i].as_f64().expect("a depth"));
@@ -178,7 +178,7 @@ fn the_hologram_follows_a_focus_that_changes() {
         let psnr = |focus: f64| {
             std::fs::write(at.join("pupils.json"), format!("[[0, 0, 4, {focus}]]")).unwrap();
             let picture = format!("kept/{picture}");
-            let score = ["score", "--encoded", &picture, scene, "--pupils", "pupils.json", "--json"];
+            let score = ["eval", "score", "--encoded", &picture, scene, "--pupils", "pupils.json", "--json"];
             let said: Value = serde_json::from_str(&done(at, &[&score[..], &optics].concat())).expect("JSON");
             said["psnr_db"]["mean"].as_f64().unwrap_or_else(|| panic!("{said}"))
         };
@@ -192,17 +192,19 @@ fn mistakes_are_one_line() {
     let temp = folder();
     let at = temp.path();
     solved(at);
-    let live = |more: &[&'static str]| [&["live", "h.zarr", "--display", "planes8"][..], more].concat();
-    refused(at, &live(&["--tracker", "mouse"]), "x", "tracker/setting/mouse-without-view --view");
-    refused(at, &live(&["--tracker", "nonsense"]), "x", "tracker/spec");
-    refused(at, &live(&["--tracker", "missing.hid"]), "x", "tracker/file missing.hid");
-    refused(at, &live(&["--set", "refine.restart=-1"]), "x", "arguments/restart");
-    refused(at, &live(&["--size", "80x80"]), "x", "arguments/size 64x72");
-    refused(at, &["live", "missing.zarr"], "x", "file/read missing.zarr");
-    refused(at, &["study", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "arguments/other-scene");
+    let show = |tracker, more: &[&'static str]| {
+        [&["show", "h.zarr", "--display", "planes8", "--tracker", tracker][..], more].concat()
+    };
+    refused(at, &show("mouse", &[]), "x", "tracker/setting/mouse-without-view --view");
+    refused(at, &show("nonsense", &[]), "x", "tracker/spec");
+    refused(at, &show("missing.hid", &[]), "x", "tracker/file missing.hid");
+    refused(at, &show("simulated", &["--set", "refine.restart=-1"]), "x", "arguments/restart");
+    refused(at, &show("simulated", &["--size", "80x80"]), "x", "arguments/size 64x72");
+    refused(at, &["show", "missing.zarr", "--tracker", "simulated"], "x", "file/read missing.zarr");
+    refused(at, &["eval", "gaze", "h.zarr", "--scene", "builtin:nothing", "-o", "x"], "x", "arguments/other-scene");
     refused(
         at,
-        &["study", "h.zarr", "--display", "planes8", "--duration", "0", "-o", "x"],
+        &["eval", "gaze", "h.zarr", "--display", "planes8", "--duration", "0", "-o", "x"],
         "x",
         "usage/value-validation --duration",
     );
@@ -220,20 +222,20 @@ fn a_tracker_that_says_nothing_or_nothing_of_use_ends_with_a_line_and_2() {
     let lines: String =
         (0..20).map(|i| format!("{{\"t\": 0.0{i:02}, \"x\": 1, \"y\": 2, \"unit\": \"counts\"}}\n")).collect();
     std::fs::write(at.join("counts.jsonl"), lines).unwrap();
-    let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--stats", "s.json"];
+    let show = ["show", "h.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--stats", "s.json"];
     for (tracker, name) in [(&*silent, "udp://"), ("counts.jsonl", "counts.jsonl")] {
-        let refusal = common::refusal(at, &[&live[..], &["--tracker", tracker]].concat());
+        let refusal = common::refusal(at, &[&show[..], &["--tracker", tracker]].concat());
         refusal.is("session/not-followed");
         assert!(refusal.fields["tracker"].as_str().is_some_and(|found| found.contains(name)), "{refusal:?}");
         // What was shown is accounted for all the same.
         assert_eq!(json(&at.join("s.json"))["ended_by"], "the duration");
     }
-    common::refusal(at, &["trackers", "--watch", &silent, "--duration", "0.1"]).is("arguments/no-sample");
+    common::refusal(at, &["tracker", "watch", &silent, "--duration", "0.1"]).is("arguments/no-sample");
 }
 
 fn start(at: &Path, desk: &Desk, more: &[&str]) -> Child {
-    let live = ["live", "h.zarr", "--display", "planes8", "--engine", "cpu", "--view", "--validation"];
-    common::command(at, &[&live[..], more].concat())
+    let show = ["show", "h.zarr", "--display", "planes8", "--engine", "cpu", "--view", "--validation"];
+    common::command(at, &[&show[..], more].concat())
         .env("DISPLAY", desk.name())
         .env_remove("WAYLAND_DISPLAY")
         .stdout(Stdio::null())
@@ -257,11 +259,12 @@ fn a_window_shows_what_follows_the_eye() {
     let at = temp.path();
     solved(at);
     let screen = Screen::new(at, [64, 72]);
-    let live = ["live", "h.zarr", "--display", "planes8", "--output", "window", "--validation"];
+    let show =
+        ["show", "h.zarr", "--display", "planes8", "--tracker", "simulated", "--output", "window", "--validation"];
     // On Vulkan, video frames go to the window from the device that engine, encoder and window share.
     for engine in ["cpu", "vulkan"] {
         let more = ["--engine", engine, "--duration", "1.5", "--stats", "s.json"];
-        let answer = common::command(at, &[&live[..], &more].concat())
+        let answer = common::command(at, &[&show[..], &more].concat())
             .env("DISPLAY", screen.name())
             .env_remove("WAYLAND_DISPLAY")
             .output()
@@ -274,7 +277,7 @@ fn a_window_shows_what_follows_the_eye() {
     }
     // A monitor of another size is refused.
     let other = Screen::new(temp.path(), [80, 90]);
-    let refused = common::command(at, &live).env("DISPLAY", other.name()).env_remove("WAYLAND_DISPLAY").output();
+    let refused = common::command(at, &show).env("DISPLAY", other.name()).env_remove("WAYLAND_DISPLAY").output();
     let refused = refused.expect("it starts");
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
 }
@@ -324,8 +327,9 @@ fn a_steered_colour_show_with_a_view_makes_one_device() {
     let solve = ["solve", "builtin:still-life", "--size", "64x72", "--steps", "4", "--frames", "8", "--color", "all"];
     done(at, &[&solve[..], &["--engine", "cpu", "-o", "h.zarr"]].concat());
     let screen = Screen::new(at, [64, 72]);
-    let live = ["live", "h.zarr", "--display", "planes24", "--engine", "vulkan", "--output", "window", "--view"];
-    let answer = common::command(at, &[&live[..], &["--duration", "1.5", "--stats", "s.json"]].concat())
+    let show = ["show", "h.zarr", "--display", "planes24", "--engine", "vulkan", "--output", "window", "--view"];
+    let more = ["--tracker", "simulated", "--duration", "1.5", "--stats", "s.json"];
+    let answer = common::command(at, &[&show[..], &more].concat())
         .env("DISPLAY", screen.name())
         .env("VK_LOADER_DEBUG", "all")
         .env_remove("WAYLAND_DISPLAY")

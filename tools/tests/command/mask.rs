@@ -26,7 +26,7 @@ fn a_hologram_keeps_its_mask() {
     };
     let view = |hologram: &str, out: &str, more: &[&str]| {
         let pupil = ["--pupil", "18,-1,4,0", "--engine", "cpu", "-o", out];
-        let mut command = command(at, &[&["view", hologram][..], &pupil, more].concat());
+        let mut command = command(at, &[&["render", hologram][..], &pupil, more].concat());
         let answer = with_json_errors(&mut command).output().expect("it starts");
         (answer.status.success(), text(&answer.stderr))
     };
@@ -44,7 +44,7 @@ fn a_hologram_keeps_its_mask() {
     assert_eq!(read_npy(&at.join("masked.npy")).unwrap().shape, [48, 48]);
     assert!(!view("mask.zarr", "past.npy", &["--ideal"]).0);
     let score = |hologram: &str| {
-        let line = ["score", hologram, "builtin:still-life", "--json", "--no-jod", "--engine", "cpu"];
+        let line = ["eval", "score", hologram, "builtin:still-life", "--json", "--jod", "none", "--engine", "cpu"];
         let said = done(at, &[&line[..], &["--pupil-diameter", "4..4"]].concat());
         serde_json::from_str::<serde_json::Value>(&said).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
     };
@@ -58,13 +58,13 @@ fn a_hologram_keeps_its_mask() {
     assert_eq!(["plain.zarr", "mask.zarr", "refined.zarr"].map(factor), [serde_json::Value::Null, 2.into(), 2.into()]);
     // The plan says what it costs, and a display what it makes of the eyebox.
     display("mask.toml", "[mask]\nfactor = 2\nseed = 3\nband = 0.5\ndistance_mm = 1\n");
-    let plan = [&["plan", "builtin:still-life", "--display", "mask.toml"][..], &settings].concat();
+    let plan = [&["solve", "builtin:still-life", "--dry-run", "--display", "mask.toml"][..], &settings].concat();
     let planned = json(at, &[&plan[..], &["--json"]].concat());
     let choice = planned["choices"].as_array().unwrap().iter().find(|c| c["what"] == "mask").expect("a mask");
     let [value, why] = ["value", "why"].map(|key| choice[key].as_str().unwrap());
     assert!(value.has_sequence(&[2.0, 2.0]) && why.has("52 26 mm"), "{choice}");
     assert!(done(at, &plan).lines_with("52 26 mm") > 0);
-    let devices = ["devices", "--display", "mask.toml"];
+    let devices = ["display", "check", "mask.toml"];
     let reach = &json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"];
     let [own, plain] = [&reach["eyebox_mm"], &reach["without_mask"]["eyebox_mm"]].map(|mm| mm.as_f64().unwrap());
     assert!((own - 52.0).abs() < 1e-6 && (plain - 26.0).abs() < 1e-6, "{reach}");
@@ -97,8 +97,9 @@ fn the_report_compares_masks() {
     let dir = folder();
     let at = dir.path();
     let small = ["--views", "3", "--steps", "4", "--pupils", "4", "--display", "small", "--size", "48x48"];
-    let rest = ["--frames", "1", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
-    let line = [&["evaluate", "builtin:still-life", "--etendue=3,1,2d", "-o", "report"][..], &small, &rest].concat();
+    let rest = ["--frames", "1", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--jod", "none", "--engine", "cpu"];
+    let line =
+        [&["eval", "compare", "builtin:still-life", "--etendue=3,1,2d", "-o", "report"][..], &small, &rest].concat();
     let said = done(at, &line);
     // The factors of the masks, and their eyeboxes in mm.
     let rows = document(&at.join("report/report.json"))["etendue"].clone();
@@ -119,7 +120,7 @@ fn the_report_compares_masks() {
     let json = done(at, &[&line[..], &["--json"]].concat());
     let rows = serde_json::from_str::<serde_json::Value>(&json).unwrap()["etendue"].as_array().unwrap().len();
     assert_eq!(rows, 3);
-    let wrong = ["evaluate", "builtin:still-life", "--etendue=5", "-o", "other"];
+    let wrong = ["eval", "compare", "builtin:still-life", "--etendue=5", "-o", "other"];
     refused(at, &wrong, "other/report.html", "usage/value-validation");
 }
 
@@ -132,11 +133,11 @@ fn a_masked_display_is_evaluated() {
         let mask = format!("{BENCH}[mask]\nfactor = 3\nseed = {seed}\n");
         std::fs::write(at.join("mask.toml"), mask).unwrap();
     };
-    let line =
-        ["evaluate", "builtin:still-life", "--display", "mask.toml", "-o", "report", "--views", "3", "--steps", "2"];
-    let rest = ["--pupils", "2", "--frames", "1", "--no-speckle", "--no-jod", "--engine", "cpu", "--json"];
+    let line = ["eval", "compare", "builtin:still-life", "--display", "mask.toml", "-o", "report", "--json"];
+    let small = ["--views", "3", "--steps", "2", "--pupils", "2", "--frames", "1"];
+    let rest = ["--no-speckle", "--jod", "none", "--engine", "cpu"];
     let evaluate = || {
-        let said = done(at, &[&line[..], &rest].concat());
+        let said = done(at, &[&line[..], &small, &rest].concat());
         serde_json::from_str::<serde_json::Value>(&said).unwrap()["over_scenes"].clone()
     };
     display(1);

@@ -8,7 +8,7 @@ const BENCH: &str =
 const MODEL: &str = "[model.green]\ncrosstalk = [[1.2, 2.03], [1.2, 2.03], [1.2, 2.03], [1.2, 2.03]]\nfill = 0.95\n\
                      undiffracted = [0.2, 0, 0, 0, 0]\nwavefront = { 4 = 0.1 }\niris = [0.1, 0, 1.01]\n";
 
-/// The mean PSNR that `score --json` prints.
+/// The mean PSNR that `eval score --json` prints.
 fn decibels(text: &str) -> f64 {
     serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
 }
@@ -28,7 +28,7 @@ fn what_a_hologram_is_solved_for_is_what_it_is_looked_at_through() {
     solve("ideal.toml", "ideal.zarr");
     let view = |hologram: &str, out: &str, more: &[&str]| {
         let pupil = ["--pupil", "1,-1,6,0", "--engine", "cpu", "-o", out];
-        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        let answer = eyebox(at, &[&["render", hologram][..], &pupil, more].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
     };
@@ -40,7 +40,7 @@ fn what_a_hologram_is_solved_for_is_what_it_is_looked_at_through() {
     assert!(view("ideal.zarr", "a.npy", &[]).0 == view("ideal.zarr", "b.npy", &["--ideal"]).0);
     let score = |hologram: &str, more: &[&str]| {
         let pupils = ["builtin:still-life", "--json", "--engine", "cpu"];
-        decibels(&done(at, &[&["score", hologram][..], &pupils, more].concat()))
+        decibels(&done(at, &[&["eval", "score", hologram][..], &pupils, more].concat()))
     };
     // It was solved for the display with its faults, and not for the ideal one.
     assert!(score("real.zarr", &[]) > score("real.zarr", &["--ideal"]) + 1.0);
@@ -58,7 +58,7 @@ fn a_plan_says_what_each_term_takes() {
     std::fs::write(at.join("ideal.toml"), BENCH).unwrap();
     std::fs::write(at.join("real.toml"), format!("{BENCH}{MODEL}")).unwrap();
     let work = |display: &str| {
-        let plan = ["plan", "builtin:still-life", "--display", display, "--engine", "cpu", "--json"];
+        let plan = ["solve", "builtin:still-life", "--dry-run", "--display", display, "--engine", "cpu", "--json"];
         let said: serde_json::Value = serde_json::from_str(&done(at, &plan)).unwrap();
         said["model_work"].clone()
     };
@@ -79,7 +79,7 @@ fn terms_are_chosen() {
     let at = dir.path();
     std::fs::write(at.join("real.toml"), format!("{BENCH}{MODEL}lag = 0.0001\n")).unwrap();
     let scene = ["builtin:still-life", "--display", "real.toml", "--engine", "cpu", "--frames", "2"];
-    let plan = done(at, &[&["plan"], &scene[..], &["--json"]].concat());
+    let plan = done(at, &[&["solve"], &scene[..], &["--dry-run", "--json"]].concat());
     let said: serde_json::Value = serde_json::from_str(&plan).unwrap();
     let worth = &said["model_worth"][0];
     let lost = worth["measured"]["lost_db"].as_array().unwrap();
@@ -87,7 +87,7 @@ fn terms_are_chosen() {
     assert!(of("crosstalk") > 0.2 && of("lag").abs() < 0.05, "{worth}");
     let auto = worth["auto"].as_array().unwrap();
     assert!(auto.contains(&"crosstalk".into()) && !auto.contains(&"lag".into()), "{worth}");
-    let words = done(at, &[&["plan"], &scene[..]].concat());
+    let words = done(at, &[&["solve"], &scene[..], &["--dry-run"]].concat());
     // The term that is left out is named in the line that has the decibels, and the size that they were measured at.
     assert!(
         words.lines().any(|line| line.has("--model-terms lag crosstalk dB") && line.has_sequence(&[48.0, 48.0])),
@@ -98,7 +98,7 @@ fn terms_are_chosen() {
         let out = format!("{}.zarr", terms.replace(',', "-"));
         let more = ["--steps", "1", "--model-terms", terms, "-o", &out];
         done(at, &[&["solve"], &scene[..], &more].concat());
-        let view = ["view", &out, "--pupil", "1,-1,6,0", "--engine", "cpu", "-o", "v.npy"];
+        let view = ["render", &out, "--pupil", "1,-1,6,0", "--engine", "cpu", "-o", "v.npy"];
         let answer = eyebox(at, &view);
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         text(&answer.stderr)
@@ -126,14 +126,14 @@ fn a_picture_is_shown_where_it_is_seen() {
         |display, out| [&["solve", "builtin:still-life", "--display", display, "-o", out][..], &settings].concat();
     done(at, &solve("bent.toml", "bent.zarr"));
     let view = |out: &str, more: &[&str]| {
-        let view = ["view", "bent.zarr", "--pupil", "0,0,10,0", "--engine", "cpu", "-o", out];
+        let view = ["render", "bent.zarr", "--pupil", "0,0,10,0", "--engine", "cpu", "-o", out];
         let answer = eyebox(at, &[&view[..], more].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
     };
     let ((seen, said), (shown, past)) = (view("seen.npy", &[]), view("shown.npy", &["--ideal"]));
     assert!(said.has("--ideal") && !past.has("--ideal"), "{said}");
-    let photograph = ["photograph", "builtin:still-life", "--display", "bent.toml", "--engine", "cpu"];
+    let photograph = ["render", "builtin:still-life", "--display", "bent.toml", "--engine", "cpu"];
     done(at, &[&photograph[..], &["--pupil", "0,0,10,0", "-o", "scene.npy"]].concat());
     let scene = read_npy(&at.join("scene.npy")).unwrap().values;
     // Of what is seen and what the display shows, the first is the scene. At the edges some of it has left the display.

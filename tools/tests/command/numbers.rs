@@ -43,7 +43,7 @@ fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
     done(at, &solve("photo.png", &["--depth-map", "tum.png", "--near", "small"]));
     // From the side, near and far part.
     let seen = |map: &str, near: &str| {
-        let words = ["photograph", "photo.png", "--size", "40x48", "--views", "5", "--color", "green", "--depth=-1..1"];
+        let words = ["render", "photo.png", "--size", "40x48", "--views", "5", "--color", "green", "--depth=-1..1"];
         done(at, &[&words[..], &["--depth-map", map, "--near", near, "--pupil=6,0,2,0", "-o", "seen.npy"]].concat());
         read_npy(&at.join("seen.npy")).unwrap().values
     };
@@ -52,10 +52,10 @@ fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
     let (same, inside_out) = (apart(seen("near.png", "bright")), apart(seen("tum.png", "large")));
     assert!(same < 0.1 * inside_out, "{same} from the same depths in 8 bits, {inside_out} from those inside out");
     let found =
-        json(at, &["inspect", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "small", "--json"]);
+        json(at, &["info", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "small", "--json"]);
     // The text states the meaning of its values.
     let other =
-        json(at, &["inspect", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "large", "--json"]);
+        json(at, &["info", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "large", "--json"]);
     assert!(found["depth_map"].is_string() && found["depth_map"] != other["depth_map"], "{found}");
 }
 
@@ -82,7 +82,7 @@ fn a_black_scene_has_no_psnr() {
     let said = done(at, &[&words[..], &SMALL, &more].concat());
     let no_number = |said: &str| ["dB", "inf", "NaN", "nan"].iter().all(|word| !said.has(word));
     assert!(said.has("h.zarr green") && no_number(&said), "{said}");
-    let score = ["score", "h.zarr", "black", "--pupils", "random:3"];
+    let score = ["eval", "score", "h.zarr", "black", "--pupils", "random:3"];
     let scores = json(at, &[&score[..], &["--json"]].concat());
     assert!(scores["psnr_db"].is_null() && scores["pupils"][0]["psnr_db"].is_null(), "{scores}");
     let said = done(at, &score);
@@ -100,11 +100,11 @@ fn lengths_in_another_unit_are_refused_with_what_was_probably_meant() {
         (solve("builtin:plane", &["--view-pitch", "0.0022"]), "2.2 mm"),
         (solve("builtin:plane", &["--view-pitch", "2200"]), "2.2 mm"),
         (solve("builtin:plane", &["--depth=-3000..3000"]), "-3 mm"),
-        (vec!["view", "h.zarr", "--pupil=0,0,4,1000", "-o", "seen.png"], "1 mm"),
-        (vec!["photograph", "builtin:plane", "--size", "40x48", "--pupil=0,0,4,1000", "-o", "seen.png"], "1 mm"),
+        (vec!["render", "h.zarr", "--pupil=0,0,4,1000", "-o", "seen.png"], "1 mm"),
+        (vec!["render", "builtin:plane", "--size", "40x48", "--pupil=0,0,4,1000", "-o", "seen.png"], "1 mm"),
         (
             vec![
-                "photograph",
+                "render",
                 "builtin:plane",
                 "--size",
                 "40x48",
@@ -124,6 +124,6 @@ fn lengths_in_another_unit_are_refused_with_what_was_probably_meant() {
     }
     // What is meant is taken, and so is what is confirmed.
     done(at, &solve("builtin:plane", &["--view-pitch", "2.2"]));
-    done(at, &["view", "h.zarr", "--pupil=0,0,4,1", "-o", "seen.png"]);
-    done(at, &["view", "h.zarr", "--pupil=0,0,4,1000", "--force", "-o", "seen.png"]);
+    done(at, &["render", "h.zarr", "--pupil=0,0,4,1", "-o", "seen.png"]);
+    done(at, &["render", "h.zarr", "--pupil=0,0,4,1000", "--force", "-o", "seen.png"]);
 }

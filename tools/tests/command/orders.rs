@@ -25,7 +25,7 @@ fn a_study_steers_by_views_in_the_order_that_is_stated() {
     let solve = ["solve", "right", "-o", "h.zarr", "--steps", "8", "--order", "as-named"];
     done(at, &[&solve[..], &SMALL].concat());
     let study = |scene: &[&str], out: &str| -> Value {
-        let words = ["study", "h.zarr", "--display", "planes8", "--other-scene", "--duration", "0.5", "--json"];
+        let words = ["eval", "gaze", "h.zarr", "--display", "planes8", "--force", "--duration", "0.5", "--json"];
         let time = ["--step-time", "4", "--engine", "cpu", "-o", out, "--scene"];
         let said: Value = serde_json::from_str(&done(at, &[&words[..], &time, scene].concat())).expect("one object");
         assert!(said["summary"]["steps"].as_u64().expect("a number") > 0, "{said}");
@@ -36,18 +36,17 @@ fn a_study_steers_by_views_in_the_order_that_is_stated() {
     assert_ne!(study(&["upwards", "--order", "as-named"], "c"), right);
 }
 
-/// What `live` puts on the display of a scene that it solves first, without steering: one result on every machine.
+/// What `show` with a tracker puts on the display of a scene that it solves first, without steering: one result on every machine.
 fn shown(at: &Path, scene: &[&str], out: &str) -> Vec<u8> {
-    let live =
-        ["live", "--display", "planes8", "--unsteered", "--quality", "fast", "--duration", "0.2", "--record", out];
-    done(at, &[&live[..], &SMALL, scene].concat());
+    let show = ["show", "--tracker", "simulated", "--display", "planes8", "--unsteered", "--quality", "fast"];
+    done(at, &[&show[..], &["--duration", "0.2", "--record", out], &SMALL, scene].concat());
     let recorded = std::fs::read_to_string(at.join(out).join("shown.csv")).expect("what was shown");
     let set = recorded.lines().find_map(|row| Some(&row[row.find("set-")?..])).expect("a set");
     std::fs::read(at.join(out).join(set)).expect("its picture")
 }
 
 #[test]
-fn live_shows_views_in_the_order_that_is_stated() {
+fn show_takes_views_in_the_order_that_is_stated() {
     let temp = folder();
     let at = temp.path();
     both(at);
@@ -57,7 +56,7 @@ fn live_shows_views_in_the_order_that_is_stated() {
     assert_ne!(show(&["upwards", "--order", "as-named"], "c"), right);
     refused(
         at,
-        &[&["live", "upwards", "--display", "planes8"][..], &SMALL].concat(),
+        &[&["show", "upwards", "--tracker", "simulated", "--display", "planes8"][..], &SMALL].concat(),
         "x",
         "scene/order/moves-otherwise --order",
     );
@@ -84,19 +83,19 @@ fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
         .concat()
     };
     let phases = |name: &str| {
-        done(at, &["export", name, "-o", "p.npy"]);
+        done(at, &["convert", name, "p.npy"]);
         std::fs::read(at.join("p.npy")).unwrap()
     };
-    for command in ["solve", "inspect", "plan"] {
-        refused(at, &[&[command, "rows"][..], &SMALL[..4]].concat(), "hologram.zarr", "scene/rows");
+    for command in [&["solve", "rows"][..], &["info", "rows"], &["solve", "rows", "--dry-run"]] {
+        refused(at, &[command, &SMALL[..4]].concat(), "hologram.zarr", "scene/rows");
     }
     done(at, &solve(&["flat"], "flat.zarr"));
     // What is taken for the other.
-    for command in ["solve", "inspect"] {
+    for command in ["solve", "info"] {
         refused(at, &[command, "flat.zarr"], "x.zarr", "scene/corrupt/hologram-not-scene flat.zarr");
     }
-    refused(at, &["view", "builtin:plane", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "hologram/not-a-hologram/scene");
-    refused(at, &["view", "none.npy", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "file/read");
+    refused(at, &["encode", "builtin:plane", "--display", "paper", "-o", "x"], "x", "hologram/not-a-hologram/scene");
+    refused(at, &["render", "none.npy", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "file/read");
     std::fs::write(at.join("rows/lightfield.toml"), "files = \"*/*\"\n").unwrap();
     done(at, &solve(&["rows"], "rows.zarr"));
     assert_eq!(phases("rows.zarr"), phases("flat.zarr"));
@@ -104,7 +103,7 @@ fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
     std::fs::remove_file(at.join("rows/lightfield.toml")).unwrap();
     (0..3).for_each(|r| std::fs::write(at.join(format!("rows/row_{r}/lightfield.toml")), "grid = [1, 3]\n").unwrap());
     done(at, &[solve(&["rows"], "moving.zarr"), vec!["--rate", "5"]].concat());
-    done(at, &["export", "moving.zarr", "--at", "2", "-o", "p.npy"]);
+    done(at, &["convert", "moving.zarr", "p.npy", "--at", "2"]);
     // A view that is missing beside a folder of others is not a sequence of that folder.
     std::fs::create_dir(at.join("flat/more")).unwrap();
     std::fs::copy(at.join("flat/view_0_0.png"), at.join("flat/more/view_0_0.png")).unwrap();
@@ -114,11 +113,13 @@ fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
 
 /// Blades that hide each other by pixels from view to view: their depths cannot be measured.
 #[test]
-fn live_solves_for_the_depths_that_are_stated() {
+fn show_solves_for_the_depths_that_are_stated() {
     let temp = folder();
     let at = temp.path();
     made::views(&at.join("grass"), "builtin:dense-grass?span=2", |r, c| [r, c]);
-    let asked = [&["live", "grass", "--display", "planes8", "--order", "as-named"][..], &SMALL].concat();
+    let asked =
+        [&["show", "grass", "--tracker", "simulated", "--display", "planes8", "--order", "as-named"][..], &SMALL]
+            .concat();
     refused(at, &asked, "x", "scene/depth --depth depth_mm lightfield.toml");
     let grass = |more: &[&'static str], out| shown(at, &[&["grass", "--order", "as-named"], more].concat(), out);
     let [near, far] = [grass(&["--depth=0..2"], "a"), grass(&["--depth=-2..0"], "b")];
@@ -139,7 +140,7 @@ fn a_preview_compares_with_views_in_the_order_that_is_stated() {
     let decibels = |scene: &[&str]| {
         // A desktop of its own: the window of a program that was ended stays for a moment.
         let desk = Desk::new(at, [720, 900]);
-        let preview = ["preview", "h.zarr", "--engine", "cpu", "--pupil=0,7,10,0.6", "--other-scene", "--scene"];
+        let preview = ["preview", "h.zarr", "--engine", "cpu", "--pupil=0,7,10,0.6", "--force", "--scene"];
         let mut child = command(at, &[&preview[..], scene].concat())
             .env("DISPLAY", desk.name())
             .env_remove("WAYLAND_DISPLAY")

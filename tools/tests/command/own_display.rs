@@ -58,10 +58,10 @@ fn the_display_that_it_was_solved_for_is_found() {
         "x",
         "arguments/size --size 64x64",
     );
-    let play = ["--record", "shown", "--clock", "simulated", "--duration", "0.05"];
-    for words in [&["play", "paper.zarr", "--display", "paper"][..], &["play", "plm.zarr"], &["show", "cut.zarr"]] {
+    let show = ["--record", "shown", "--clock", "simulated", "--duration", "0.05"];
+    for words in [&["show", "paper.zarr", "--display", "paper"][..], &["show", "plm.zarr"], &["show", "cut.zarr"]] {
         let _ = fs::remove_dir_all(at.join("shown"));
-        done(at, &[words, &play].concat());
+        done(at, &[words, &show].concat());
     }
 }
 

@@ -6,24 +6,24 @@ use std::fs;
 use std::path::Path;
 
 const SMALL: [&str; 10] = ["--size", "40x40", "--steps", "3", "--frames", "1", "--color", "green", "--engine", "cpu"];
-const PUPILS: [&str; 6] = ["--pupils", "random:3", "--no-jod", "--engine", "cpu", "--json"];
+const PUPILS: [&str; 7] = ["--pupils", "random:3", "--jod", "none", "--engine", "cpu", "--json"];
 
 /// Solves `scene` in a folder into `out` there.
 fn solve(at: &Path, scene: &str, out: &str, more: &[&str]) {
     done(at, &[&["solve", scene, "-o", out][..], &SMALL, more].concat());
 }
 
-/// Mean PSNR by `score`, dB.
+/// Mean PSNR by `eval score`, dB.
 fn psnr(at: &Path, words: &[&str]) -> f64 {
-    let said = done(at, &[&["score"][..], words, &PUPILS].concat());
+    let said = done(at, &[&["eval", "score"][..], words, &PUPILS].concat());
     serde_json::from_str::<Value>(&said).expect("JSON")["psnr_db"]["mean"].as_f64().expect("a number")
 }
 
 /// It is refused with one line that names another way, which works.
 #[track_caller]
 fn refused_unless_asked(at: &Path, words: &[&str], what: &str) {
-    refused(at, &[&["score"][..], words, &PUPILS].concat(), "nothing", &format!("{what} --other-scene"));
-    psnr(at, &[words, &["--other-scene"]].concat());
+    refused(at, &[&["eval", "score"][..], words, &PUPILS].concat(), "nothing", &format!("{what} --force"));
+    psnr(at, &[words, &["--force"]].concat());
 }
 
 /// A folder `a` with the light field `views` and its hologram `h.zarr`, and a folder `b` with another light field of that name.
@@ -67,7 +67,7 @@ fn its_scene_is_found_wherever_it_is_opened() {
     // The scene renamed, and named.
     fs::rename(moved.join("views"), moved.join("still life")).unwrap();
     is(&moved, &["h.zarr", "still life"]);
-    refused(&moved, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/scene-not-found");
+    refused(&moved, &[&["eval", "score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/scene-not-found");
 }
 
 #[test]
@@ -76,28 +76,21 @@ fn another_scene_and_one_that_changed_are_refused_unless_asked_for() {
     let [a, b] = ["a", "b"].map(|name| temp.path().join(name));
     refused_unless_asked(&b, &["../a/h.zarr", "views"], "arguments/other-scene");
     refused_unless_asked(&a, &["h.zarr", "builtin:still-life"], "arguments/other-scene");
-    assert!(right - psnr(&b, &["../a/h.zarr", "views", "--other-scene"]) > 1.0);
-    for command in ["refine", "study"] {
-        let pupil: &[&str] = if command == "refine" { &["--pupil=4,0,4,0"] } else { &["--scene"] };
-        let named = [
-            &[command, "../a/h.zarr"][..],
-            &if command == "refine" { [&["views"][..], pupil].concat() } else { [pupil, &["views"]].concat() },
-        ];
-        refused(
-            &b,
-            &[&named.concat()[..], &["--engine", "cpu", "-o", "out.zarr"]].concat(),
-            "out.zarr",
-            "arguments/other-scene",
-        );
+    assert!(right - psnr(&b, &["../a/h.zarr", "views", "--force"]) > 1.0);
+    for named in [
+        &["refine", "../a/h.zarr", "views", "--pupil=4,0,4,0"][..],
+        &["eval", "gaze", "../a/h.zarr", "--scene", "views"],
+    ] {
+        refused(&b, &[named, &["--engine", "cpu", "-o", "out.zarr"]].concat(), "out.zarr", "arguments/other-scene");
     }
     // One view of nine.
     fs::copy(a.join("views/view_0_1.png"), a.join("views/view_0_0.png")).unwrap();
     refused_unless_asked(&b, &["../a/h.zarr"], "arguments/changed-scene");
     refused_unless_asked(&a, &["h.zarr", "views"], "arguments/other-scene");
-    refused(&b, &["study", "../a/h.zarr", "--engine", "cpu", "-o", "out"], "out", "arguments/changed-scene");
+    refused(&b, &["eval", "gaze", "../a/h.zarr", "--engine", "cpu", "-o", "out"], "out", "arguments/changed-scene");
     // A view that is gone.
     fs::remove_file(a.join("views/view_0_0.png")).unwrap();
-    refused(&a, &[&["score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/changed-scene");
+    refused(&a, &[&["eval", "score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/changed-scene");
 }
 
 #[cfg(unix)]
@@ -130,9 +123,9 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     let light: Vec<f32> = (0..6 * 64).map(|i| (i % 64 * 37 % 97) as f32 / 97.0).collect();
     eyebox::low_level::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
     solve(&at, "array.npy?grid=2x3", "array.zarr", &["--view-pitch", "2", "--depth", "0..0"]);
-    let photograph = ["photograph", "builtin:still-life", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0"];
-    done(&at, &[&photograph[..], &["-o", "photo.png"]].concat());
-    done(&at, &[&photograph[..], &["--color", "green", "-o", "depth.png"]].concat());
+    let render = ["render", "builtin:still-life", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0"];
+    done(&at, &[&render[..], &["-o", "photo.png"]].concat());
+    done(&at, &[&render[..], &["--color", "green", "-o", "depth.png"]].concat());
     let with_map = ["--depth-map", "depth.png", "--near", "dark", "--depth=-1..1", "--views", "4"];
     solve(&at, "photo.png", "photo.zarr", &with_map);
     solve(&at, "builtin:plane?depth=0.5", "plane.zarr", &["--views", "3"]);
@@ -156,8 +149,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
         assert!((found - right).abs() < 1e-9, "{hologram}: {found} dB, not {right}");
     }
     // Another map is another scene; so is other content in the same array.
-    let other =
-        ["photograph", "builtin:plane", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0", "--color", "green"];
+    let other = ["render", "builtin:plane", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0", "--color", "green"];
     done(&at, &[&other[..], &["-o", "other.png"]].concat());
     refused_unless_asked(&at, &["photo.zarr", "--depth-map", "other.png"], "arguments/other-scene");
     refused_unless_asked(&at, &["photo.zarr", "photo.png", "--depth-map", "other.png"], "arguments/other-scene");
@@ -205,10 +197,10 @@ fn a_sequence_knows_the_scene_of_each_hologram() {
     fs::copy(at.join("one, two/view_0_1.png"), at.join("one, two/view_0_0.png")).unwrap();
     let answer = show(&away, "../at/s.zarr");
     assert!(!answer.status.success());
-    Refusal::of(&answer).is("session/setting ../at/s.zarr --other-scene");
+    Refusal::of(&answer).is("session/setting ../at/s.zarr --force");
 }
 
-/// The state that is written is the best and not the last: by `score` at the pupil more steps are never worse.
+/// The state that is written is the best and not the last: by `eval score` at the pupil more steps are never worse.
 #[test]
 fn refine_writes_the_best_state() {
     let temp = folder();
@@ -218,7 +210,7 @@ fn refine_writes_the_best_state() {
     fs::write(at.join("pupil.json"), "[[4, 0, 4, 1]]").unwrap();
     let json = |words: &[&str]| -> Value { serde_json::from_str(&done(at, words)).expect("JSON") };
     let score = |file: &str| {
-        let said = json(&["score", file, "--pupils", "pupil.json", "--engine", "cpu", "--json"]);
+        let said = json(&["eval", "score", file, "--pupils", "pupil.json", "--engine", "cpu", "--json"]);
         said["psnr_db"]["mean"].as_f64().unwrap()
     };
     let (mut before, mut fell) = (score("h.zarr"), 0.0f64);

@@ -145,7 +145,7 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
             (false, false) => phases.iter().map(|p| p / TAU * way.turn).collect(),
         };
         npy(at, "p.npy", way.shape, way.element, way.fortran, &stored);
-        let args = [&["export", "p.npy", "-o", "x.npy"], way.more].concat();
+        let args = [&["convert", "p.npy", "x.npy"], way.more].concat();
         match &way.read {
             Err(line) => refused(at, &args, "x.npy", line),
             Ok([from, to]) => {
@@ -166,7 +166,7 @@ fn solved(at: &Path) {
     let solve =
         ["solve", "builtin:plane", "--display", "small", "--size", "36x48", "--color", "green", "--frames", "2"];
     done(at, &[&solve[..], &["--steps", "3", "--views", "3", "--engine", "cpu", "-o", "h.zarr"]].concat());
-    done(at, &["export", "h.zarr", "-o", "p.npy"]);
+    done(at, &["convert", "h.zarr", "p.npy"]);
 }
 
 const GREEN: [&str; 4] = ["--display", "small", "--color", "green"];
@@ -188,20 +188,20 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
     };
     let read = |name: &str| std::fs::read(at.join(name)).unwrap();
 
-    both(&["view", "IN", "--pupil=1,0,5,0", "--engine", "cpu", "-o", "IN.view.npy"], &GREEN);
+    both(&["render", "IN", "--pupil=1,0,5,0", "--engine", "cpu", "-o", "IN.view.npy"], &GREEN);
     assert_eq!(read("h.zarr.view.npy"), read("p.npy.view.npy"));
     let scene = ["--views", "3", "--depth=-0.1..0.1", "--pupils", "random:3", "--engine", "cpu", "--json"];
-    let [own, bare] = both(&[&["score", "IN", "builtin:plane"], &scene[..]].concat(), &GREEN);
+    let [own, bare] = both(&[&["eval", "score", "IN", "builtin:plane"], &scene[..]].concat(), &GREEN);
     assert_eq!(own, bare);
     let encode = ["encode", "IN", "--display", "grey8", "--size", "36x48", "-o", "IN.frames"];
     both(&encode, &["--color", "green"]);
     assert_eq!(read("h.zarr.frames/frame-00001.png"), read("p.npy.frames/frame-00001.png"));
-    let play = ["play", "IN", "--display", "grey8", "--size", "36x48", "--duration", "0.1", "--record", "IN.shown"];
-    both(&play, &["--color", "green"]);
+    let show = ["show", "IN", "--display", "grey8", "--size", "36x48", "--duration", "0.1", "--record", "IN.shown"];
+    both(&show, &["--color", "green"]);
     assert_eq!(read("h.zarr.shown/set-000000-00.png"), read("p.npy.shown/set-000000-00.png"));
     refused(
         at,
-        &["play", "p.npy", "--display", "grey8", "--size", "36x48", "--record", "x"],
+        &["show", "p.npy", "--display", "grey8", "--size", "36x48", "--record", "x"],
         "x",
         "hologram/doubtful/colors-not-named --color",
     );
@@ -215,15 +215,13 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
         [0, 1].map(|row: usize| said["rows"][row]["eye_db"].as_f64().unwrap())
     });
     assert!((gains[0][0] - gains[1][0]).abs() < 0.01 && gains[1][1] > 10.0, "{gains:?} dB");
-    let evaluate =
-        ["evaluate", "builtin:plane", "--views", "3", "--no-speckle", "--hologram", "mine=p.npy", "--size", "36x48"];
-    done(at, &[&evaluate[..], &GREEN, &["--engine", "cpu", "-o", "report"]].concat());
+    let compare = ["eval", "compare", "builtin:plane", "--views", "3", "--no-speckle", "--hologram", "mine=p.npy"];
+    done(at, &[&compare[..], &GREEN, &["--size", "36x48", "--engine", "cpu", "-o", "report"]].concat());
     assert!(at.join("report/report.html").exists());
-    let live =
-        ["live", "p.npy", "--scene", "builtin:plane", "--display", "grey8", "--size", "36x48", "--color", "green"];
-    let live = [&live[..], &["--engine", "cpu", "--duration", "0.1", "--stats", "live.json"]].concat();
-    done(at, &live);
-    assert!(at.join("live.json").exists());
+    let steer = ["show", "p.npy", "--tracker", "simulated", "--scene", "builtin:plane", "--display", "grey8"];
+    let how = ["--size", "36x48", "--color", "green", "--engine", "cpu", "--duration", "0.1", "--stats", "stats.json"];
+    done(at, &[&steer[..], &how].concat());
+    assert!(at.join("stats.json").exists());
 }
 
 #[test]
@@ -231,8 +229,8 @@ fn phases_are_imported_with_what_is_known_of_them() {
     let here = folder();
     let at = here.path();
     solved(at);
-    let import = |more: &[&str], out: &'static str| {
-        let args = [&["import"], more, &["--engine", "cpu", "-o", out]].concat();
+    let import = |file: &str, out: &str, more: &[&str]| {
+        let args = [&["convert", file, out], more, &["--engine", "cpu"]].concat();
         text(&eyebox(at, &args).stderr)
     };
     let attributes = |name: &str| -> Value {
@@ -240,8 +238,8 @@ fn phases_are_imported_with_what_is_known_of_them() {
         serde_json::from_slice::<Value>(&document).unwrap()["attributes"]["eyebox"].take()
     };
     // From pictures as from arrays; names of colours come with them.
-    done(at, &["export", "h.zarr", "-o", "frames"]);
-    let said = import(&["frames", "--display", "small"], "f.zarr");
+    done(at, &["convert", "h.zarr", "frames"]);
+    let said = import("frames", "f.zarr", &["--display", "small"]);
     let known = attributes("f.zarr");
     let exposure = |v: &Value| v["colors"][0]["exposure"].as_f64().unwrap();
     let rounded = |v: &Value| format!("{:.4}", exposure(v));
@@ -249,13 +247,13 @@ fn phases_are_imported_with_what_is_known_of_them() {
     assert_eq!((&known["colors"][0]["color"], &known["display"]), (&"green".into(), &"small".into()));
     assert_eq!(known["settings"]["exposure_assumed"], true);
     // Fitted to the scene, that of the solve comes back.
-    let said = import(&[&["p.npy", "--scene", "builtin:plane"], &GREEN[..]].concat(), "s.zarr");
+    let said = import("p.npy", "s.zarr", &[&["--scene", "builtin:plane"], &GREEN[..]].concat());
     let (own, fitted) = (attributes("h.zarr"), attributes("s.zarr"));
     assert!(said.has(&format!("s.zarr {}", rounded(&fitted))), "{said}");
     assert!((exposure(&own) / exposure(&fitted)).ln().abs() < 0.5, "{} {}", exposure(&own), exposure(&fitted));
     assert_eq!((&fitted["scene"], &fitted["settings"]["exposure_assumed"]), (&"builtin:plane".into(), &Value::Null));
     // Its own folder is replaced; not with a picture of somebody else's in it, nor a set that is all theirs.
-    done(at, &["export", "h.zarr", "-o", "frames"]);
+    done(at, &["convert", "h.zarr", "frames"]);
     let kept = std::fs::read(at.join("frames/green-01.png")).unwrap();
     std::fs::write(at.join("frames/green-01.png"), std::fs::read(at.join("frames/green-00.png")).unwrap()).unwrap();
     std::fs::create_dir(at.join("mine")).unwrap();
@@ -263,19 +261,19 @@ fn phases_are_imported_with_what_is_known_of_them() {
         std::fs::write(at.join("mine").join(name), &kept).unwrap();
     }
     for folder in ["frames", "mine"] {
-        refused(at, &["export", "h.zarr", "-o", folder], "x", "file/taken/holds-something-else");
-        done(at, &["view", folder, "--display", "small", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
+        refused(at, &["convert", "h.zarr", folder], "x", "file/taken/holds-something-else");
+        done(at, &["render", folder, "--display", "small", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
     }
     assert_eq!(std::fs::read(at.join("mine/green-00.png")).unwrap(), kept);
     // And back.
-    done(at, &["export", "s.zarr", "-o", "again.npy"]);
+    done(at, &["convert", "s.zarr", "again.npy"]);
     assert_eq!(std::fs::read(at.join("again.npy")).unwrap(), std::fs::read(at.join("p.npy")).unwrap());
-    refused(at, &["import", "h.zarr", "-o", "x.zarr"], "x.zarr", "arguments/hologram-already");
-    refused(at, &["import", "p.npy", "-o", "x.zarr"], "x.zarr", "hologram/no-optics --display");
-    refused(at, &["import", "none.npy", "--display", "small", "-o", "x.zarr"], "x.zarr", "file/read none.npy");
-    let one = ["view", "frames/green-00.png", "--display", "small", "--pupil=0,0,5,0", "-o", "x.png"];
-    done(at, &[&one[..], &["--engine", "cpu"]].concat());
-    refused(at, &["import", "p.npy", "--display", "small", "-o", "x.npy"], "x.npy", "arguments/ending");
+    refused(at, &["convert", "h.zarr", "x.zarr"], "x.zarr", "arguments/hologram-already");
+    refused(at, &["convert", "p.npy", "x.zarr"], "x.zarr", "hologram/no-optics --display");
+    refused(at, &["convert", "none.npy", "x.zarr", "--display", "small"], "x.zarr", "file/read none.npy");
+    let one = ["render", "frames/green-00.png", "--display", "small", "--pupil=0,0,5,0", "-o", "x.png"];
+    done(at, &[&one[..], &["--phase-unit", "256", "--engine", "cpu"]].concat());
+    refused(at, &["convert", "p.npy", "x.txt", "--display", "small"], "x.txt", "arguments/ending");
 }
 
 #[test]
@@ -284,19 +282,19 @@ fn a_hologram_is_not_measured_against_another_scene() {
     let at = here.path();
     solved(at);
     let shows = "arguments/other-scene 'builtin:plane' 'builtin:points'";
-    let score = ["score", "h.zarr", "builtin:points", "--pupils", "random:1", "--engine", "cpu"];
+    let score = ["eval", "score", "h.zarr", "builtin:points", "--pupils", "random:1", "--engine", "cpu"];
     refused(at, &score, "x", shows);
-    done(at, &[&score[..], &["--other-scene"]].concat());
-    done(at, &["score", "h.zarr", "builtin:plane?brightness=1", "--pupils", "random:1", "--engine", "cpu"]);
+    done(at, &[&score[..], &["--force"]].concat());
+    done(at, &["eval", "score", "h.zarr", "builtin:plane?brightness=1", "--pupils", "random:1", "--engine", "cpu"]);
     refused(at, &["refine", "h.zarr", "builtin:points", "--pupil=0,0,5,0", "-o", "x.zarr"], "x.zarr", shows);
     refused(
         at,
-        &["evaluate", "builtin:points", "--hologram", "mine=h.zarr", "-o", "x"],
+        &["eval", "compare", "builtin:points", "--hologram", "mine=h.zarr", "-o", "x"],
         "x",
         "quality/input/other-scene 'builtin:plane' 'builtin:points'",
     );
-    let live = ["live", "h.zarr", "--scene", "builtin:points", "--display", "grey8", "--duration", "0.1"];
-    refused(at, &live, "x", shows);
+    let steer = ["show", "h.zarr", "--tracker", "simulated", "--scene", "builtin:points", "--display", "grey8"];
+    refused(at, &[&steer[..], &["--duration", "0.1"]].concat(), "x", shows);
 }
 
 /// What docs/hologram-format.md says is all that a program in Python needs, is.
@@ -318,7 +316,7 @@ fn the_documents_python_writes_a_hologram() {
     run(program);
     // The log states that it has no checksum.
     let said = |words: &[&str]| {
-        let answer = eyebox(at, &[words, &["export", "grating.zarr", "-o", "p.npy"]].concat());
+        let answer = eyebox(at, &[words, &["convert", "grating.zarr", "p.npy"]].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         text(&answer.stderr)
     };
@@ -327,8 +325,8 @@ fn the_documents_python_writes_a_hologram() {
     assert_eq!(shape, [1, 48, 64]);
     assert!(values.iter().enumerate().all(|(i, v)| (v - wrapped(0.1 * (i % 64) as f32)).abs() < 1e-5));
     // Seen, scored, encoded, made a hologram of this program.
-    done(at, &["view", "grating.zarr", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
-    done(at, &["score", "grating.zarr", "builtin:plane", "--pupils", "random:2", "--engine", "cpu"]);
+    done(at, &["render", "grating.zarr", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
+    done(at, &["eval", "score", "grating.zarr", "builtin:plane", "--pupils", "random:2", "--engine", "cpu"]);
     done(at, &["encode", "grating.zarr", "--display", "grey8", "--size", "48x64", "-o", "frames"]);
 
     // What is wrong in it is said.
@@ -336,7 +334,7 @@ fn the_documents_python_writes_a_hologram() {
         assert!(program.contains(from), "{from}");
         let _ = std::fs::remove_dir_all(at.join("grating.zarr"));
         run(&program.replace(from, to));
-        refused(at, &["export", "grating.zarr", "-o", "x.npy"], "x.npy", what);
+        refused(at, &["convert", "grating.zarr", "x.npy"], "x.npy", what);
     };
     wrong("\"format\": 1, ", "", "hologram/not-a-hologram/no-format");
     wrong("\"float32\"", "\"float64\"", "hologram/damaged/length");

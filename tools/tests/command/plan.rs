@@ -1,4 +1,4 @@
-//! `eyebox plan` as a user runs it, and what `solve` makes of a plan.
+//! `eyebox solve --dry-run` as a user runs it, and what a solve makes of its plan.
 
 use crate::common::{self, Printed, command, done, folder, refused, written};
 use serde_json::Value;
@@ -6,9 +6,13 @@ use std::path::Path;
 
 const SMALL: [&str; 6] = ["--size", "48x40", "--engine", "cpu", "--pupil-diameter", "4..18"];
 
-fn json(folder: &Path, command: &str, scene: &str, more: &[&str]) -> Value {
-    let text = done(folder, &[&[command, scene, "--json"][..], &SMALL, more].concat());
+fn json(folder: &Path, scene: &str, more: &[&str]) -> Value {
+    let text = done(folder, &[&["solve", scene, "--json"][..], &SMALL, more].concat());
     serde_json::from_str(&text).expect("one JSON object")
+}
+
+fn planned(folder: &Path, scene: &str, more: &[&str]) -> Value {
+    json(folder, scene, &[&["--dry-run"], more].concat())
 }
 
 fn choice<'a>(plan: &'a Value, what: &str) -> &'a Value {
@@ -19,8 +23,8 @@ fn choice<'a>(plan: &'a Value, what: &str) -> &'a Value {
 fn a_plan_says_what_why_and_how_much() {
     let temp = folder();
     let at = temp.path();
-    let text = done(at, &[&["plan", "builtin:still-life"][..], &SMALL].concat());
-    let deep = json(at, "plan", "builtin:still-life", &[]);
+    let text = done(at, &[&["solve", "builtin:still-life", "--dry-run"][..], &SMALL].concat());
+    let deep = planned(at, "builtin:still-life", &[]);
     let choices = deep["choices"].as_array().unwrap();
     assert!(choices.len() >= 8, "{deep}");
     // Each choice is a line that has its name and its value.
@@ -33,9 +37,9 @@ fn a_plan_says_what_why_and_how_much() {
     assert!(text.has("red green blue ms s MiB") && text.contains(deep["lists"].as_str().unwrap()), "{text}");
     assert!(text.number("MiB") > 1.0 && text.number("ms") > 0.0, "{text}");
     assert_eq!((&deep["views_merged"], choice(&deep, "views")["saves"].as_bool()), (&Value::from(1), Some(false)));
-    let flat = json(at, "plan", "builtin:plane", &[]);
+    let flat = planned(at, "builtin:plane", &[]);
     assert_eq!((&flat["views_merged"], choice(&flat, "views")["saves"].as_bool()), (&Value::from(9), Some(true)));
-    let full = json(at, "plan", "builtin:plane", &["--set", "full=all"]);
+    let full = planned(at, "builtin:plane", &["--set", "full=all"]);
     assert_eq!((&full["views_merged"], &full["settings"]["window"]), (&Value::from(1), &Value::from("full")));
     let forecast = |plan: &Value, i: usize| plan["forecast"][i].clone();
     let (saved, whole) = (forecast(&flat, 0), forecast(&full, 0));
@@ -51,10 +55,10 @@ fn a_flat_scene_solved_from_one_view_is_the_same() {
     let temp = folder();
     let at = temp.path();
     let solve = |out: &str, more: &[&str]| {
-        let said =
-            json(at, "solve", "builtin:plane", &[&["--color", "green", "--steps", "8", "-o", out], more].concat());
+        let said = json(at, "builtin:plane", &[&["--color", "green", "--steps", "8", "-o", out], more].concat());
         let score: Value =
-            serde_json::from_str(&done(at, &["score", out, "builtin:plane", "--json", "--engine", "cpu"])).unwrap();
+            serde_json::from_str(&done(at, &["eval", "score", out, "builtin:plane", "--json", "--engine", "cpu"]))
+                .unwrap();
         (
             said,
             score["mean"]["psnr_db"]
@@ -75,13 +79,13 @@ fn a_flat_scene_solved_from_one_view_is_the_same() {
 fn sub_frames_follow_the_speckle_asked_for() {
     let temp = folder();
     let at = temp.path();
-    assert_eq!(json(at, "plan", "builtin:plane", &["--set", "contrast=0.5"])["settings"]["frames"], 4);
-    let plan = |more: &[&'static str]| [&["plan", "builtin:plane"][..], more].concat();
+    assert_eq!(planned(at, "builtin:plane", &["--set", "contrast=0.5"])["settings"]["frames"], 4);
+    let plan = |more: &[&'static str]| [&["solve", "builtin:plane", "--dry-run"][..], more].concat();
     refused(at, &plan(&["--set", "contrast=2"]), "x", "produce/job/value 0.016 4096");
     refused(at, &plan(&["--set", "contrast=0.5", "--frames", "8"]), "x", "arguments/frames-and-contrast --frames");
     refused(at, &plan(&["--set", "full=colors,nonsense"]), "x", "produce/job/value nonsense");
     refused(at, &plan(&["--set", "padding=sometimes"]), "x", "produce/job/value padding");
-    refused(at, &["plan", "builtin:none"], "x", "scene/builtin/no-such-scene still-life");
+    refused(at, &["solve", "builtin:none", "--dry-run"], "x", "scene/builtin/no-such-scene still-life");
 }
 
 /// A folder that cannot be written costs nothing but time; rates are measured once, and again where they are damaged.
@@ -90,7 +94,7 @@ fn rates_are_a_convenience() {
     let temp = folder();
     let (at, cache) = (temp.path().join("work"), temp.path().join("cache"));
     std::fs::create_dir(&at).unwrap();
-    let arguments = [&["plan", "builtin:plane"][..], &SMALL].concat();
+    let arguments = [&["solve", "builtin:plane", "--dry-run"][..], &SMALL].concat();
     let run = || {
         let answer = command(&at, &arguments).env("XDG_CACHE_HOME", &cache).output().unwrap();
         assert!(answer.status.success(), "{}", common::text(&answer.stderr));
@@ -129,7 +133,7 @@ fn a_side_that_would_transform_slowly_is_padded() {
     let padded = solved("p.zarr", &["--size", "12x262"]);
     assert_eq!(padded["padding"], serde_json::json!([0, 26]));
     assert!(choice_of(&padded).has("262 131"), "{padded}");
-    done(at, &["view", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
+    done(at, &["render", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
     assert_eq!(solved("n.zarr", &["--size", "12x264"])["padding"], serde_json::json!([0, 0]));
     // Unless exactly the SLM's size is asked for.
     let exact = solved("e.zarr", &["--size", "12x262", "--set", "padding=exact"]);
@@ -138,7 +142,7 @@ fn a_side_that_would_transform_slowly_is_padded() {
         (&serde_json::json!([0, 0]), &serde_json::json!("exact"))
     );
     assert!(choice_of(&exact).has("262 131"), "{exact}");
-    done(at, &["view", "e.zarr", "--pupil=0,0,5,0", "-o", "e.png"]);
+    done(at, &["render", "e.zarr", "--pupil=0,0,5,0", "-o", "e.png"]);
 }
 
 /// Steps recorded and not run: what they ask of a device, and what devices would make of it.
@@ -147,7 +151,7 @@ fn a_bench_records_steps_and_runs_none() {
     let temp = folder();
     let at = temp.path();
     let run = |more: &str| {
-        let args = format!("bench builtin:plane --size 64x64 --color green --pupils 2 --steps 4 --dry {more}");
+        let args = format!("bench builtin:plane --size 64x64 --color green --pupils 2 --steps 4 --dry-run {more}");
         done(at, &args.split(' ').collect::<Vec<_>>())
     };
     for pupil in ["", " --pupil=1,0,4,0"] {

@@ -1,4 +1,4 @@
-//! `eyebox solve` over several scenes and `eyebox play`, as a user runs them.
+//! `eyebox solve` over several scenes and `eyebox show`, as a user runs them.
 
 use crate::common::{Printed, Refusal, refusal, with_json_errors, written};
 use serde_json::Value;
@@ -90,10 +90,10 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
         refused(at, &[&["solve"], &SCENES[..], &SOLVE, &["-o", "s.zarr"], more].concat(), what);
     }
     // One of its holograms by itself.
-    done(at, &["export", "s.zarr", "--at", "2", "-o", "two.npy"]);
-    done(at, &["view", "s.zarr", "--at", "1", "--pupil=0,0,4,0", "-o", "one.png"]);
-    refused(at, &["export", "s.zarr", "-o", "x.npy"], "hologram/not-a-hologram/is-a-sequence");
-    refused(at, &["export", "s.zarr", "--at", "3", "-o", "x.npy"], "hologram/not-a-hologram/no-such-hologram");
+    done(at, &["convert", "s.zarr", "two.npy", "--at", "2"]);
+    done(at, &["render", "s.zarr", "--at", "1", "--pupil=0,0,4,0", "-o", "one.png"]);
+    refused(at, &["convert", "s.zarr", "x.npy"], "hologram/not-a-hologram/is-a-sequence");
+    refused(at, &["convert", "s.zarr", "x.npy", "--at", "3"], "hologram/not-a-hologram/no-such-hologram");
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn what_is_recorded_is_what_encode_writes() {
     let at = here.path();
     sequence(at);
     let played =
-        ["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--record", "shown", "--stats", "s.json"];
+        ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--record", "shown", "--stats", "s.json"];
     done(at, &[&played[..], &["--trace", "t.json", "--sync", "0.1"]].concat());
     let stats = json(&at.join("s.json"));
     // 20 a second on 60 Hz: each three times.
@@ -130,7 +130,7 @@ fn what_is_recorded_is_what_encode_writes() {
     assert_eq!((&stats["ended_by"], &stats["missed_presents"]), (&"the end".into(), &0.into()));
     for i in 0..3 {
         let npy = format!("{i}.npy");
-        done(at, &["export", "s.zarr", "--at", &i.to_string(), "-o", &npy]);
+        done(at, &["convert", "s.zarr", &npy, "--at", &i.to_string()]);
         let out = format!("e{i}");
         done(at, &["encode", &npy, "--display", "planes24", "--size", "48x64", "-o", &out]);
         let picture = |path: String| image::open(at.join(path)).unwrap().into_rgb8();
@@ -150,16 +150,16 @@ fn what_is_recorded_is_what_encode_writes() {
 }
 
 #[test]
-fn a_vulkan_device_plays_the_bytes_of_the_cpu() {
+fn a_vulkan_device_shows_the_bytes_of_the_cpu() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
     for display in ["planes24", "grey8"] {
-        let play = ["play", "s.zarr", "--display", display, "--size", "48x64", "--rate", "2.5"];
+        let show = ["show", "s.zarr", "--display", display, "--size", "48x64", "--rate", "2.5"];
         let (cpu, vulkan) = (format!("{display}-cpu"), format!("{display}-vulkan"));
-        done(at, &[&play[..], &["--record", &cpu, "--engine", "cpu"]].concat());
+        done(at, &[&show[..], &["--record", &cpu, "--engine", "cpu"]].concat());
         let on_vulkan = ["--record", &vulkan, "--engine", "vulkan", "--validation", "--stats", "v.json"];
-        let said = done(at, &[&play[..], &on_vulkan].concat());
+        let said = done(at, &[&show[..], &on_vulkan].concat());
         let stats = json(&at.join("v.json"));
         assert_eq!((&stats["content_shown"], dropped(&stats)), (&3.into(), 0));
         assert!(!said.contains("validation:"), "{said}");
@@ -173,8 +173,8 @@ fn a_vulkan_device_plays_the_bytes_of_the_cpu() {
         assert!(compared > 3, "{compared} files");
     }
     let mut none = Command::new(env!("CARGO_BIN_EXE_eyebox"));
-    let play = ["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--engine", "vulkan", "--record", "none"];
-    none.args(play)
+    let show = ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--engine", "vulkan", "--record", "none"];
+    none.args(show)
         .current_dir(at)
         .env("XDG_CACHE_HOME", at.join("cache"))
         .env("VK_ICD_FILENAMES", "/nowhere.json")
@@ -190,17 +190,17 @@ fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
-    let play = ["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--output", "direct"];
-    for more in [&[][..], &["--monitor", "HDMI-A-1"], &["--validation"]] {
+    let show = ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--output"];
+    for more in [&["direct"][..], &["direct:HDMI-A-1"], &["direct", "--validation"]] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
-        command.args(play).args(more).current_dir(at).env("XDG_CACHE_HOME", at.join("cache"));
+        command.args(show).args(more).current_dir(at).env("XDG_CACHE_HOME", at.join("cache"));
         let answer = crate::common::failed(&mut command);
         assert_eq!(text(&answer.stderr).trim().lines().count(), 1, "{}", text(&answer.stderr));
         // Where there is a graphics card, it has no display of 48x64 pixels.
         let refusal = Refusal::of(&answer);
         assert!(refusal.code.starts_with("present/display/no-"), "{refusal:?}");
     }
-    refused(at, &[&play[..], &["--raw", "r"]].concat(), "arguments/without-offscreen");
+    refused(at, &[&show[..], &["direct", "--record", "r"]].concat(), "arguments/without-offscreen");
 }
 
 /// A second ctrl-C is not needed: the first leaves the idle picture, which is the phase 0, everywhere.
@@ -212,7 +212,7 @@ fn interrupted_it_leaves_the_idle_picture() {
     sequence(at);
     for signal in ["-INT", "-TERM"] {
         let mut playing = Command::new(env!("CARGO_BIN_EXE_eyebox"))
-            .args(["play", "s.zarr", "--display", "planes24", "--size", "48x64", "--loop", "--shared", "shown"])
+            .args(["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--loop", "--output", "shared:shown"])
             .args(["--stats", "s.json"])
             .current_dir(at)
             .env("XDG_CACHE_HOME", at.join("cache"))
@@ -241,43 +241,43 @@ fn an_unfinished_sequence_and_a_damaged_hologram_are_told() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
-    let play = ["play", "s.zarr", "--display", "planes8", "--size", "48x64", "--clock", "simulated"];
+    let show = ["show", "s.zarr", "--display", "planes8", "--size", "48x64", "--clock", "simulated"];
     let file = at.join("s.zarr/phases/c/1/0/0/0/0");
     let mut bytes = std::fs::read(&file).unwrap();
     bytes[1000] ^= 64;
     std::fs::write(&file, bytes).unwrap();
-    let said = done(at, &[&play[..], &["--stats", "s.json"]].concat());
+    let said = done(at, &[&show[..], &["--stats", "s.json"]].concat());
     let stats = json(&at.join("s.json"));
     let counts = [&stats["content_shown"], &stats["content_dropped"]["damaged"]].map(Value::as_u64);
     assert_eq!((counts, dropped(&stats)), ([Some(2), Some(1)], 1), "{stats}");
     // The damaged file is named.
     assert!(said.contains("s.zarr/phases/c/1/0/0/0/0"), "{said}");
     std::fs::write(at.join("s.zarr/phases/c/2/0/0/0/0"), "short").unwrap();
-    refused(at, &play, "arguments/unfinished");
-    let said = done(at, &[&play[..], &["--unfinished"]].concat());
+    refused(at, &show, "arguments/unfinished");
+    let said = done(at, &[&show[..], &["--unfinished"]].concat());
     assert!(said.lines_with("s.zarr 2 3") > 0, "{said}");
 }
 
 #[test]
-fn what_cannot_be_played_is_refused_in_one_sentence() {
+fn what_cannot_be_shown_is_refused_in_one_sentence() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
-    refused(at, &["play", "none.zarr"], "file/read none.zarr");
-    refused(at, &["play", "s.zarr", "--display", "planes24"], "session/setting/size 48x64");
-    refused(at, &["play", "s.zarr", "--size", "48x64", "--rate", "0"], "usage/value-validation rate");
-    refused(at, &["play", "s.zarr", "--size", "48x64", "--first", "3"], "session/setting/first");
+    refused(at, &["show", "none.zarr"], "file/read none.zarr");
+    refused(at, &["show", "s.zarr", "--display", "planes24", "--size", "40x64"], "session/setting/size 48x64");
+    refused(at, &["show", "s.zarr", "--size", "48x64", "--rate", "0"], "usage/value-validation rate");
+    refused(at, &["show", "s.zarr", "--size", "48x64", "--at", "3"], "session/setting/first");
     refused(
         at,
-        &["play", "s.zarr", "--size", "48x64", "--loop", "--clock", "simulated"],
+        &["show", "s.zarr", "--size", "48x64", "--loop", "--clock", "simulated"],
         "arguments/endless --duration",
     );
     refused(
         at,
-        &["play", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"],
+        &["show", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"],
         "arguments/record-in-real-time --record",
     );
-    let before = eyebox(at, &["play", "s.zarr", "--size", "48x64", "--speed", "5000"]);
+    let before = eyebox(at, &["show", "s.zarr", "--size", "48x64", "--speed", "5000"]);
     assert_eq!(before.status.code(), Some(2));
 }
 
@@ -286,8 +286,8 @@ fn a_loop_in_real_time_ends_after_its_duration() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
-    let play = ["play", "s.zarr", "--display", "fields", "--size", "48x64", "--loop", "--duration", "0.5"];
-    done(at, &[&play[..], &["--stats", "s.json", "--rate", "7.5"]].concat());
+    let show = ["show", "s.zarr", "--display", "fields", "--size", "48x64", "--loop", "--duration", "0.5"];
+    done(at, &[&show[..], &["--stats", "s.json", "--rate", "7.5"]].concat());
     let stats = json(&at.join("s.json"));
     assert_eq!(stats["ended_by"], "the duration");
     let count = |name: &str| stats[name].as_u64().unwrap();

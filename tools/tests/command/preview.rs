@@ -1,4 +1,4 @@
-//! `eyebox preview` on a virtual desktop: what the window shows is what `eyebox view` writes, and mouse and keys change it.
+//! `eyebox preview` on a virtual desktop: what the window shows is what `eyebox render` writes, and mouse and keys change it.
 
 use crate::common;
 use crate::common::desk::Desk;
@@ -33,10 +33,10 @@ fn written(file: &Path) -> Part {
     Part { size: [image.height() as usize, image.width() as usize], rgb: image.into_raw() }
 }
 
-/// What `eyebox view` writes for this pupil.
+/// What `eyebox render` writes for this pupil.
 fn view(folder: &Path, file: &str, more: &[&str], pupil: &str) -> Part {
     let pupil = format!("--pupil={pupil}");
-    done(folder, &[&["view", file, &pupil, "-o", "view.png"], more].concat());
+    done(folder, &[&["render", file, &pupil, "-o", "view.png"], more].concat());
     written(&folder.join("view.png"))
 }
 
@@ -71,7 +71,7 @@ fn ends(child: Child) -> String {
 }
 
 #[test]
-fn the_window_shows_what_view_writes_and_mouse_and_keys_change_it() {
+fn the_window_shows_what_render_writes_and_mouse_and_keys_change_it() {
     let here = common::folder();
     let folder = here.path();
     hologram(0).save(&folder.join("x.zarr")).expect("saved");
@@ -126,15 +126,15 @@ fn the_window_shows_what_view_writes_and_mouse_and_keys_change_it() {
     desk.press(window, 'h'.into());
     until("no help", &mut child, || near(&alone(&desk), &wider));
 
-    // The photograph beside it, then alone.
+    // The target image beside it, then alone.
     desk.press(window, 'p'.into());
-    let photograph = ["photograph", "builtin:still-life", "--size", "36x64", "--pupil=5.5,5.5,4.5,0.4", "-o", "p.png"];
-    done(folder, &photograph);
-    let photograph = written(&folder.join("p.png"));
+    let target = ["render", "builtin:still-life", "--size", "36x64", "--pupil=5.5,5.5,4.5,0.4", "-o", "p.png"];
+    done(folder, &target);
+    let target = written(&folder.join("p.png"));
     until("both", &mut child, || near(&columns(&desk.part(window), 0, 64), &wider));
-    until("the photograph", &mut child, || near(&columns(&desk.part(window), 68, 64), &photograph));
+    until("the target image", &mut child, || near(&columns(&desk.part(window), 68, 64), &target));
     desk.press(window, 'p'.into());
-    until("the photograph alone", &mut child, || near(&alone(&desk), &photograph));
+    until("the target image alone", &mut child, || near(&alone(&desk), &target));
     desk.press(window, 'p'.into());
     until("the eye alone", &mut child, || near(&alone(&desk), &wider));
 
@@ -190,7 +190,7 @@ fn a_sequence_is_played_and_stepped_through_and_ctrl_c_ends_it() {
 }
 
 #[test]
-fn bare_phases_are_shown_as_view_shows_them() {
+fn bare_phases_are_shown_as_render_shows_them() {
     let here = common::folder();
     let folder = here.path();
     let one = hologram(5);
@@ -205,7 +205,7 @@ fn bare_phases_are_shown_as_view_shows_them() {
     ends(child);
 }
 
-/// A far field in tiles: the window shows what `eyebox view` writes, from any place, and nothing but the tiles under the
+/// A far field in tiles: the window shows what `eyebox render` writes, from any place, and nothing but the tiles under the
 /// pupil is read.
 #[test]
 fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
@@ -241,16 +241,16 @@ fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
     let moved = view(folder, "h.zarr", &[], &format!("{},{},0.3,0", place(at[1], left), place(at[0], 0)));
     until("the mouse's pupil", &mut child, || near(&alone(&desk), &moved));
     assert!(!near(&moved, &first));
-    // What is kept is what view writes, at what the pupil resolves.
+    // What is kept is what render writes, at what the pupil resolves.
     desk.press(window, 's'.into());
     let saved = folder.join("h-seen-1.png");
     until("the PNG", &mut child, || saved.exists());
     assert!(near(&written(&saved), &moved));
     desk.press(window, 'p'.into());
-    until("the photograph beside it", &mut child, || {
+    until("the target image beside it", &mut child, || {
         let part = desk.part(window);
-        let photograph = columns(&part, n + 4, n);
-        near(&columns(&part, 0, n), &moved) && photograph.rgb.iter().any(|v| *v > 120) && !near(&photograph, &moved)
+        let target = columns(&part, n + 4, n);
+        near(&columns(&part, 0, n), &moved) && target.rgb.iter().any(|v| *v > 120) && !near(&target, &moved)
     });
     // Where the tile is damaged, that is said, and it ends.
     desk.point(window, [n - 3, n - 3].map(|v| v as i16));

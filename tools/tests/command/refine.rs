@@ -58,7 +58,7 @@ fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
     let few = ["--pupil-diameter", "0.2..0.4", "--picture", "96", "--passes", "1", "--engine", "cpu", "-o", "h.zarr"];
     done(at, &[&solve[..], &few].concat());
     let refine = |file: &str, more: &[&str]| -> Value {
-        let place = ["--pupil=-0.3,0.25,0.3,0", "--spread", "0.02", "--diameter", "0.25..0.35"];
+        let place = ["--pupil=-0.3,0.25,0.3,0", "--spread", "0.02", "--pupil-diameter", "0.25..0.35"];
         let fixed = ["refine", file, "builtin:still-life", "--engine", "cpu", "--json"];
         serde_json::from_str(&done(at, &[&fixed[..], &place, more].concat())).expect("one JSON object")
     };
@@ -87,7 +87,7 @@ fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
     let again = refine("there.zarr", &["--steps", "1"]);
     let before = again["rows"][0]["eye_db"].as_f64().unwrap();
     assert!((before - eye(rows.len() - 1)).abs() < 0.3, "{before} dB, {} before it was written", eye(rows.len() - 1));
-    done(at, &["view", "there.zarr", "--pupil=-0.3,0.25,0.3,0", "-o", "v.png", "--engine", "cpu"]);
+    done(at, &["render", "there.zarr", "--pupil=-0.3,0.25,0.3,0", "-o", "v.png", "--engine", "cpu"]);
     // In its own place, too.
     refine("h.zarr", &["--steps", "8", "-o", "h.zarr"]);
     let tile = |name: &str| std::fs::read(at.join(format!("{name}/phases/c/1/0/7/2"))).unwrap();

@@ -23,8 +23,8 @@ fn sizes_that_no_machine_holds_are_refused_with_what_they_take() {
     let huge = ["--size", "65536x65536"];
     let commands: [&[&str]; 4] = [
         &["solve", "builtin:still-life", "-o", "x.zarr"],
-        &["photograph", "builtin:still-life", "--pupil=0,0,4,0", "-o", "x.png"],
-        &["tradeoff", "builtin:still-life", "-o", "y"],
+        &["render", "builtin:still-life", "--pupil=0,0,4,0", "-o", "x.png"],
+        &["eval", "tune", "builtin:still-life", "-o", "y"],
         &["solve", "builtin:still-life", "--views", "1", "-o", "x.zarr"],
     ];
     for args in commands {
@@ -46,7 +46,7 @@ fn files_that_are_no_files_are_refused_at_once() {
     mkfifo(&at.join("views/lightfield.toml"));
     for file in ["pipe", "/dev/zero"] {
         refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "optics/unknown-display");
-        refused(at, &["score", "h.zarr", "builtin:plane", "--pupils", file], "x", "arguments/pupils");
+        refused(at, &["eval", "score", "h.zarr", "builtin:plane", "--pupils", file], "x", "arguments/pupils");
         refused(at, &solve(&["builtin:plane"], "x.zarr", &["--settings", file]), "x.zarr", "produce/job/unreadable");
     }
     #[cfg(target_os = "linux")]
@@ -62,7 +62,7 @@ fn files_that_are_no_files_are_refused_at_once() {
         mkfifo(&file);
         let begun = Instant::now();
         for args in
-            [&["view", "h.zarr", "--pupil=0,0,4,0", "-o", "x.png"][..], &["play", "h.zarr", "--output", "offscreen"]]
+            [&["render", "h.zarr", "--pupil=0,0,4,0", "-o", "x.png"][..], &["show", "h.zarr", "--output", "offscreen"]]
         {
             let answer = eyebox(at, args);
             assert_eq!(answer.status.code(), Some(2), "{inside}: {args:?}: {}", text(&answer.stderr));
@@ -114,7 +114,7 @@ fn a_reader_that_goes_away_ends_talking_and_not_the_work() {
             format!("(sleep 0.2; '{}' {}; echo $? > code) {streams}", env!("CARGO_BIN_EXE_eyebox"), words.join(" "));
         assert!(Command::new("sh").args(["-c", &script]).current_dir(at).status().unwrap().success());
         assert_eq!(std::fs::read_to_string(at.join("code")).unwrap().trim(), "0", "{streams}");
-        let said = done(at, &["view", out, "--at", "2", "--pupil=0,0,4,0", "-o", "seen.png"]);
+        let said = done(at, &["render", out, "--at", "2", "--pupil=0,0,4,0", "-o", "seen.png"]);
         assert!(at.join("seen.png").exists(), "{streams}: {said}");
         std::fs::remove_file(at.join("seen.png")).unwrap();
     }
@@ -129,7 +129,7 @@ fn what_a_full_disk_keeps_from_being_said_is_a_loss_and_is_told() {
     let answer = command(at, &solve(&["builtin:plane"], "h.zarr", &["--json"])).stdout(full).output().unwrap();
     assert_eq!(answer.status.code(), Some(2));
     Refusal::of(&answer).is("output/standard");
-    done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
+    done(at, &["render", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
 }
 
 #[cfg(target_os = "linux")]
@@ -144,7 +144,7 @@ fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
         let steps = if stops { "100000" } else { "60" };
         let args = ["solve", "builtin:plane", "-o", "h.zarr", "--size", "64x64", "--color", "green", "--engine", "cpu"];
         let script =
-            format!("{before} '{}' {} --steps {steps} --seconds 60", env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
+            format!("{before} '{}' {} --steps {steps} --duration 60", env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
         let mut child =
             Command::new("sh").args(["-c", &script]).current_dir(at).stderr(Stdio::piped()).spawn().unwrap();
         // It says what it begins once it can be stopped.
@@ -154,7 +154,7 @@ fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
         stderr.read_to_string(&mut said).unwrap();
         let status = child.wait().unwrap();
         assert!(status.success(), "{before}: {status:?}: {said}");
-        done(at, &["view", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
+        done(at, &["render", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
         std::fs::remove_dir_all(at.join("h.zarr")).unwrap();
     }
 }
@@ -164,11 +164,11 @@ fn places_that_cannot_be_written_are_found_before_the_work() {
     let temp = folder();
     let at = temp.path();
     done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
-    let play =
-        ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "offscreen", "--duration", "60"];
+    let show =
+        ["show", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "offscreen", "--duration", "60"];
     for flag in ["--stats", "--trace"] {
         let begun = Instant::now();
-        refused(at, &[&play[..], &[flag, "none/x.json"]].concat(), "none", "file/taken/no-such-folder");
+        refused(at, &[&show[..], &[flag, "none/x.json"]].concat(), "none", "file/taken/no-such-folder");
         assert!(begun.elapsed() < Duration::from_secs(30), "{flag}: it was noticed when the run was over");
     }
 }
@@ -243,8 +243,8 @@ fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
     // O_NONBLOCK: it is filled until it takes no more.
     let mut pipe = options.read(true).write(true).custom_flags(0o4000).open(at.join("pipe")).unwrap();
     while pipe.write(&[0; 4096]).is_ok() {}
-    let play = ["play", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "offscreen"];
-    let mut child = command(at, &[&play[..], &["--raw", "pipe", "--trace", "trace.json"]].concat())
+    let show = ["show", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "raw:pipe"];
+    let mut child = command(at, &[&show[..], &["--trace", "trace.json"]].concat())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
@@ -261,7 +261,7 @@ fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
     assert!(text(&answer.stderr).lines().any(line), "{}", text(&answer.stderr));
 }
 
-/// A device that was never met is tried by the first that runs on it, once, and `devices` shows it.
+/// A device that was never met is tried by the first that runs on it, once, and `device list` shows it.
 #[test]
 fn devices_show_when_they_were_tried() {
     let temp = tempfile::tempdir().unwrap();
@@ -271,9 +271,10 @@ fn devices_show_when_they_were_tried() {
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         text(&answer.stdout)
     };
-    let all = || serde_json::from_str::<serde_json::Value>(&run(&["devices", "--json"])).unwrap()["vulkan"].clone();
+    let all =
+        || serde_json::from_str::<serde_json::Value>(&run(&["device", "list", "--json"])).unwrap()["vulkan"].clone();
     assert!(all().as_array().unwrap().iter().all(|device| device["tested"].is_null()), "{}", all());
-    let before = run(&["devices"]);
+    let before = run(&["device", "list"]);
     let solve = ["solve", "builtin:plane", "-o", "x.zarr", "--engine", "vulkan", "--size", "40x48", "--steps", "1"];
     run(&[&solve[..], &["--frames", "1", "--color", "green"]].concat());
     let all = all();
@@ -281,7 +282,7 @@ fn devices_show_when_they_were_tried() {
     // The text has the age and the deviation.
     let worst =
         ["transfer", "transform"].map(|of| tested["tested"][of].as_f64().unwrap()).into_iter().fold(0.0, f64::max);
-    let after = run(&["devices"]);
+    let after = run(&["device", "list"]);
     assert!(after != before && after.lines_with(&format!("0 {worst:.0e}")) == 1, "{after}");
     for of in ["transfer", "transform"] {
         assert!(tested["tested"][of].as_f64().unwrap() < 1e-12, "{tested}");

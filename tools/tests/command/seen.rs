@@ -1,10 +1,11 @@
-//! What people see: `score` in just-objectionable differences and `film`, as a user runs them.
+//! What people see: `eval score` in just-objectionable differences and the film of `render --path`, as a user runs them.
 
 use crate::common::{Printed, done, folder, refused};
 use serde_json::Value;
 
 fn scored(at: &std::path::Path, more: &[&str]) -> Value {
-    let said = done(at, &[&["score", "h.zarr", "builtin:still-life", "--engine", "cpu", "--json"], more].concat());
+    let said =
+        done(at, &[&["eval", "score", "h.zarr", "builtin:still-life", "--engine", "cpu", "--json"], more].concat());
     serde_json::from_str(&said).expect("one JSON object")
 }
 
@@ -28,12 +29,12 @@ fn a_score_says_what_people_see_and_where() {
     assert!(mean(&flicker) < mean(&coarse), "{flicker} {coarse}");
     // Some of many, all of them, none.
     assert_eq!(judged(&scored(at, &["--pupils", "random:20"])), 16);
-    assert_eq!(judged(&scored(at, &["--pupils", "random:20", "--jod"])), 20);
-    let none = scored(at, &["--pupils", "random:2", "--no-jod"]);
+    assert_eq!(judged(&scored(at, &["--pupils", "random:20", "--jod", "all"])), 20);
+    let none = scored(at, &["--pupils", "random:2", "--jod", "none"]);
     assert!(judged(&none) == 0 && none["jod"].is_null() && none["pupils"][0]["psnr_db"].is_number());
-    let score = ["score", "h.zarr", "builtin:still-life"];
+    let score = ["eval", "score", "h.zarr", "builtin:still-life"];
     refused(at, &[&score[..], &["--black", "300"]].concat(), "x", "optics/viewing/range cd/m2 300 200");
-    refused(at, &[&score[..], &["--no-jod", "--jod-maps", "x"]].concat(), "x", "usage/argument-conflict");
+    refused(at, &[&score[..], &["--jod", "none", "--jod-maps", "x"]].concat(), "x", "arguments/jod-none");
 }
 
 /// The score of the part that the eye looks at is printed and stored beside that of the whole picture.
@@ -47,7 +48,7 @@ fn the_part_that_the_eye_looks_at_has_a_score() {
     let looks = ["--pupils", "random:4", "--pupil-diameter", "8..20", "--pixels-per-degree", "8", "--gaze=-3,-2"];
     let scores = scored(at, &looks);
     assert!(scores["jod_there"]["mean"].as_f64() > Some(0.0), "{scores}");
-    let score = ["score", "h.zarr", "builtin:still-life", "--pixels-per-degree", "8", "--engine", "cpu"];
+    let score = ["eval", "score", "h.zarr", "builtin:still-life", "--pixels-per-degree", "8", "--engine", "cpu"];
     let past = [&score[..], &["--pupils", "random:1", "--gaze", "30,0"]].concat();
     refused(at, &past, "x", "evaluate/jod/gaze-at-the-edge 12.0");
     let said = done(at, &[&score[..], &["--pupils", "random:1", "--gaze", "2,-1.5"]].concat());
@@ -68,7 +69,8 @@ fn a_film_follows_the_eye() {
     let path = r#"{"rate_hz": 10, "keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 0.5, "x_mm": 4, "focus": 0.3}, {"t_s": 1}], "blinks_s": [0.6]}"#;
     std::fs::write(at.join("path.json"), path).unwrap();
     let film = |what: &str, out: &str, more: &[&str]| {
-        let args = [&["film", what, "--path", "path.json", "-o", out, "--engine", "cpu", "--json"][..], more].concat();
+        let args =
+            [&["render", what, "--path", "path.json", "-o", out, "--engine", "cpu", "--json"][..], more].concat();
         serde_json::from_str::<Value>(&done(at, &args)).expect("one JSON object")
     };
     let made = film("h.zarr", "a.y4m", &[]);
@@ -83,15 +85,15 @@ fn a_film_follows_the_eye() {
     assert_eq!(bytes.len(), head.len() + 1 + 11 * (6 + 3 * 97 * 40));
     film("h.zarr", "b.y4m", &[]);
     assert_eq!(bytes, std::fs::read(at.join("b.y4m")).unwrap());
-    assert_eq!(film("h.zarr", "alone", &["--alone", "--binning", "2"])["size"], serde_json::json!([20, 24]));
+    assert_eq!(film("h.zarr", "alone", &["--what", "image", "--binning", "2"])["size"], serde_json::json!([20, 24]));
     assert_eq!(std::fs::read_dir(at.join("alone")).unwrap().count(), 11);
     // A scene is solved first.
     film("builtin:plane", "plane.y4m", &["--size", "40x48", "--color", "green", "--quality", "fast"]);
     // What cannot be is said before anything is written.
     std::fs::write(at.join("bad.json"), r#"{"keys": [{"t_s": 0, "x": 1}]}"#).unwrap();
-    let bad = |path: &'static str, out: &'static str| ["film", "h.zarr", "--path", path, "-o", out];
+    let bad = |path: &'static str, out: &'static str| ["render", "h.zarr", "--path", path, "-o", out];
     refused(at, &bad("bad.json", "c.y4m"), "c.y4m", "film/path `x`");
     refused(at, &bad("none.json", "c.y4m"), "c.y4m", "film/path none.json");
     refused(at, &bad("path.json", "c.mp4"), "c.mp4", "arguments/film NAME.y4m");
-    refused(at, &["film", "none.zarr", "--path", "path.json", "-o", "c.y4m"], "c.y4m", "file/read none.zarr");
+    refused(at, &["render", "none.zarr", "--path", "path.json", "-o", "c.y4m"], "c.y4m", "file/read none.zarr");
 }

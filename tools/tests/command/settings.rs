@@ -29,14 +29,14 @@ fn every_command_with_settings_prints_them_and_writes_nothing() {
     let temp = folder();
     let at = temp.path();
     for command in [
-        "plan builtin:plane --engine cpu",
+        "solve builtin:plane --dry-run --engine cpu",
         "bench builtin:plane --engine cpu",
-        "tradeoff builtin:plane -o out",
+        "eval tune builtin:plane -o out",
         "refine h.zarr --pupil 0,0,4,0 -o out",
-        "live h.zarr",
         "show h.zarr",
-        "study h.zarr -o out",
-        "film h.zarr --path path.json -o out",
+        "show h.zarr --tracker simulated",
+        "eval gaze h.zarr -o out",
+        "render h.zarr --path path.json -o out",
     ] {
         let words: Vec<&str> = command.split(' ').collect();
         let printed = done(at, &[&words[..], &["--set", "refine.pupils=5", "--settings", "-"]].concat());
@@ -68,7 +68,7 @@ fn former_options_name_their_setting() {
         ("solve builtin:plane --optimizer adam", "optimizer"),
         ("-v solve builtin:plane --speckle=0.5", "contrast"),
         ("refine h.zarr --pupil 0,0,4,0 --settled-gain 2", "refine.strategy.settled"),
-        ("live h.zarr --window 1", "refine.window"),
+        ("show h.zarr --window 1", "refine.window"),
     ] {
         let words: Vec<&str> = words.split(' ').collect();
         refused(at, &words, "x", &format!("usage/unknown-argument --set {setting}=VALUE"));

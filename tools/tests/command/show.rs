@@ -38,16 +38,16 @@ fn sequence(at: &Path) {
     done(at, &[&["solve"], &scenes[..], &solve, &SIZE].concat());
 }
 
-/// What was solved before is played, byte for byte as `play` does; a scene and scenes are solved first.
+/// What was solved before is shown, byte for byte the same with its size and without; a scene and scenes are solved first.
 #[test]
 fn holograms_sequences_and_scenes_are_shown() {
     let temp = common::folder();
     let at = temp.path();
     sequence(at);
     let display = ["--display", "planes8"];
-    run(at, &[&["play", "s.zarr", "--record", "played", "--size", "32x32", "--engine", "cpu"], &display]);
+    run(at, &[&["show", "s.zarr", "--record", "sized", "--size", "32x32", "--engine", "cpu"], &display]);
     run(at, &[&["show", "s.zarr", "--record", "shown", "--engine", "cpu"], &display]);
-    assert!(recorded(&at.join("played")) == recorded(&at.join("shown")));
+    assert!(recorded(&at.join("sized")) == recorded(&at.join("shown")));
     let brief = ["--clock", "simulated", "--duration", "0.2", "--quality", "fast", "--views", "3"];
     let said = run(at, &[&["show", "builtin:plane", "--record", "one"], &brief, &display, &SIZE]);
     // The text has the number of holograms and their size.
@@ -92,7 +92,7 @@ fn a_far_field_in_tiles_is_shown_and_steered() {
     let show =
         ["show", "f.zarr", "--display", "far.toml", "--color", "green", "--engine", "cpu", "--tracker", "simulated:3"];
     let time = ["--clock", "simulated", "--step-time", "5", "--duration", "0.8"];
-    let said = run(at, &[&show, &time, &["--stats", "s.json", "--raw", "one.raw"]]);
+    let said = run(at, &[&show, &time, &["--stats", "s.json", "--output", "raw:one.raw"]]);
     // The size, and that of the tiles.
     assert!(said.lines().any(|line| line.has_sequence(&[1024.0, 1024.0, 64.0])), "{said}");
     let stats = json(&at.join("s.json"));
@@ -101,7 +101,7 @@ fn a_far_field_in_tiles_is_shown_and_steered() {
     assert!(count(content, "scenes") >= 2, "the eye goes from piece to piece: {content}");
     assert_eq!((count(content, "refused"), count(&content["sets"], "late_content")), (0, 0), "{content}");
     assert!(count(&stats, "steps") > 50, "{stats}");
-    run(at, &[&show, &time, &["--raw", "two.raw"]]);
+    run(at, &[&show, &time, &["--output", "raw:two.raw"]]);
     let read = |file: &str| std::fs::read(at.join(file)).unwrap();
     let one = read("one.raw");
     assert!(one == read("two.raw"));
@@ -138,12 +138,12 @@ fn a_sequence_is_steered() {
     let frames: std::collections::BTreeSet<u64> =
         sets.iter().filter_map(|s| s["args"]["content_frame"].as_u64()).collect();
     assert_eq!(frames.len() as u64, count(content, "shown"), "{frames:?}");
-    // Live takes sequences too; once they are over without --loop, a show is.
+    // Once a sequence is over without --loop, its show is.
     let end = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu", "--stats", "e.json"];
     run(at, &[&end, &SIMULATED]);
     assert_eq!(json(&at.join("e.json"))["ended_by"], "the end");
-    let live = ["live", "s.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--stats", "l.json"];
-    run(at, &[&live]);
+    let real = ["show", "s.zarr", "--tracker", "simulated", "--loop", "--display", "planes8", "--engine", "cpu"];
+    run(at, &[&real, &["--duration", "0.3", "--stats", "l.json"]]);
     assert_eq!(json(&at.join("l.json"))["content"]["refused"], 0);
 }
 
@@ -168,11 +168,11 @@ fn an_application_is_shown_killed_and_shown_again() {
     let at = temp.path();
     let show =
         ["show", "live:demo", "--display", "planes8", "--views", "3", "--tracker", "simulated", "--stats", "s.json"];
-    let kept = ["--journal", "kept", "--raw", "live.raw"];
+    let kept = ["--journal", "kept", "--output", "raw:live.raw"];
     let mut display = start(at, &[&show, &SIZE, &kept, &["--trace", "t.json"]]);
     wait_for("its socket", || at.join("eyebox/demo.sock").exists());
     let feed =
-        ["feed", "builtin:still-life", "--name", "demo", "--rate", "20", "--path=shift=-0.1..0.1", "--steps", "3"];
+        ["feed", "builtin:still-life", "--name", "demo", "--rate", "20", "--move=shift=-0.1..0.1", "--steps", "3"];
     let gives = [&feed[..], &["--per-pupil", "--json", "--display", "planes8"]].concat();
     let shown = |least: u64| {
         let trace = std::fs::read_to_string(at.join("t.json")).unwrap_or_default();
@@ -204,7 +204,8 @@ fn an_application_is_shown_killed_and_shown_again() {
     assert_eq!(content["shown"], sets["new"]);
     assert!(content["arrival_to_light_ms"]["count"].as_u64().unwrap() >= 6, "{content}");
     // What was kept is shown again without the application, without the eye and without the time that it took: the same bytes.
-    let again = ["show", "live:demo", "--display", "planes8", "--views", "3", "--replay", "kept", "--raw", "again.raw"];
+    let again =
+        ["show", "live:demo", "--display", "planes8", "--views", "3", "--replay", "kept", "--output", "raw:again.raw"];
     run(at, &[&again, &SIZE]);
     let shown = |file: &str| {
         let bytes = std::fs::read(at.join(file)).unwrap();
@@ -229,11 +230,11 @@ fn content_that_moves_is_refined_for_its_moments() {
     done(at, &[&["solve"], &scenes[..], &solve, &["--engine", "cpu", "-o", "s.zarr"]].concat());
     let show = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu", "--duration", "0.3", "--loop"];
     let count = |name: &str| json(&at.join("s.json"))[name].as_u64().unwrap();
-    for raw in ["one.raw", "two.raw"] {
-        run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--raw", raw]]);
+    for raw in ["raw:one.raw", "raw:two.raw"] {
+        run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--output", raw]]);
         assert!(count("sets_moving") >= 5 && count("phases_moved") >= 5, "{}", json(&at.join("s.json")));
     }
-    run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--raw", "off.raw", "--moments", "off"]]);
+    run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--output", "raw:off.raw", "--moments", "off"]]);
     assert_eq!((count("sets_moving"), count("phases_moved")), (0, 0));
     let read = |file: &str| std::fs::read(at.join(file)).unwrap();
     assert!(read("one.raw") == read("two.raw") && read("one.raw") != read("off.raw"));
@@ -261,6 +262,6 @@ fn what_does_not_go_together_is_one_line() {
     refused(at, &show("s.zarr", &["--journal", "x"]), "x", "arguments/journal-without-live");
     common::refusal(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat()).is("file/read decisions");
     // Before anything is computed: there is no such scene.
-    refused(at, &show("builtin:nothing", &["--raw", "s.zarr/zarr.json"]), "x", "file/taken/exists");
-    refused(at, &["study", "s.zarr", "--display", "planes8", "-o", "x"], "x", "arguments/sequence");
+    refused(at, &show("builtin:nothing", &["--output", "raw:s.zarr/zarr.json"]), "x", "file/taken/exists");
+    refused(at, &["eval", "gaze", "s.zarr", "--display", "planes8", "-o", "x"], "x", "arguments/sequence");
 }

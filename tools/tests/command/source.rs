@@ -22,17 +22,19 @@ fn a_hologram_keeps_its_light() {
     };
     let view = |hologram: &str, out: &str, more: &[&str]| {
         let pupil = ["--pupil", "1,-1,4,0", "--engine", "cpu", "-o", out];
-        let answer = eyebox(at, &[&["view", hologram][..], &pupil, more].concat());
+        let answer = eyebox(at, &[&["render", hologram][..], &pupil, more].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
         (read_npy(&at.join(out)).unwrap().values, text(&answer.stderr))
     };
     let score = |hologram: &str| {
         let line = [
+            "eval",
             "score",
             hologram,
             "builtin:still-life",
             "--json",
-            "--no-jod",
+            "--jod",
+            "none",
             "--engine",
             "cpu",
             "--pupil-diameter",
@@ -61,7 +63,7 @@ fn a_hologram_keeps_its_light() {
         source("wide.zarr")
     );
     // The plan says how many modes, and what one more would change.
-    let plan = [&["plan", "builtin:still-life", "--display", "wide.toml"][..], &settings].concat();
+    let plan = [&["solve", "builtin:still-life", "--dry-run", "--display", "wide.toml"][..], &settings].concat();
     let planned = json(at, &[&plan[..], &["--json"]].concat());
     let choice = planned["choices"].as_array().unwrap().iter().find(|choice| choice["what"] == "source").unwrap();
     assert!(choice["value"].as_str().unwrap().has("green 9"), "{choice}");
@@ -95,8 +97,9 @@ fn the_report_compares_sources() {
     let dir = folder();
     let at = dir.path();
     let small = ["--views", "3", "--steps", "4", "--pupils", "4", "--display", "small", "--size", "48x64"];
-    let rest = ["--frames", "1,2", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--no-jod", "--engine", "cpu"];
-    let line = [&["evaluate", "builtin:still-life", "--coherence=0,2", "-o", "report"][..], &small, &rest].concat();
+    let rest = ["--frames", "1,2", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--jod", "none", "--engine", "cpu"];
+    let line =
+        [&["eval", "compare", "builtin:still-life", "--coherence=0,2", "-o", "report"][..], &small, &rest].concat();
     let said = done(at, &line);
     let rows = document(&at.join("report/report.json"))["coherence"].clone();
     let wide = |row: &&serde_json::Value| row["frames"] == 1 && row["image_mm"] == 2.0;
@@ -110,6 +113,6 @@ fn the_report_compares_sources() {
     assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,1,1,1,"), "{table}");
     // Nothing is solved again.
     assert_eq!(done(at, &line), said);
-    let wrong = ["evaluate", "builtin:still-life", "--coherence=99", "-o", "other"];
+    let wrong = ["eval", "compare", "builtin:still-life", "--coherence=99", "-o", "other"];
     refused(at, &wrong, "other/report.html", "arguments/coherence --coherence 99");
 }

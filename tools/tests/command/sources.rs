@@ -27,21 +27,21 @@ fn solve(at: &Path, display: &str, out: &str) {
 
 fn view(at: &Path, hologram: &str, pupil: &str) -> Vec<f32> {
     let pupil = format!("--pupil={pupil}");
-    let answer = eyebox(at, &["view", hologram, &pupil, "--engine", "cpu", "-o", "seen.npy"]);
+    let answer = eyebox(at, &["render", hologram, &pupil, "--engine", "cpu", "-o", "seen.npy"]);
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     read_npy(&at.join("seen.npy")).unwrap().values
 }
 
-/// Eyebox of a display with its sources, and the text of `eyebox devices`.
+/// Eyebox of a display with its sources, and the text of `eyebox display check`.
 fn reach(at: &Path, display: &str) -> (Value, String) {
-    let devices = ["devices", "--display", display];
+    let devices = ["display", "check", display];
     let all = json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"]["sources"].clone();
     (all, done(at, &devices))
 }
 
 /// Plan of a display's sources, as data and as text.
 fn planned(at: &Path, display: &str) -> (Value, String) {
-    let plan = ["plan", "builtin:still-life", "--display", display, "--frames", "9", "--engine", "cpu"];
+    let plan = ["solve", "builtin:still-life", "--dry-run", "--display", display, "--frames", "9", "--engine", "cpu"];
     let choices = json(at, &[&plan[..], &["--json"]].concat())["choices"].clone();
     let choice = choices.as_array().unwrap().iter().find(|choice| choice["what"] == "sources");
     (choice.unwrap_or_else(|| panic!("{choices}")).clone(), done(at, &plan))
@@ -74,7 +74,7 @@ fn sources_take_turns_and_are_kept() {
         let there = light(place);
         assert!(there > 0.3 * middle && there < 3.0 * middle, "at {place}: {there}, {middle} in the middle");
     }
-    refused(at, &["view", "nine.zarr", "--pupil=60,0,4,0", "-o", "x.npy"], "x.npy", "arguments/outside-eyebox 78.00");
+    refused(at, &["render", "nine.zarr", "--pupil=60,0,4,0", "-o", "x.npy"], "x.npy", "arguments/outside-eyebox 78.00");
     done(at, &["encode", "nine.zarr", "--display", "grey8", "--size", "64x64", "-o", "frames"]);
     let table = std::fs::read_to_string(at.join("frames/sources.csv")).unwrap();
     assert!(table.starts_with("color,sub_frame,source_1,source_2"), "{table}");
@@ -100,7 +100,8 @@ fn switching_takes_its_light() {
     assert!(choice["why"].as_str().unwrap().has("70 % 5000 16667 us") && said.has("70 % 5000 16667 us"), "{choice}");
     let figures = |display: &str| {
         solve(at, display, "h.zarr");
-        let said = done(at, &["score", "h.zarr", "builtin:still-life", "--engine", "cpu", "--no-jod", "--json"]);
+        let said =
+            done(at, &["eval", "score", "h.zarr", "builtin:still-life", "--engine", "cpu", "--jod", "none", "--json"]);
         let said: Value = serde_json::from_str(&said).unwrap();
         [said["exposure"]["green"].as_f64().unwrap(), said["psnr_db"]["mean"].as_f64().unwrap()]
     };
@@ -108,7 +109,7 @@ fn switching_takes_its_light() {
     assert!((dark * 0.7 / plain - 1.0).abs() < 0.02, "{dark} and {plain}");
     assert!((of_plain - of_dark).abs() < 0.5, "{of_plain} and {of_dark} dB");
     std::fs::write(at.join("bad.toml"), slow(17_000)).unwrap();
-    refused(at, &["devices", "--display", "bad.toml"], "none", "optics/display-file/switching-times 17000");
+    refused(at, &["display", "check", "bad.toml"], "none", "optics/display-file/switching-times 17000");
 }
 
 /// A hologram that is refined for an eye keeps the sources that light it: near a border both.
@@ -133,19 +134,19 @@ fn refinement_chooses_the_source() {
     }
 }
 
-/// Each set that is shown live says which sources light it; a study says how often an eye met the dark.
+/// Each set that is shown with a tracker says which sources light it; a study of gaze says how often an eye met the dark.
 #[test]
 fn live_sets_say_their_sources() {
     let dir = folder();
     let at = dir.path();
     std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
     solve(at, "nine.toml", "base.zarr");
-    let line = ["live", "base.zarr", "--display", "nine.toml", "--output", "offscreen"];
+    let line = ["show", "base.zarr", "--tracker", "simulated", "--display", "nine.toml", "--output", "offscreen"];
     done(at, &[&line[..], &["--duration", "1.5", "--engine", "cpu", "--sources-out", "lit.jsonl"]].concat());
     let lit = std::fs::read_to_string(at.join("lit.jsonl")).unwrap();
     let sets: Vec<Value> = lit.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!(sets.len() > 2 && sets.iter().all(|set| set["sources"]["green"] == serde_json::json!([5])), "{lit}");
-    let line = ["study", "base.zarr", "--display", "nine.toml", "--duration", "2", "--no-jod"];
+    let line = ["eval", "gaze", "base.zarr", "--display", "nine.toml", "--duration", "2", "--jod", "none"];
     let said = done(at, &[&line[..], &["--step-time", "2", "--engine", "cpu", "--json", "-o", "study"]].concat());
     let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["summary"]["dark_sets"], serde_json::json!({ "eye_moves": 0, "eye_rests": 0 }));
@@ -159,7 +160,7 @@ fn sources_are_compared_across_the_eyebox() {
     let at = dir.path();
     std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
     std::fs::write(at.join("plain.toml"), format!("{BENCH}{GREEN}")).unwrap();
-    let line = ["evaluate", "builtin:still-life", "--sources", "--frames", "9", "--steps", "3", "--no-speckle"];
+    let line = ["eval", "compare", "builtin:still-life", "--sources", "--frames", "9", "--steps", "3", "--no-speckle"];
     done(at, &[&line[..], &["--display", "nine.toml", "--engine", "cpu", "-o", "report"]].concat());
     let report: Value = serde_json::from_slice(&std::fs::read(at.join("report/report.json")).unwrap()).unwrap();
     let places = report["sources"].as_array().unwrap();
@@ -169,7 +170,7 @@ fn sources_are_compared_across_the_eyebox() {
     assert!(steered.iter().all(|place| (1..=4).contains(&place["lit"].as_u64().unwrap())), "{steered:?}");
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
     assert!(page.contains("id=\"sources\"") && page.matches("data:image/").count() >= 3);
-    let line = ["evaluate", "builtin:still-life", "--sources", "--display", "plain.toml", "-o", "other"];
+    let line = ["eval", "compare", "builtin:still-life", "--sources", "--display", "plain.toml", "-o", "other"];
     refused(at, &line, "other/report.html", "arguments/no-sources");
 }
 

@@ -81,7 +81,7 @@ fn killed_at_any_moment_it_ends_with_the_same_file() {
         }
         // What is there can be looked at, while it is solved and afterwards, and is not changed by that; what was never
         // reached shows its first phases.
-        let look = || done(at, &["view", "cut.zarr", "--pupil=0,0,0.4,0", "-o", "cut.png", "--engine", "cpu"]);
+        let look = || done(at, &["render", "cut.zarr", "--pupil=0,0,0.4,0", "-o", "cut.png", "--engine", "cpu"]);
         if kills < 2 {
             look();
         }
@@ -105,7 +105,7 @@ fn what_is_solved_region_by_region_is_planned_so() {
     let at = temp.path();
     std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
     let solve = solve("h.zarr", "1");
-    let plan = [&["plan"], &solve[1..]].concat();
+    let plan = [&solve[..], &["--dry-run"]].concat();
     let planned: Value = serde_json::from_str(&done(at, &plan)).unwrap();
     assert_eq!(std::fs::read_dir(at).unwrap().count(), 1);
     let solved: Value = serde_json::from_str(&done(at, &solve)).unwrap();
@@ -138,7 +138,7 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     let said: Value = serde_json::from_str(&done(at, &solve("h.zarr", "1"))).unwrap();
     assert!(said["psnr_mean_db"].as_f64().unwrap() > 17.0, "{said}");
     let view =
-        |pupil: &str| command(at, &["view", "h.zarr", pupil, "-o", "v.npy", "--engine", "cpu"]).output().unwrap();
+        |pupil: &str| command(at, &["render", "h.zarr", pupil, "-o", "v.npy", "--engine", "cpu"]).output().unwrap();
     let pupil = "--pupil=-0.4,-0.4,0.3,0";
     let first = view(pupil);
     assert!(first.status.success(), "{}", text(&first.stderr));
@@ -152,15 +152,17 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     assert_eq!(std::fs::read(at.join("v.npy")).unwrap(), bytes);
     refused(
         at,
-        &["view", "h.zarr", "--pupil=0.5,0.5,0.25,0", "-o", "no.png"],
+        &["render", "h.zarr", "--pupil=0.5,0.5,0.25,0", "-o", "no.png"],
         "no.png",
         "hologram/damaged/checksum 9/9",
     );
     // Scored as it was solved.
     tile[7] ^= 1;
     std::fs::write(&far, &tile).unwrap();
-    let scored =
-        done(at, &["score", "h.zarr", "builtin:still-life", "--pupils", "random:4", "--engine", "cpu", "--json"]);
+    let scored = done(
+        at,
+        &["eval", "score", "h.zarr", "builtin:still-life", "--pupils", "random:4", "--engine", "cpu", "--json"],
+    );
     let scored: Value = serde_json::from_str(&scored).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 15.0, "{scored}");
 }
@@ -185,18 +187,18 @@ fn a_display_as_it_is_is_solved_for_in_tiles() {
         serde_json::from_str(&done(at, &words)).unwrap()
     };
     let score = |file: &str, more: &[&str]| -> f64 {
-        let words = ["score", file, "builtin:still-life", "--pupils", "random:6", "--engine", "cpu", "--json"];
+        let words = ["eval", "score", file, "builtin:still-life", "--pupils", "random:6", "--engine", "cpu", "--json"];
         let said: Value = serde_json::from_str(&done(at, &[&words, more].concat())).unwrap();
         said["psnr_db"]["mean"].as_f64().unwrap()
     };
     solved("far", "plain.zarr");
     let ideal = score("plain.zarr", &[]);
-    done(at, &["export", "plain.zarr", "-o", "plain.npy"]);
+    done(at, &["convert", "plain.zarr", "plain.npy"]);
     for display in ["bench", "lags"] {
         let (out, file) = (format!("{display}.zarr"), format!("{display}.toml"));
         let said = solved(display, &out);
         assert!(said["peak_memory_mib"].as_f64().unwrap() < 600.0, "{said}");
-        done(at, &["import", "plain.npy", "--display", &file, "-o", "unaware.zarr"]);
+        done(at, &["convert", "plain.npy", "unaware.zarr", "--display", &file]);
         let (aware, unaware) = (score(&out, &[]), score("unaware.zarr", &[]));
         println!(
             "{display}: ideal {ideal:.2}, unaware {unaware:.2}, aware {aware:.2}, past the model {:.2}",
@@ -262,7 +264,7 @@ fn a_sparse_light_field_is_solved_from_between_its_views() {
     assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
     let score = |scene: &str| -> f64 {
         let words =
-            ["score", "whole.zarr", scene, "--other-scene", "--pupils", "random:6", "--engine", "cpu", "--json"];
+            ["eval", "score", "whole.zarr", scene, "--force", "--pupils", "random:6", "--engine", "cpu", "--json"];
         let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
         said["psnr_db"]["mean"].as_f64().unwrap()
     };
@@ -287,7 +289,8 @@ fn a_picture_with_depths_is_solved() {
     words.extend(["--depth-map", "depth.png"]);
     let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
     assert!(said["psnr_mean_db"].as_f64().unwrap() > 14.0, "{said}");
-    let score = ["score", "h.zarr", "picture.png", "--depth-map", "depth.png", "--pupils", "random:4", "--json"];
+    let score =
+        ["eval", "score", "h.zarr", "picture.png", "--depth-map", "depth.png", "--pupils", "random:4", "--json"];
     let scored: Value = serde_json::from_str(&done(at, &score)).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 13.0, "{scored}");
 }

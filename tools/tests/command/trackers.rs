@@ -1,4 +1,4 @@
-//! `eyebox trackers` as a user runs it.
+//! `eyebox tracker` as a user runs it.
 
 use crate::common::{self, Printed};
 use std::io::{BufRead, BufReader, Write};
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 fn trackers(folder: &Path, args: &[&str]) -> Command {
-    common::command(folder, &[&["trackers"], args].concat())
+    common::command(folder, &[&["tracker"], args].concat())
 }
 
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
@@ -18,7 +18,7 @@ fn eyebox(folder: &Path, args: &[&str]) -> Output {
 }
 
 fn done(folder: &Path, args: &[&str]) -> String {
-    common::done(folder, &[&["trackers"], args].concat())
+    common::done(folder, &[&["tracker"], args].concat())
 }
 
 /// The last line alone: what was shown before it is the sample lines' business.
@@ -57,9 +57,9 @@ fn a_descriptor_is_explained_in_all_its_forms() {
         TRACKER.replace(' ', ", 0x").replacen("05", "0x05", 1).replacen("0xa1, 0x01,", "0xa1, 0x01, // opens\n", 1);
     std::fs::write(at.join("a.txt"), listing).unwrap();
     std::fs::write(at.join("a.hid"), recording(TRACKER)).unwrap();
-    let expected = done(at, &["--describe", "a.bin", "--json"]);
+    let expected = done(at, &["describe", "a.bin", "--json"]);
     for name in ["a.txt", "a.hid"] {
-        assert_eq!(done(at, &["--describe", name, "--json"]), expected, "{name}");
+        assert_eq!(done(at, &["describe", name, "--json"]), expected, "{name}");
     }
     let json: serde_json::Value = serde_json::from_str(&expected).unwrap();
     assert_eq!(json["eye_tracker"], true);
@@ -73,15 +73,15 @@ fn a_descriptor_is_explained_in_all_its_forms() {
     assert_eq!(field["usages"][1], "Position Y");
     assert_eq!(field["path"][2], "Gaze Point");
     // The text has the same usages, units and bytes.
-    let said = done(at, &["--describe", "a.bin"]);
+    let said = done(at, &["describe", "a.bin"]);
     assert!(said.contains("Position Y") && said.contains("Gaze Point") && said.has("um 32 9"), "{said}");
 
     std::fs::write(at.join("m.bin"), bytes(MOUSE)).unwrap();
-    let mouse: serde_json::Value = serde_json::from_str(&done(at, &["--describe", "m.bin", "--json"])).unwrap();
+    let mouse: serde_json::Value = serde_json::from_str(&done(at, &["describe", "m.bin", "--json"])).unwrap();
     assert_eq!(mouse["eye_tracker"], false);
-    assert!(done(at, &["--describe", "m.bin"]).has("Mouse"));
+    assert!(done(at, &["describe", "m.bin"]).has("Mouse"));
     std::fs::write(at.join("m.hid"), recording(MOUSE)).unwrap();
-    refused(at, &["--watch", "m.hid"], "tracker/file");
+    refused(at, &["watch", "m.hid"], "tracker/file");
 }
 
 #[test]
@@ -89,13 +89,13 @@ fn a_recording_is_shown_and_recorded_again() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
     std::fs::write(at.join("a.hid"), recording(TRACKER)).unwrap();
-    let shown = done(at, &["--watch", "a.hid"]);
+    let shown = done(at, &["watch", "a.hid"]);
     let lines: Vec<&str> = shown.lines().collect();
     let is_placed = |line: &str| line.has("combined mm") && line.has_sequence(&[200.0, -50.0]);
     assert!(is_placed(lines[0]), "{shown}");
     assert!(lines.len() == 2 && lines[1].has("combined") && !lines[1].has("mm"), "{shown}");
 
-    let json = done(at, &["--watch", "a.hid", "--json", "--record", "b.hid"]);
+    let json = done(at, &["record", "a.hid", "--json", "-o", "b.hid"]);
     let values: Vec<serde_json::Value> = json.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
     assert_eq!((&values[0]["combined"]["x"], &values[0]["combined"]["what"]), (&200.0.into(), &"gaze".into()));
     assert_eq!(
@@ -105,11 +105,11 @@ fn a_recording_is_shown_and_recorded_again() {
     let again = std::fs::read_to_string(at.join("b.hid")).unwrap();
     assert_eq!(again.trim(), recording(TRACKER).trim_start_matches("# by hand\n").trim());
 
-    done(at, &["--watch", "a.hid", "--record", "c.jsonl"]);
-    let replayed = done(at, &["--watch", "c.jsonl"]);
+    done(at, &["record", "a.hid", "-o", "c.jsonl"]);
+    let replayed = done(at, &["watch", "c.jsonl"]);
     assert!(is_placed(replayed.lines().next().unwrap()), "{replayed}");
     let real = Instant::now();
-    done(at, &["--watch", "c.jsonl", "--real-time"]);
+    done(at, &["watch", "c.jsonl", "--clock", "real"]);
     assert!(real.elapsed() >= Duration::from_millis(10));
 }
 
@@ -163,7 +163,7 @@ fn recordings_of_other_trackers_are_placed() {
     for (name, line, placed, end) in kinds {
         let text: String = (0..60).map(|i| format!("{{{}}}\n", line(i))).collect();
         std::fs::write(at.join("a.jsonl"), text).unwrap();
-        let shown = done(at, &["--watch", "a.jsonl", "--pupil", "0", "--json"]);
+        let shown = done(at, &["watch", "a.jsonl", "--pupil", "0", "--json"]);
         let values: Vec<serde_json::Value> = shown.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
         let found: Vec<f64> =
             values.iter().filter_map(|v| v["stages"]["placed"]["Ok"]["position"][0].as_f64()).collect();
@@ -187,20 +187,20 @@ fn numbers_of_an_unknown_unit_are_refused_until_it_is_stated() {
         std::fs::write(at.join("a.jsonl"), (0..200).map(line).collect::<String>()).unwrap();
     };
     write("", 1.0, 3.0);
-    refused(at, &["--watch", "a.jsonl"], "tracker/time-unit \"t_unit\"");
+    refused(at, &["watch", "a.jsonl"], "tracker/time-unit \"t_unit\"");
     write(", \"t_unit\": \"ms\"", 1.0, 3.0);
-    assert_eq!(done(at, &["--watch", "a.jsonl"]).lines().count(), 200);
+    assert_eq!(done(at, &["watch", "a.jsonl"]).lines().count(), 200);
     write("", 1.0 / 120.0, 0.003);
-    refused(at, &["--watch", "a.jsonl"], "tracker/position-unit");
+    refused(at, &["watch", "a.jsonl"], "tracker/position-unit");
     write(", \"unit\": \"m\"", 1.0 / 120.0, 0.003);
-    assert!(done(at, &["--watch", "a.jsonl"]).lines().last().unwrap().has("mm"));
+    assert!(done(at, &["watch", "a.jsonl"]).lines().last().unwrap().has("mm"));
 }
 
 #[test]
 fn a_simulated_eye_is_watched_and_its_pupil_found() {
     let temp = tempfile::tempdir().unwrap();
     let at = temp.path();
-    let args = ["--watch", "simulated:7", "--rate", "500", "--duration", "2"];
+    let args = ["watch", "simulated:7", "--tracker-rate", "500", "--duration", "2"];
     let shown = done(at, &args);
     assert!((990..=1001).contains(&shown.lines().count()), "{}", shown.lines().count());
     let stages = done(at, &[&args[..], &["--pupil", "20", "--json"]].concat());
@@ -217,7 +217,7 @@ fn lines_over_udp_are_shown() {
     let temp = tempfile::tempdir().unwrap();
     // A port that was free a moment ago.
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let child = trackers(temp.path(), &["--watch", &format!("udp://:{port}"), "--duration", "3", "--json"])
+    let child = trackers(temp.path(), &["watch", &format!("udp://:{port}"), "--duration", "3", "--json"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -240,13 +240,12 @@ fn a_user_is_calibrated() {
     let temp = tempfile::tempdir().unwrap();
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let source = format!("udp://:{port}");
-    let mut child =
-        trackers(temp.path(), &["--watch", &source, "--calibrate", "ada.toml", "--targets", "0,0;-8,0;8,0;0,6"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+    let mut child = trackers(temp.path(), &["calibrate", &source, "-o", "ada.toml", "--targets", "0,0;-8,0;8,0;0,6"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
     // Where the tracker sees the eye, sent all the time: 100 counts a degree, x mirrored.
     let place = Arc::new(Mutex::new([0.0; 2]));
     let (theirs, over) = (Arc::clone(&place), Arc::new(AtomicBool::new(false)));
@@ -290,12 +289,12 @@ fn a_calibration_made_with_another_tracker_is_reported() {
     std::fs::write(at.join("r.hid"), recording(TRACKER)).unwrap();
     let said = |tracker: &str| {
         std::fs::write(at.join("me.toml"), format!("user = \"ada\"\n{tracker}{map}")).unwrap();
-        let answer = eyebox(at, &["--watch", "r.hid", "--pupil", "--calibration", "me.toml"]);
+        let answer = eyebox(at, &["watch", "r.hid", "--pupil", "--calibration", "me.toml"]);
         assert!(answer.status.success());
         String::from_utf8_lossy(&answer.stderr).into_owned()
     };
     let other = said("tracker = \"Tower 3\"\n");
-    assert!(other.contains("Tower 3") && other.contains("By Hand") && other.contains("--calibrate"), "{other}");
+    assert!(other.contains("Tower 3") && other.contains("By Hand") && other.contains("tracker calibrate"), "{other}");
     for same in ["tracker = \"By Hand\"\n", ""] {
         assert!(!said(same).contains("By Hand"), "{same}");
     }
@@ -304,9 +303,9 @@ fn a_calibration_made_with_another_tracker_is_reported() {
 #[test]
 fn what_is_connected_is_listed() {
     let temp = tempfile::tempdir().unwrap();
-    let said = done(temp.path(), &[]);
+    let said = done(temp.path(), &["list"]);
     assert!(said.starts_with("hid") && said.contains("simulated") && said.contains("udp://"), "{said}");
-    let json: serde_json::Value = serde_json::from_str(&done(temp.path(), &["--json"])).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&done(temp.path(), &["list", "--json"])).unwrap();
     assert!(json["hid"].is_array());
 }
 
@@ -324,7 +323,7 @@ fn senders_are_heard_and_the_focus_reaches_the_pupil() {
     for (sender, focus_mm) in [("tobii.py", 90.0), ("openxr.py", 90.0)] {
         let free = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a free port");
         let source = format!("udp://:{}", free.port());
-        let watch = ["--watch", &source, "--pupil", "--focal-length", "300", "--json", "--duration", "60"];
+        let watch = ["watch", &source, "--pupil", "--focal-length", "300", "--json", "--duration", "60"];
         let mut watched = trackers(at, &watch).stdout(Stdio::piped()).spawn().expect("it starts");
         let to = free.to_string();
         let mut sending = Command::new("python3")
@@ -357,32 +356,24 @@ fn mistakes_are_one_line() {
     write("empty.bin", "");
     write("big.bin", &"x".repeat(20_000));
     write("bad.toml", "vendor = 1\n");
-    refused(at, &["--describe", "none.bin"], "tracker/file none.bin");
-    refused(at, &["--describe", "empty.bin"], "tracker/file empty.bin");
-    refused(at, &["--describe", "big.bin"], "tracker/file");
-    refused(at, &["--describe", "bad.hid"], "tracker/file/report-length bad.hid");
-    refused(at, &["--watch", "none.hid"], "tracker/file none.hid");
-    refused(at, &["--watch", "tobii"], "tracker/spec 'tobii'");
-    refused(at, &["--watch", "udp://nowhere"], "tracker/spec");
-    refused(at, &["--watch", "udp://203.0.113.1:9123", "--duration", "1"], "tracker/network/cannot-listen");
-    refused(at, &["--watch", "mouse"], "tracker/setting/mouse-without-window");
-    refused(at, &["--watch", "a.hid", "--record", "b.txt"], "arguments/ending");
-    refused(at, &["--watch", "simulated", "--record", "b.hid", "--duration", "1"], "arguments/not-hid");
-    refused(at, &["--watch", "a.hid", "--device-file", "bad.toml"], "tracker/file/toml bad.toml");
-    refused(at, &["--watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "gaze/file/toml bad.toml");
-    refused(at, &["--watch", "simulated", "--rate", "1e9", "--duration", "1"], "tracker/setting/simulated 20000");
-    refused(at, &["--watch", "a.hid", "--duration=-1"], "usage/value-validation --duration");
-    refused(
-        at,
-        &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1"],
-        "usage/value-validation 64",
-    );
-    refused(
-        at,
-        &["--watch", "simulated", "--calibrate", "x.toml", "--targets", "0,0;1,1;90,0"],
-        "usage/value-validation 60",
-    );
-    refused(at, &["--watch", "hid", "--record", "c.hid", "--duration", "0.2"], "arguments/no-sample");
+    refused(at, &["describe", "none.bin"], "tracker/file none.bin");
+    refused(at, &["describe", "empty.bin"], "tracker/file empty.bin");
+    refused(at, &["describe", "big.bin"], "tracker/file");
+    refused(at, &["describe", "bad.hid"], "tracker/file/report-length bad.hid");
+    refused(at, &["watch", "none.hid"], "tracker/file none.hid");
+    refused(at, &["watch", "tobii"], "tracker/spec 'tobii'");
+    refused(at, &["watch", "udp://nowhere"], "tracker/spec");
+    refused(at, &["watch", "udp://203.0.113.1:9123", "--duration", "1"], "tracker/network/cannot-listen");
+    refused(at, &["watch", "mouse"], "tracker/setting/mouse-without-window");
+    refused(at, &["record", "a.hid", "-o", "b.txt"], "arguments/ending");
+    refused(at, &["record", "simulated", "-o", "b.hid", "--duration", "1"], "arguments/not-hid");
+    refused(at, &["watch", "a.hid", "--device-file", "bad.toml"], "tracker/file/toml bad.toml");
+    refused(at, &["watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "gaze/file/toml bad.toml");
+    refused(at, &["watch", "simulated", "--tracker-rate", "1e9", "--duration", "1"], "tracker/setting/simulated 20000");
+    refused(at, &["watch", "a.hid", "--duration=-1"], "usage/value-validation --duration");
+    refused(at, &["calibrate", "simulated", "-o", "x.toml", "--targets", "0,0;1,1"], "usage/value-validation 64");
+    refused(at, &["calibrate", "simulated", "-o", "x.toml", "--targets", "0,0;1,1;90,0"], "usage/value-validation 60");
+    refused(at, &["record", "hid", "-o", "c.hid", "--duration", "0.2"], "arguments/no-sample");
     assert!(
         !at.join("x.toml").exists()
             && !at.join("b.txt").exists()

@@ -1,4 +1,4 @@
-//! `eyebox tradeoff`, `--quality` and `--deadline` as a user meets them.
+//! `eyebox eval tune` and `--quality` as a user meets them.
 
 use crate::common::{self, Printed, folder, text};
 use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
@@ -30,8 +30,8 @@ fn refused(at: &Path, args: &[&str], what: &str) {
 
 const SMALL: [&str; 6] = ["--size", "32x40", "--engine", "cpu", "--color", "green"];
 
-fn tradeoff<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&["tradeoff", "builtin:still-life", "-o", "out", "--frames", "2"][..], &SMALL, more].concat()
+fn tune<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["eval", "tune", "builtin:still-life", "-o", "out", "--frames", "2"][..], &SMALL, more].concat()
 }
 
 fn read(at: &Path, name: &str) -> String {
@@ -45,7 +45,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     // How much a second is enough for depends on the machine and on who else works on it: longer until it was enough.
     let longer_until = |start: u32, enough: usize| -> (u32, Value) {
         for budget in [start, 2 * start, 4 * start, 8 * start] {
-            let (said, _) = done(at, &tradeoff(&["--budget", &budget.to_string(), "--json", "--no-store"]));
+            let (said, _) = done(at, &tune(&["--duration", &budget.to_string(), "--json", "--no-store"]));
             let found: Value = serde_json::from_str(&said).expect("one JSON object");
             if found["trials"].as_array().unwrap().len() >= enough {
                 return (budget, found);
@@ -96,7 +96,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert!(page.matches("<title>").count() > 4 * trials.len());
 
     // The same command goes on: its time is spent, so nothing is added, and with more time it is.
-    let (said, _) = done(at, &tradeoff(&["--budget", &budget.to_string(), "--json", "--no-store"]));
+    let (said, _) = done(at, &tune(&["--duration", &budget.to_string(), "--json", "--no-store"]));
     let again: Value = serde_json::from_str(&said).unwrap();
     let kept = |found: &Value| -> Vec<Value> {
         found["trials"].as_array().unwrap().iter().map(|t| t["recipe"].clone()).collect()
@@ -105,14 +105,14 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     let (_, more) = longer_until(budget + 2, trials.len() + 1);
     assert!(kept(&more).starts_with(&kept(&found)));
     // Another seed is another sweep.
-    let (said, _) = done(at, &tradeoff(&["--budget", "1", "--json", "--no-store", "--seed", "4"]));
+    let (said, _) = done(at, &tune(&["--duration", "1", "--json", "--no-store", "--seed", "4"]));
     let other: Value = serde_json::from_str(&said).unwrap();
     assert_ne!(other["trials"][0]["mean"], found["trials"][0]["mean"]);
 
     // Its three settings, measured beside another run's front.
     std::fs::rename(at.join("out"), at.join("first")).unwrap();
-    let check = ["--budget", "1", "--json", "--no-store", "--seed", "5", "--check", "first/tradeoff.json"];
-    let answer = eyebox(at, &tradeoff(&check));
+    let check = ["--duration", "1", "--json", "--no-store", "--seed", "5", "--check", "first/tradeoff.json"];
+    let answer = eyebox(at, &tune(&check));
     // Times of milliseconds decide nothing here: both answers are sound.
     let checked: Value = serde_json::from_str(&text(&answer.stdout)).unwrap();
     let rows = checked["check"].as_array().unwrap();
@@ -129,7 +129,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
 fn an_interrupted_sweep_is_a_valid_report() {
     let temp = folder();
     let at = temp.path();
-    let mut child = common::command(at, &tradeoff(&["--budget", "600"]))
+    let mut child = common::command(at, &tune(&["--duration", "600"]))
         .env("XDG_CACHE_HOME", at.join("cache"))
         .stderr(std::process::Stdio::null())
         .stdout(std::process::Stdio::null())
@@ -153,26 +153,26 @@ fn an_interrupted_sweep_is_a_valid_report() {
 fn mistakes_are_one_line_and_leave_nothing() {
     let temp = folder();
     let at = temp.path();
-    refused(at, &tradeoff(&["--budget", "0"]), "usage/value-validation --budget");
-    refused(at, &tradeoff(&["--check", "none.json"]), "arguments/tradeoff-file none.json");
+    refused(at, &tune(&["--duration", "0"]), "usage/value-validation --duration");
+    refused(at, &tune(&["--check", "none.json"]), "arguments/tradeoff-file none.json");
     std::fs::write(at.join("other.json"), "{\"recommended\": []}").unwrap();
-    refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file");
+    refused(at, &tune(&["--check", "other.json"]), "arguments/tradeoff-file");
     std::fs::write(at.join("other.json"), "[").unwrap();
-    refused(at, &tradeoff(&["--check", "other.json"]), "arguments/tradeoff-file tradeoff.json");
-    refused(at, &tradeoff(&["--set", "levels=none.txt"]), "produce/job/value levels");
-    refused(at, &tradeoff(&["--set", "levels=300"]), "solve/setting levels");
-    refused(at, &["tradeoff", "none", "-o", "out"], "scene/not-found");
+    refused(at, &tune(&["--check", "other.json"]), "arguments/tradeoff-file tradeoff.json");
+    refused(at, &tune(&["--set", "levels=none.txt"]), "produce/job/value levels");
+    refused(at, &tune(&["--set", "levels=300"]), "solve/setting levels");
+    refused(at, &["eval", "tune", "none", "-o", "out"], "scene/not-found");
     refused(
         at,
-        &["tradeoff", "builtin:plane", "-o", "out", "--frames", "0", "--engine", "cpu"],
+        &["eval", "tune", "builtin:plane", "-o", "out", "--frames", "0", "--engine", "cpu"],
         "solve/setting sub-frames",
     );
-    refused(at, &["tradeoff", "builtin:plane", "--size", "32x32"], "usage/missing-required-argument --out");
-    refused(at, &solve(&["--quality", "best"]), "usage/invalid-value");
-    refused(at, &solve(&["--quality", "fast", "--deadline", "9"]), "usage/argument-conflict");
-    refused(at, &solve(&["--deadline", "0"]), "usage/value-validation --deadline");
+    refused(at, &["eval", "tune", "builtin:plane", "--size", "32x32"], "usage/missing-required-argument --out");
+    refused(at, &solve(&["--quality", "best"]), "usage/value-validation --quality");
+    refused(at, &solve(&["--quality", "fast", "--quality", "9ms"]), "usage/argument-conflict");
+    refused(at, &solve(&["--quality", "0ms"]), "usage/value-validation --quality");
     // Nothing was measured: a built-in setting knows nothing of this machine's milliseconds.
-    refused(at, &solve(&["--deadline", "1000000"]), "arguments/nothing-measured");
+    refused(at, &solve(&["--quality", "1000000ms"]), "arguments/nothing-measured");
 }
 
 fn solve<'a>(more: &[&'a str]) -> Vec<&'a str> {
@@ -190,7 +190,7 @@ fn trial(recipe: Settings, milliseconds: f64, mean: f64) -> Trial {
     Trial::new(recipe, milliseconds, vec![mean; 2], 1 << 20)
 }
 
-/// Keeps measurements as if `tradeoff` had made them on this machine, with 32 x 40 pixels and 8 sub-frames.
+/// Keeps measurements as if `eval tune` had made them on this machine, with 32 x 40 pixels and 8 sub-frames.
 fn keep(at: &Path, all: [Trial; 3]) -> std::path::PathBuf {
     let front = all.to_vec();
     let recommended =
@@ -251,23 +251,23 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
 }
 
 #[test]
-fn a_deadline_takes_what_fits_and_refuses_what_does_not() {
+fn a_quality_of_a_time_takes_what_fits_and_refuses_what_does_not() {
     let temp = folder();
     let at = temp.path();
     let recipe = |steps| Settings { steps, pupils: 2, ..Settings::default() };
     keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(5), 100.0, 25.0), trial(recipe(9), 1000.0, 26.0)]);
     let steps = |more: &[&str]| settings(at, more)["steps"].as_u64().unwrap();
-    assert_eq!(steps(&["--deadline", "999"]), 5);
-    assert_eq!(steps(&["--deadline", "1000"]), 9);
-    assert_eq!(steps(&["--deadline", "10"]), 2);
+    assert_eq!(steps(&["--quality", "999ms"]), 5);
+    assert_eq!(steps(&["--quality", "1s"]), 9);
+    assert_eq!(steps(&["--quality", "10ms"]), 2);
     refused(
         at,
-        &[&["solve", "builtin:plane", "-o", "x.zarr"][..], &SMALL, &["--deadline", "9"]].concat(),
+        &[&["solve", "builtin:plane", "-o", "x.zarr"][..], &SMALL, &["--quality", "9ms"]].concat(),
         "arguments/nothing-measured",
     );
     // Half of the sub-frames take half of the time; three colours three times as long.
-    assert_eq!(steps(&["--deadline", "500", "--frames", "4"]), 9);
-    let all = |deadline| {
+    assert_eq!(steps(&["--quality", "500ms", "--frames", "4"]), 9);
+    let all = |time| {
         [
             "solve",
             "builtin:still-life",
@@ -278,13 +278,13 @@ fn a_deadline_takes_what_fits_and_refuses_what_does_not() {
             "--engine",
             "cpu",
             "--json",
-            "--deadline",
-            deadline,
+            "--quality",
+            time,
         ]
     };
-    let (said, _) = done(at, &all("299"));
+    let (said, _) = done(at, &all("299ms"));
     assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["settings"]["steps"], 2);
-    let (said, _) = done(at, &all("300"));
+    let (said, _) = done(at, &all("300ms"));
     assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["settings"]["steps"], 5);
 }
 
@@ -299,10 +299,10 @@ fn holograms_of_reduced_problems_are_whole() {
     keep(at, [trial(thin, 10.0, 20.0), trial(coarse, 100.0, 25.0), trial(levels, 1000.0, 26.0)]);
     let phases = |name: &str| -> Vec<f32> {
         done(at, &solve(&["--quality", name, "--display", "plm"]));
-        done(at, &["export", "x.zarr", "-o", "x.npy"]);
+        done(at, &["convert", "x.zarr", "x.npy"]);
         let npy = eyebox::low_level::files::read_npy(&at.join("x.npy")).unwrap();
         assert_eq!(npy.shape, [8, 32, 40], "{name}");
-        let (said, _) = done(at, &["score", "x.zarr", "builtin:still-life", "--engine", "cpu", "--json"]);
+        let (said, _) = done(at, &["eval", "score", "x.zarr", "builtin:still-life", "--engine", "cpu", "--json"]);
         let score: Value = serde_json::from_str(&said).unwrap();
         assert!(score["psnr_db"]["mean"].as_f64().unwrap() > 5.0, "{name}: {score}");
         npy.values
@@ -332,12 +332,13 @@ fn holograms_of_reduced_problems_are_whole() {
 }
 
 #[test]
-fn evaluate_and_bench_know_qualities() {
+fn compare_and_bench_know_qualities() {
     let temp = folder();
     let at = temp.path();
     let recipe = |steps| Settings { steps, pupils: 3, views: 2, repeats: 2, ..Settings::default() };
     keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(3), 100.0, 25.0), trial(recipe(4), 1000.0, 26.0)]);
-    let run = [&["evaluate", "builtin:plane", "-o", "out", "--methods", "slfh", "--no-speckle"][..], &SMALL].concat();
+    let run =
+        [&["eval", "compare", "builtin:plane", "-o", "out", "--methods", "slfh", "--no-speckle"][..], &SMALL].concat();
     done(at, &[&run[..], &["--quality", "balanced"]].concat());
     let report: Value = serde_json::from_str(&read(at, "report.json")).unwrap();
     assert_eq!((&report["about"]["steps"], &report["about"]["pupils"]), (&3.into(), &3.into()));

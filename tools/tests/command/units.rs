@@ -19,21 +19,21 @@ fn depths_and_displays_are_said_in_people_s_units() {
     let temp = folder();
     let at = temp.path();
     // How deep the still life is nobody was told.
-    let plan =
-        json(at, &["plan", "builtin:still-life", "--size", "512x512", "--color", "green", "--views", "3", "--json"]);
+    let solve = ["solve", "builtin:still-life", "--size", "512x512", "--color", "green", "--views", "3"];
+    let plan = json(at, &[&solve[..], &["--dry-run", "--json"]].concat());
     let ([far, near], [least, most]) = (ends(&plan["depth_mm"]), ends(&plan["depth_dioptres"]));
     assert!((0.035..0.045).contains(&(most - least)), "{least} to {most} D");
     assert!((least - far / 160.0).abs() < 1e-9 && (most - near / 160.0).abs() < 1e-9, "f is 400 mm");
     assert!((plan["reach"]["pixels_per_degree"].as_f64().unwrap() - 872.66).abs() < 0.01, "{plan}");
-    let reach = &json(at, &["devices", "--display", "paper", "--json"])["display"]["reach"];
+    let reach = &json(at, &["display", "check", "paper", "--json"])["display"]["reach"];
     let degrees = ends(&reach["field_of_view_degrees"]);
     assert!((degrees[0] - 1.2377).abs() < 1e-3 && (degrees[1] - 2.2003).abs() < 1e-3, "{degrees:?}");
     assert!((reach["eyebox_mm"].as_f64().unwrap() - 22.0).abs() < 1e-9);
     assert!((reach["eyebox_mm_by_color"]["red"].as_f64().unwrap() - 33.0).abs() < 1e-9);
-    let said = done(at, &["devices", "--display", "paper"]);
+    let said = done(at, &["display", "check", "paper"]);
     let line = said.lines().find(|l| l.has("paper")).expect("a line on the display");
     assert!(line.has("1080 1920 2.2 873 22 mm -157.1 157.1 -0.98 0.98 D"), "{line}");
-    let devices = json(at, &["devices", "--display", "far-field", "--json"]);
+    let devices = json(at, &["display", "check", "far-field", "--json"]);
     assert!((devices["display"]["reach"]["eyebox_mm"].as_f64().unwrap() - 4.096).abs() < 1e-9);
 }
 
@@ -58,14 +58,14 @@ fn dioptres_are_taken_where_millimetres_are() {
         done(at, &[command, &[pupil, "-o", out]].concat());
         std::fs::read(at.join(out)).unwrap()
     };
-    let photograph = [&["photograph", "builtin:plane"][..], &small].concat();
-    for command in [&["view", "d.zarr"][..], &photograph] {
+    let target = [&["render", "builtin:plane"][..], &small].concat();
+    for command in [&["render", "d.zarr"][..], &target] {
         let in_mm = picture(command, "--pupil=1,2,4,1.6", "mm.npy");
         assert_eq!(in_mm, picture(command, "--pupil=1,2,4,0.01D", "d.npy"));
         assert_ne!(in_mm, picture(command, "--pupil=1,2,4,0", "0.npy"));
     }
     std::fs::write(at.join("pupils.json"), r#"[[1, 2, 4, 1.6], [1, 2, 4, "0.01D"]]"#).unwrap();
-    let scored = json(at, &["score", "d.zarr", "builtin:plane", "--pupils", "pupils.json", "--json"]);
+    let scored = json(at, &["eval", "score", "d.zarr", "builtin:plane", "--pupils", "pupils.json", "--json"]);
     let [first, second] = [&scored["pupils"][0], &scored["pupils"][1]];
     assert_eq!(first["psnr_db"], second["psnr_db"]);
     assert!((first["focus_dioptres"].as_f64().unwrap() - 0.01).abs() < 1e-9);
@@ -75,12 +75,12 @@ fn dioptres_are_taken_where_millimetres_are() {
     assert!((refined["focus_dioptres"].as_f64().unwrap() - 0.01).abs() < 1e-9);
     refused(
         at,
-        &["view", "d.zarr", "--pupil=1,2,4,1.6 s", "-o", "x.png"],
+        &["render", "d.zarr", "--pupil=1,2,4,1.6 s", "-o", "x.png"],
         "x.png",
         "usage/value-validation/other-dimension 0.5D",
     );
-    let in_meters = picture(&["view", "d.zarr"], "--pupil=1mm,0.2cm,4,100m", "m.npy");
-    assert_eq!(in_meters, picture(&["view", "d.zarr"], "--pupil=1,2,4,0.01D", "d.npy"));
+    let in_meters = picture(&["render", "d.zarr"], "--pupil=1mm,0.2cm,4,100m", "m.npy");
+    assert_eq!(in_meters, picture(&["render", "d.zarr"], "--pupil=1,2,4,0.01D", "d.npy"));
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn scores_stand_beside_what_diffraction_leaves() {
     let small = ["--size", "64x64", "--color", "green", "--frames", "2", "--steps", "4", "--views", "3"];
     done(at, &[&["solve", "builtin:chart", "-o", "c.zarr"][..], &small].concat());
     std::fs::write(at.join("pupils.json"), "[[0, 0, 2, 0], [3, -2, 4, 0], [0, 0, 20, 0]]").unwrap();
-    let scored = json(at, &["score", "c.zarr", "builtin:chart", "--pupils", "pupils.json", "--json"]);
+    let scored = json(at, &["eval", "score", "c.zarr", "builtin:chart", "--pupils", "pupils.json", "--json"]);
     let pupils = scored["pupils"].as_array().unwrap();
     let number = |i: usize, key: &str| pupils[i][key].as_f64();
     let (narrow, usual) = (number(0, "ceiling_db").unwrap(), number(1, "ceiling_db").unwrap());
@@ -99,7 +99,7 @@ fn scores_stand_beside_what_diffraction_leaves() {
     // The widest passes the difference of any two frequencies: diffraction takes nothing.
     assert!(pupils[2]["ceiling_db"].is_null(), "{pupils:?}");
     assert!((number(1, "finest_cycles_per_degree").unwrap() - 134.26).abs() < 0.1, "4 mm of green");
-    let table = done(at, &["score", "c.zarr", "builtin:chart", "--pupils", "pupils.json"]);
+    let table = done(at, &["eval", "score", "c.zarr", "builtin:chart", "--pupils", "pupils.json"]);
     // The widest has one number fewer.
     let rows: Vec<&str> = table.lines().filter(|l| l.numbers().len() > 6 && !l.contains(':')).collect();
     assert!(rows.len() == 3 && rows[0].has(&format!("{narrow:.2}")) && rows[1].has(&format!("{usual:.2}")), "{table}");
@@ -110,8 +110,8 @@ fn scores_stand_beside_what_diffraction_leaves() {
 fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
     let temp = folder();
     let at = temp.path();
-    let photograph = |more: &[&'static str]| {
-        [&["photograph", "builtin:plane", "--color", "green", "--views", "1", "-o", "x.png"][..], more].concat()
+    let render = |more: &[&'static str]| {
+        [&["render", "builtin:plane", "--color", "green", "--views", "1", "-o", "x.png"][..], more].concat()
     };
     let small = ["--size", "40x48"];
     let file = |name: &str, size: &str, pitch: &str, focal_length: &str, colors: &str| {
@@ -125,7 +125,7 @@ fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
     file("um.toml", "[40, 60]", "8.0", "400", "green = 0.52");
     file("colors.toml", "[40, 60]", "8.0", "400", "red = 440, green = 520, blue = 660");
     let pupil = ["--pupil=0,0,4,0"];
-    let with = |parts: &[&[&'static str]]| photograph(&parts.concat());
+    let with = |parts: &[&[&'static str]]| render(&parts.concat());
     let mistakes = [
         (with(&[&small, &["--pupil=0,0,0.004,0"]]), "arguments/unusual 0.004 4 --force"),
         (with(&[&small, &["--pupil=0,0,30,0"]]), "arguments/unusual 30 26.00 --force"),
@@ -158,15 +158,23 @@ fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
     done(at, &with(&[&["--display", "upright.toml"], &pupil]));
     // Every command that computes asks the same.
     let scene = "builtin:plane";
-    for command in ["solve", "plan", "tradeoff", "evaluate", "bench", "live", "study"] {
-        let mut args = vec![command, scene, "--size", "60x40"];
-        args.extend(if ["plan", "bench", "live"].contains(&command) { vec![] } else { vec!["-o", "y.zarr"] });
-        refused(at, &args, "y.zarr", "arguments/unusual 40x60");
+    let out = &["-o", "y.zarr"][..];
+    for (command, more) in [
+        (&["solve"][..], out),
+        (&["solve"], &["--dry-run"]),
+        (&["eval", "tune"], out),
+        (&["eval", "compare"], out),
+        (&["eval", "gaze"], out),
+        (&["bench"], &[]),
+        (&["show"], &[]),
+        (&["show"], &["--tracker", "simulated"]),
+    ] {
+        refused(at, &[command, &[scene, "--size", "60x40"], more].concat(), "y.zarr", "arguments/unusual 40x60");
     }
     refused(at, &["solve", scene, "--pupil-diameter", "0.002..0.02", "-o", "y.zarr"], "y.zarr", "arguments/unusual");
     refused(at, &["solve", scene, "--pupil-diameter", "2..60", "-o", "y.zarr"], "y.zarr", "arguments/unusual 60");
-    refused(at, &["devices", "--display", "pitch.toml"], "x", "arguments/unusual");
-    let phases = ["export", "h.zarr", "-o", "h.npy"];
+    refused(at, &["display", "check", "pitch.toml"], "x", "arguments/unusual");
+    let phases = ["convert", "h.zarr", "h.npy"];
     done(at, &["solve", scene, "--size", "40x48", "--color", "green", "--views", "1", "--steps", "1", "-o", "h.zarr"]);
     done(at, &phases);
     for (pitch, wavelength, focal_length, what) in [
@@ -175,21 +183,21 @@ fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
         ("8", "52000", "400", "arguments/unusual"),
     ] {
         let optics = ["--pitch", pitch, "--wavelength", wavelength, "--focal-length", focal_length];
-        refused(at, &[&["view", "h.npy", "--pupil=0,0,4,0", "-o", "v.png"][..], &optics].concat(), "v.png", what);
+        refused(at, &[&["render", "h.npy", "--pupil=0,0,4,0", "-o", "v.png"][..], &optics].concat(), "v.png", what);
     }
     for args in [
-        &["view", "h.zarr", "--pupil=0,0,0.004,0", "-o", "v.png"][..],
+        &["render", "h.zarr", "--pupil=0,0,0.004,0", "-o", "v.png"][..],
         &["refine", "h.zarr", scene, "--pupil=0,0,0.004,0"],
     ] {
         refused(at, args, "v.png", "arguments/unusual");
     }
     std::fs::write(at.join("p.json"), "[[0, 0, 0.004, 0]]").unwrap();
-    refused(at, &["score", "h.zarr", scene, "--pupils", "p.json"], "x", "arguments/unusual");
+    refused(at, &["eval", "score", "h.zarr", scene, "--pupils", "p.json"], "x", "arguments/unusual");
     refused(
         at,
         &["encode", "h.npy", "--display", "paper", "--size", "60x40", "--color", "green", "-o", "f"],
         "f",
         "arguments/unusual 40x60",
     );
-    refused(at, &["play", "h.zarr", "--size", "60x40"], "x", "arguments/unusual 40x60");
+    refused(at, &["show", "h.zarr", "--size", "60x40"], "x", "arguments/unusual 40x60");
 }

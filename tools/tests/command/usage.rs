@@ -3,28 +3,31 @@
 use crate::common::{Printed, Refusal, done, eyebox, folder, refusal, text};
 
 /// Arguments, the code of the error, and the options, values and numbers that the line must have.
-const MISTAKES: [(&[&str], &str, &str); 13] = [
+const MISTAKES: [(&[&str], &str, &str); 16] = [
     (
-        &["view", "h.zarr", "--pupil", "1,2,3", "-o", "a.png"],
+        &["render", "h.zarr", "--pupil", "1,2,3", "-o", "a.png"],
         "value-validation",
         "--pupil 1,2,3 x,y,diameter,focus 2,-1,4,1.5",
     ),
     (
-        &["view", "h.zarr", "--pupil", "1,2,3,4,5", "-o", "a.png"],
+        &["render", "h.zarr", "--pupil", "1,2,3,4,5", "-o", "a.png"],
         "value-validation",
         "--pupil 1,2,3,4,5 5 x,y,diameter,focus",
     ),
-    (&["view", "h.zarr", "--pupil", "4", "-o", "a.png"], "value-validation", "--pupil x,y,diameter,focus"),
+    (&["render", "h.zarr", "--pupil", "4", "-o", "a.png"], "value-validation", "--pupil x,y,diameter,focus"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--steps", "-1"], "value-validation", "-1 --steps 0"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--frames", "-2"], "value-validation", "-2 --frames"),
-    (&["solve", "builtin:plane", "-o", "x.zarr", "--seconds", "-2"], "value-validation", "-2 --seconds"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--duration", "-2"], "value-validation", "-2 --duration"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--seed", "-2"], "value-validation", "-2 --seed 0"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--steps=-1"], "value-validation", "-1 --steps 0"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--steps", "many"], "value-validation", "many --steps 0"),
-    (&["solve", "builtin:plane", "--output", "x.zarr"], "invalid-value", "--output --out"),
+    (&["solve", "builtin:plane", "--output", "x.zarr"], "value-validation", "--output --out"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--nonsense"], "unknown-argument", "--nonsense"),
     (&["solve", "builtin:plane", "-o", "x.zarr", "--stepss", "1"], "unknown-argument", "--stepss --steps"),
     (&["bogus"], "invalid-subcommand", "bogus"),
+    (&["eval", "bogus"], "invalid-subcommand", "bogus"),
+    (&["view", "h.zarr", "--pupil=0,0,4,0", "-o", "a.png"], "invalid-subcommand", "view render"),
+    (&["solve", "builtin:plane", "-o", "x.zarr", "--seconds", "2"], "unknown-argument", "--seconds --duration"),
 ];
 
 #[test]
@@ -48,12 +51,12 @@ fn each_mistake_is_one_line_with_what_would_be_right() {
 fn errors_are_sentences_or_json() {
     let here = folder();
     let of = |args: &[&str]| eyebox(here.path(), args);
-    let said = text(&of(&["inspect", "absent.zarr"]).stderr);
+    let said = text(&of(&["info", "absent.zarr"]).stderr);
     assert!(said.starts_with("eyebox: ") && said.contains("absent.zarr"), "{said}");
-    let asked = Refusal::of(&of(&["inspect", "absent.zarr", "--json"]));
+    let asked = Refusal::of(&of(&["info", "absent.zarr", "--json"]));
     assert_eq!(format!("eyebox: {}\n", asked.message), said);
     asked.is("scene/not-found");
-    let unknown = Refusal::of(&of(&["inspect", "absent.zarr", "--json", "--nonsense"]));
+    let unknown = Refusal::of(&of(&["info", "absent.zarr", "--json", "--nonsense"]));
     unknown.is("usage/unknown-argument");
     assert_eq!(unknown.fields["argument"], "--nonsense");
 }

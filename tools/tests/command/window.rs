@@ -1,4 +1,4 @@
-//! `eyebox play --output window` on a virtual X server: what is on the screen, byte for byte.
+//! `eyebox show --output window` on a virtual X server: what is on the screen, byte for byte.
 
 use crate::common::screen::{Screen, hologram, play};
 use crate::common::{Refusal, document};
@@ -62,9 +62,9 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
     let screen = Screen::new(here.path(), [60, 80]);
     for (more, what) in [
         (&[][..], "present/display/monitor 36x64 60x80"),
-        (&["--monitor", "0"], "present/display/monitor 36x64 60x80"),
-        (&["--monitor", "60x80"], "present/display/monitor 36x64 60x80"),
-        (&["--monitor", "SLM"], "present/display/no-such-monitor SLM"),
+        (&["--output", "window:0"], "present/display/monitor 36x64 60x80"),
+        (&["--output", "window:60x80"], "present/display/monitor 36x64 60x80"),
+        (&["--output", "window:SLM"], "present/display/no-such-monitor SLM"),
         (&["--record", "r", "--duration", "1"], "arguments/without-offscreen offscreen"),
     ] {
         let answer = play(here.path(), &screen, "planes24", more).output().expect("it runs");
@@ -73,7 +73,7 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
         Refusal::of(&answer).is(what);
     }
     let monitors = Command::new(env!("CARGO_BIN_EXE_eyebox"))
-        .args(["monitors", "--json"])
+        .args(["display", "monitors", "--json"])
         .env("DISPLAY", screen.name())
         .env_remove("WAYLAND_DISPLAY")
         .output()
@@ -81,7 +81,7 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
     let list: serde_json::Value = serde_json::from_slice(&monitors.stdout).expect("JSON");
     assert_eq!((&list["monitors"][0]["rows"], &list["monitors"][0]["columns"]), (&60.into(), &80.into()));
     let nowhere = Command::new(env!("CARGO_BIN_EXE_eyebox"))
-        .arg("monitors")
+        .args(["display", "monitors"])
         .env_remove("DISPLAY")
         .env_remove("WAYLAND_DISPLAY")
         .output()

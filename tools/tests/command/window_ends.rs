@@ -1,4 +1,4 @@
-//! How `eyebox play --output window` ends, or goes on: the window closed, destroyed, resized, the server ended, the process
+//! How `eyebox show --output window` ends, or goes on: the window closed, destroyed, resized, the server ended, the process
 //! stopped for a while.
 
 use crate::common::screen::{Screen, hologram, play};

@@ -32,12 +32,12 @@ fn turned<T: Copy>(values: &[T], shape: &[usize], order: &[usize]) -> (Vec<T>, V
 
 /// `v.npy` with these elements of the views.
 fn array(have: &str, descr: &'static str, bytes: impl Fn(&[u8]) -> Vec<u8> + Send + Sync + 'static) -> Case {
-    case(have, "photograph v.npy", move |at| file(&at.join("v.npy"), npy(descr, false, &SHAPE, &bytes(&codes()))))
+    case(have, "render v.npy", move |at| file(&at.join("v.npy"), npy(descr, false, &SHAPE, &bytes(&codes()))))
 }
 
 /// `v.npy` of 8 bits with its axes in this order.
 fn axes(have: &str, order: &'static [usize]) -> Case {
-    case(have, "photograph v.npy", move |at| {
+    case(have, "render v.npy", move |at| {
         let (values, shape) = turned(&codes(), &SHAPE, order);
         file(&at.join("v.npy"), npy("|u1", false, &shape, &values));
     })
@@ -56,7 +56,7 @@ fn half(v: f32) -> [u8; 2] {
 
 /// The hologram was scored against the array that it was solved from.
 const SCORED: Judge = Judge::By(|outcome| {
-    let words = ["score", "h.zarr", "--no-jod", "--engine", "cpu", "--json"];
+    let words = ["eval", "score", "h.zarr", "--jod", "none", "--engine", "cpu", "--json"];
     let said = crate::common::done(outcome.folder, &words);
     let score: serde_json::Value = serde_json::from_str(&said).map_err(|e| e.to_string())?;
     match score["psnr_db"]["mean"].as_f64() {
@@ -111,14 +111,14 @@ pub fn chapter() -> Chapter {
             .right(EXACT),
         array("An array has floats of 16 bits.", "<f2", |v| v.iter().flat_map(|v| half(light(*v))).collect())
             .right(Judge::Like(&VIEWS, 1e-3)),
-        case("An array is in Fortran order.", "photograph v.npy", |at| {
+        case("An array is in Fortran order.", "render v.npy", |at| {
             let (values, _) = turned(&codes(), &SHAPE, &[4, 3, 2, 1, 0]);
             file(&at.join("v.npy"), npy("|u1", true, &SHAPE, &values));
         })
         .right(EXACT),
         case(
             "An array has the views one after the other, and the command states the grid.",
-            "photograph v.npy?grid=3x5",
+            "render v.npy?grid=3x5",
             |at| {
                 file(&at.join("v.npy"), npy("|u1", false, &[15, 48, 64, 3], &codes()));
             },
@@ -126,28 +126,28 @@ pub fn chapter() -> Chapter {
         .right(EXACT),
         case(
             "An array has floats from 0 to 1 by the sRGB curve, and the command says so.",
-            "photograph v.npy?srgb",
+            "render v.npy?srgb",
             |at| {
                 let bytes: Vec<u8> = codes().iter().flat_map(|v| (f32::from(*v) / 255.0).to_le_bytes()).collect();
                 file(&at.join("v.npy"), npy("<f4", false, &SHAPE, &bytes));
             },
         )
         .right(EXACT),
-        case("An array has an opaque alpha channel.", "photograph v.npy", |at| {
+        case("An array has an opaque alpha channel.", "render v.npy", |at| {
             let values: Vec<u8> = codes().chunks(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
             file(&at.join("v.npy"), npy("|u1", false, &[3, 5, 48, 64, 4], &values));
         })
         .right(EXACT),
-        case("An array has a first axis of length 1.", "photograph v.npy", |at| {
+        case("An array has a first axis of length 1.", "render v.npy", |at| {
             file(&at.join("v.npy"), npy("|u1", false, &[1, 3, 5, 48, 64, 3], &codes()));
         })
         .right(EXACT),
-        case("An .npz holds the views and a table of camera positions.", "photograph scene.npz", |at| {
+        case("An .npz holds the views and a table of camera positions.", "render scene.npz", |at| {
             let table = npy("<f8", false, &[15, 3], &[0; 360]);
             file(&at.join("scene.npz"), zip(&[("positions.npy", table), ("views.npy", plain())]));
         })
         .right(EXACT),
-        case("An array has the ending .dat.", "photograph v.dat", |at| file(&at.join("v.dat"), plain())).right(EXACT),
+        case("An array has the ending .dat.", "render v.dat", |at| file(&at.join("v.dat"), plain())).right(EXACT),
     ];
     situations.extend(refused());
     situations.extend(solved());
@@ -164,7 +164,7 @@ fn rewrite(at: &std::path::Path) {
 
 fn refused() -> Vec<Situation> {
     vec![
-        case("An array has the views one after the other.", "photograph v.npy", |at| {
+        case("An array has the views one after the other.", "render v.npy", |at| {
             file(&at.join("v.npy"), npy("|u1", false, &[15, 48, 64, 3], &codes()));
         })
         .refused("scene/corrupt/array-row-of-views 15", Remedy::Replace("v.npy", "v.npy?grid=3x5"), EXACT),
@@ -188,12 +188,12 @@ fn refused() -> Vec<Situation> {
             Remedy::Add("--order transpose"),
             EXACT,
         ),
-        case("An array has the rows of views from the bottom to the top.", "photograph v.npy", |at| {
+        case("An array has the rows of views from the bottom to the top.", "render v.npy", |at| {
             let rows: Vec<u8> = codes().chunks(5 * 48 * 64 * 3).rev().flatten().copied().collect();
             file(&at.join("v.npy"), npy("|u1", false, &SHAPE, &rows));
         })
         .refused("scene/order/moves-otherwise", Remedy::Add("--order flip-rows"), EXACT),
-        case("An .npz holds two light fields.", "photograph scene.npz", |at| {
+        case("An .npz holds two light fields.", "render scene.npz", |at| {
             let other: Vec<u8> = codes().iter().map(|v| 255 - v).collect();
             file(
                 &at.join("scene.npz"),
@@ -231,19 +231,19 @@ fn refused() -> Vec<Situation> {
             bytes
         })
         .refused("scene/value", mended("finite", rewrite), EXACT),
-        case("An array is cut off.", "photograph v.npy", |at| file(&at.join("v.npy"), &plain()[..100_000])).refused(
+        case("An array is cut off.", "render v.npy", |at| file(&at.join("v.npy"), &plain()[..100_000])).refused(
             "scene/corrupt/npy-length v.npy",
             mended("copy it again", rewrite),
             EXACT,
         ),
-        case("An array was pickled.", "photograph v.npy", |at| file(&at.join("v.npy"), b"\x80\x04\x95rest")).refused(
+        case("An array was pickled.", "render v.npy", |at| file(&at.join("v.npy"), b"\x80\x04\x95rest")).refused(
             "scene/kind",
             convert("v-converted.npy", "v.npy", "v-converted.npy", |at| {
                 file(&at.join("v-converted.npy"), plain());
             }),
             EXACT,
         ),
-        case("An array holds one picture.", "photograph v.npy", |at| {
+        case("An array holds one picture.", "render v.npy", |at| {
             file(&at.join("v.npy"), npy("|u1", false, &[48, 64, 3], &codes()[..48 * 64 * 3]));
         })
         .refused("scene/corrupt/array-one-picture", mended("views", rewrite), EXACT),

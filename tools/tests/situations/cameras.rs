@@ -41,7 +41,7 @@ static ROW: Canon = Canon::through(
 const OF_LAYERS: Judge = Judge::Like(&ROW, 0.06);
 
 fn uneven(have: &str, toml: &'static str, name: impl Fn(usize) -> String + Send + Sync + 'static) -> Case {
-    case(have, format!("photograph views {ASIDE}"), move |at| {
+    case(have, format!("render views {ASIDE}"), move |at| {
         for (i, x) in UNEVEN.into_iter().enumerate() {
             file(&at.join("views").join(name(i)), png(from([x, 0.0])));
         }
@@ -58,7 +58,7 @@ fn stack(at: &Path) {
     for (i, z) in DEPTHS.into_iter().enumerate() {
         let (pupil, out) = (format!("--pupil=0,0,12,{z}"), format!("stack/focus_{i}.png"));
         std::fs::create_dir_all(at.join("stack")).expect("a folder");
-        done(at, &["photograph", STILL_LIFE, &pupil, "--size", "48x64", "--engine", "cpu", "-o", &out]);
+        done(at, &["render", STILL_LIFE, &pupil, "--size", "48x64", "--engine", "cpu", "-o", &out]);
     }
 }
 
@@ -112,7 +112,7 @@ fn uneven_rows() -> Vec<Situation> {
             Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
             OF_LAYERS,
         ),
-        case("One row of 15 cameras is named by the seconds at which pictures were taken.", "photograph views", |at| {
+        case("One row of 15 cameras is named by the seconds at which pictures were taken.", "render views", |at| {
             for (i, view) in row().into_iter().enumerate() {
                 file(&at.join(format!("views/IMG_20240501_1000{:02}.png", 1 + i * 5 / 3)), png(view));
             }
@@ -137,29 +137,29 @@ pub fn chapter() -> Chapter {
     let stated = "focus_mm = [-1, -0.5, 0, 0.5, 1]\naperture_mm = 12\n";
     let mut situations = uneven_rows();
     situations.extend([
-        case("One row of 15 cameras has a running number.", "photograph views", |at| {
+        case("One row of 15 cameras has a running number.", "render views", |at| {
             row().into_iter().enumerate().for_each(|(i, view)| file(&at.join(format!("views/{i:02}.png")), png(view)));
         })
         .right(OF_ROW),
-        case("One row of 15 cameras is named by row and column.", "photograph views", |at| {
+        case("One row of 15 cameras is named by row and column.", "render views", |at| {
             row().into_iter().enumerate().for_each(|(i, view)| file(&at.join(format!("views/v_0_{i}.png")), png(view)));
         })
         .right(OF_ROW),
-        case("All views are the same picture.", "photograph views", |at| {
+        case("All views are the same picture.", "render views", |at| {
             (0..15).for_each(|i| file(&at.join(format!("views/v_{}_{}.png", i / 5, i % 5)), png(view([0.0, 0.0]))));
         })
         .right(Judge::Like(&FLAT, 2e-6)),
-        case("A focal stack states its depths and its aperture.", format!("photograph stack {WITHIN}"), move |at| {
+        case("A focal stack states its depths and its aperture.", format!("render stack {WITHIN}"), move |at| {
             stack(at);
             file(&at.join("stack/lightfield.toml"), stated);
         })
         .right(OF_STACK),
-        case("A focal stack states nothing.", format!("photograph stack {WITHIN}"), stack).refused(
+        case("A focal stack states nothing.", format!("render stack {WITHIN}"), stack).refused(
             "scene/not-a-grid/grid-doubtful",
             change("`focus_mm` `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
             OF_STACK,
         ),
-        case("A focal stack states a depth too few.", format!("photograph stack {WITHIN}"), |at| {
+        case("A focal stack states a depth too few.", format!("render stack {WITHIN}"), |at| {
             stack(at);
             file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5]\naperture_mm = 12\n");
         })
@@ -168,7 +168,7 @@ pub fn chapter() -> Chapter {
             mended("one for each", move |at| file(&at.join("stack/lightfield.toml"), stated)),
             OF_STACK,
         ),
-        case("A focal stack does not state its aperture.", format!("photograph stack {WITHIN}"), |at| {
+        case("A focal stack does not state its aperture.", format!("render stack {WITHIN}"), |at| {
             stack(at);
             file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5, 1]\n");
         })

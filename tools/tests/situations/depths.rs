@@ -96,7 +96,7 @@ fn tiff_of(bits_format: [u16; 2], bytes: &[u8]) -> Vec<u8> {
 
 /// `photo.png` and a map; `more` stands behind both.
 fn with(have: &str, name: &'static str, more: &str, bytes: impl Fn() -> Vec<u8> + Send + Sync + 'static) -> Case {
-    let words = format!("photograph photo.png --depth-map {name}{more} {STATED}");
+    let words = format!("render photo.png --depth-map {name}{more} {STATED}");
     case(have, words, move |at| {
         file(&at.join("photo.png"), png(photo()));
         file(&at.join(name), bytes());
@@ -189,7 +189,7 @@ fn read() -> Vec<Situation> {
         .right(EXACT),
         case(
             "Disparities are pixels between neighboring views, and no depths are stated.",
-            "photograph photo.png --depth-map disp.pfm --views 5",
+            "render photo.png --depth-map disp.pfm --views 5",
             |at| {
                 file(&at.join("photo.png"), png(photo()));
                 file(&at.join("disp.pfm"), pfm(SIZE, &map(|v, _| disparity(v)), false));
@@ -202,7 +202,7 @@ fn read() -> Vec<Situation> {
         .right(EXACT),
         case(
             "Blender's colors and depth are channels of one EXR file.",
-            format!("photograph render_depth.exr --depth-map render_depth.exr {STATED}"),
+            format!("render render_depth.exr --depth-map render_depth.exr {STATED}"),
             |at| {
                 let plane = |c: usize| photo().pixels().map(|p| crate::made::light(p.0[c])).collect::<Vec<f32>>();
                 file(
@@ -229,7 +229,7 @@ fn read() -> Vec<Situation> {
         .right(EXACT),
         case(
             "A phone's picture is stored lying, and its map is upright.",
-            format!("photograph photo.jpg --depth-map depth.png {STATED}"),
+            format!("render photo.jpg --depth-map depth.png {STATED}"),
             |at| {
                 file(&at.join("photo.jpg"), jpeg(&imageops::rotate270(&photo()), 6));
                 file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
@@ -238,7 +238,7 @@ fn read() -> Vec<Situation> {
         .right(Judge::Like(&DEPTHS, 0.015)),
         case(
             "The nearer end of the depths comes first.",
-            "photograph photo.png --depth-map depth.png --views 5 --depth=1..-1",
+            "render photo.png --depth-map depth.png --views 5 --depth=1..-1",
             |at| {
                 file(&at.join("photo.png"), png(photo()));
                 file(&at.join("depth.png"), png(of_bytes(|v, _| 255 - v)));
@@ -308,7 +308,7 @@ fn ambiguous() -> Vec<Situation> {
 fn refused() -> Vec<Situation> {
     let right = |name: &'static str| move |at: &Path| file(&at.join(name), png(of_bytes(|v, _| v)));
     vec![
-        case("A picture has no depth map.", format!("photograph photo.png {STATED}"), |at| {
+        case("A picture has no depth map.", format!("render photo.png {STATED}"), |at| {
             file(&at.join("photo.png"), png(photo()));
             file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
         })
@@ -317,7 +317,7 @@ fn refused() -> Vec<Situation> {
             Remedy::As("--depth-map", "photo.png", "photo.png --depth-map depth.png"),
             EXACT,
         ),
-        case("A folder has pictures with their maps.", format!("photograph shots --depth-map shots {STATED}"), |at| {
+        case("A folder has pictures with their maps.", format!("render shots --depth-map shots {STATED}"), |at| {
             for i in 0..3 {
                 file(&at.join(format!("shots/shot-{i}.png")), png(photo()));
                 file(&at.join(format!("shots/shot_depth-{i}.png")), png(of_bytes(|v, _| v)));
@@ -325,7 +325,7 @@ fn refused() -> Vec<Situation> {
         })
         .refused(
             "scene/request",
-            Remedy::By("one picture of it", "photograph shots", "photograph shots/shot-1.png"),
+            Remedy::By("one picture of it", "render shots", "render shots/shot-1.png"),
             EXACT,
         ),
         with("The map has half of the picture's size.", "depth.png", "", || {
@@ -342,7 +342,7 @@ fn refused() -> Vec<Situation> {
         ),
         case(
             "A phone's picture is turned by its EXIF orientation, and the map is not.",
-            format!("photograph photo.jpg --depth-map depth.png {STATED}"),
+            format!("render photo.jpg --depth-map depth.png {STATED}"),
             |at| {
                 file(&at.join("photo.jpg"), jpeg(&imageops::rotate270(&photo()), 6));
                 file(&at.join("depth.png"), png(imageops::rotate270(&of_bytes(|v, _| v))));
@@ -423,18 +423,14 @@ fn refused_files() -> Vec<Situation> {
             change("maps[0]", |at| file(&at.join("depth.npy"), floats(&map(|v, _| distance(v))))),
             EXACT,
         ),
-        case(
-            "The name of the map is misspelled.",
-            format!("photograph photo.png --depth-map depht.png {STATED}"),
-            |at| {
-                file(&at.join("photo.png"), png(photo()));
-                file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
-            },
-        )
+        case("The name of the map is misspelled.", format!("render photo.png --depth-map depht.png {STATED}"), |at| {
+            file(&at.join("photo.png"), png(photo()));
+            file(&at.join("depth.png"), png(of_bytes(|v, _| v)));
+        })
         .refused("scene/not-found depht.png", Remedy::Replace("depht.png", "depth.png"), EXACT),
         case(
             "An EXR picture has two layers of depth.",
-            format!("photograph photo.png --depth-map depth.exr {STATED}"),
+            format!("render photo.png --depth-map depth.exr {STATED}"),
             |at| {
                 file(&at.join("photo.png"), png(photo()));
                 let values = map(|v, _| distance(v));
@@ -448,7 +444,7 @@ fn refused_files() -> Vec<Situation> {
         ),
         case(
             "The picture is transparent everywhere, as some programs save color and depth.",
-            format!("photograph photo.png --depth-map depth.png {STATED}"),
+            format!("render photo.png --depth-map depth.png {STATED}"),
             |at| {
                 let photo = photo();
                 let clear = |p: &Rgb<u8>| Rgba([p.0[0], p.0[1], p.0[2], 0]);

@@ -10,9 +10,10 @@ use std::sync::OnceLock;
 
 const RIGHT: &str = "name = \"bench\"\nresolution = [24, 32]\npitch_um = 8.0\nfocal_length_mm = 200.0\n\
                      wavelengths_nm = { red = 640, green = 520, blue = 450 }\n";
-const SEEN: &str = "photograph builtin:still-life --display bench.toml --color green --views 3 --pupil=1,0,1,0.2 --engine cpu -o p.npy";
+const SEEN: &str =
+    "render builtin:still-life --display bench.toml --color green --views 3 --pupil=1,0,1,0.2 --engine cpu -o p.npy";
 
-/// The photograph is that of the right file.
+/// The picture is that of the right file.
 const SAME: Judge = Judge::By(same);
 
 fn same(outcome: &Outcome) -> Result<(), String> {
@@ -21,10 +22,10 @@ fn same(outcome: &Outcome) -> Result<(), String> {
         let temp = crate::common::folder();
         bench(temp.path());
         done(temp.path(), &SEEN.split(' ').collect::<Vec<_>>());
-        read_npy(&temp.path().join("p.npy")).expect("a photograph").values
+        read_npy(&temp.path().join("p.npy")).expect("a picture").values
     });
     let found = read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
-    if &found == right { Ok(()) } else { Err("the photograph is another one".into()) }
+    if &found == right { Ok(()) } else { Err("the picture is another one".into()) }
 }
 
 /// The right file in the place of a wrong one.

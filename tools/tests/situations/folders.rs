@@ -13,7 +13,7 @@ fn named(
     name: impl Fn(usize, usize) -> String + Send + Sync + 'static,
     more: impl Fn(&Path) + Send + Sync + 'static,
 ) -> Case {
-    case(have, "photograph views", move |at| {
+    case(have, "render views", move |at| {
         save(&at.join("views"), &name);
         more(&at.join("views"));
     })
@@ -111,7 +111,7 @@ pub fn chapter() -> Chapter {
         .right(EXACT),
     ];
     situations.push(
-        case("One wants to see how eyebox reads a folder.", "inspect views --size 48x64 --json", |at| {
+        case("One wants to see how eyebox reads a folder.", "info views --size 48x64 --json", |at| {
             save(&at.join("views"), usual);
         })
         .right(Judge::By(|outcome| {
@@ -323,7 +323,10 @@ fn orders() -> Vec<crate::frame::Situation> {
             }),
             EXACT,
         ),
-        case("The folder is empty.", "photograph views", |at| fs::create_dir(at.join("views")).expect("a folder"))
-            .refused("scene/empty", change("view_3_7.png", |at| save(&at.join("views"), usual)), EXACT),
+        case("The folder is empty.", "render views", |at| fs::create_dir(at.join("views")).expect("a folder")).refused(
+            "scene/empty",
+            change("view_3_7.png", |at| save(&at.join("views"), usual)),
+            EXACT,
+        ),
     ]
 }

@@ -20,7 +20,7 @@ fn written(folder: &Path, ending: &str, bytes: impl Fn(&RgbImage) -> Vec<u8>) {
 }
 
 fn views(have: &str, ending: &'static str, bytes: impl Fn(&RgbImage) -> Vec<u8> + Send + Sync + 'static) -> Case {
-    case(have, "photograph views", move |at| written(&at.join("views"), ending, &bytes))
+    case(have, "render views", move |at| written(&at.join("views"), ending, &bytes))
 }
 
 /// What the `image` crate writes for an ending.

@@ -10,9 +10,9 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The words that every photograph ends in, unless the situation states a pupil of its own. The pupil is off the axis, so that
-/// views in another order and depths inside out give another picture. Of cells, because that is quick.
-pub const PHOTOGRAPH: &str = "--pupil=9,-4,2,0.5 --size 48x64 --photographs cells --engine cpu -o out.npy";
+/// The words that every picture of a scene ends in, unless the situation states a pupil of its own. The pupil is off the axis, so
+/// that views in another order and depths inside out give another picture. Of cells, because that is quick.
+pub const RENDER: &str = "--pupil=9,-4,2,0.5 --size 48x64 --photographs cells --engine cpu -o out.npy";
 
 /// Makes files in a folder.
 type Maker = Box<dyn Fn(&Path) + Send + Sync>;
@@ -257,10 +257,10 @@ fn refusal(at: &Path, ground: &[String], words: &str) -> Result<Refusal, String>
     }
 }
 
-/// The words of a command with those that every photograph ends in.
+/// The words of a command with those that every picture of a scene ends in.
 fn complete(words: &str) -> String {
-    let photograph = words.starts_with("photograph ") && !words.contains("--pupil");
-    if photograph { format!("{words} {PHOTOGRAPH}") } else { words.to_owned() }
+    let lacks_pupil = words.starts_with("render ") && !words.contains("--pupil");
+    if lacks_pupil { format!("{words} {RENDER}") } else { words.to_owned() }
 }
 
 /// Splits words as a shell does: at spaces that no single quotes enclose. `\xE9` becomes one byte.

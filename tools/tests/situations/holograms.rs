@@ -74,7 +74,8 @@ fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), Str
     let own = *OWN.get_or_init(|| {
         let temp = crate::common::folder();
         solved(temp.path());
-        psnr(&run(temp.path(), "score a/h.zarr --pupils pupils.json --no-jod --engine cpu --json")).expect("a score")
+        psnr(&run(temp.path(), "eval score a/h.zarr --pupils pupils.json --jod none --engine cpu --json"))
+            .expect("a score")
     });
     match psnr(&outcome.stdout) {
         Some(found) if right(own, found) => Ok(()),
@@ -88,7 +89,7 @@ fn score(have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -
 }
 
 fn from(make: fn(&Path), have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -> Case {
-    case(have, format!("score {words} --pupils pupils.json --no-jod --engine cpu --json"), move |at| {
+    case(have, format!("eval score {words} --pupils pupils.json --jod none --engine cpu --json"), move |at| {
         make(at);
         how(at);
     })
@@ -159,11 +160,11 @@ fn moved() -> Vec<Situation> {
         ),
         score("The scene of a hologram was changed on purpose.", "a/h.zarr", |at| other(&at.join("a/scene"))).refused(
             "arguments/changed-scene",
-            Remedy::Add("--other-scene"),
+            Remedy::Add("--force"),
             OTHER,
         ),
         score("A hologram is to be scored against a scene that it does not show.", "a/h.zarr builtin:plane", |_| ())
-            .refused("arguments/other-scene", Remedy::Add("--other-scene"), OTHER),
+            .refused("arguments/other-scene", Remedy::Add("--force"), OTHER),
         score("The name of a hologram lacks its ending.", "a/h", |_| ()).refused(
             "hologram/not-a-hologram/nothing-there",
             Remedy::As("a/h.zarr", "a/h", "a/h.zarr"),
@@ -208,11 +209,11 @@ fn damaged() -> Vec<Situation> {
             file(&at.join(CHUNK), &bytes);
         })
         .refused("hologram/damaged/checksum", mended("copy it again", again), SCORED),
-        case("One hologram of a sequence is wanted.", "export s.zarr -o p.npy", |at| {
+        case("One hologram of a sequence is wanted.", "convert s.zarr p.npy", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
         .refused("hologram/not-a-hologram/is-a-sequence", Remedy::Add("--at 0"), FIRST),
-        case("A hologram beyond the end of a sequence is wanted.", "export s.zarr --at 2 -o p.npy", |at| {
+        case("A hologram beyond the end of a sequence is wanted.", "convert s.zarr p.npy --at 2", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
         .refused(
@@ -260,15 +261,15 @@ const OLD: Judge = Judge::By(|outcome| match psnr(&outcome.stdout) {
 
 /// Holograms of version 0.1.0, sequences, and scenes with unusual numbers.
 fn old() -> Vec<Situation> {
-    let score = "score old.zarr --no-jod --engine cpu --json";
-    let unusual = "score u.zarr --no-jod --engine cpu --json";
+    let score = "eval score old.zarr --jod none --engine cpu --json";
+    let unusual = "eval score u.zarr --jod none --engine cpu --json";
     vec![
         from_old("relay", "A hologram of version 0.1.0 is scored.", score).right(OLD),
-        from_old("refined", "A refined hologram of version 0.1.0 is exported.", "export old.zarr -o p.npy")
+        from_old("refined", "A refined hologram of version 0.1.0 is converted.", "convert old.zarr p.npy")
             .right(Judge::By(|outcome| are_phases(outcome, &["0/0/0/0", "0/1/0/0"]))),
-        from_old("far-field", "A far field of version 0.1.0 is exported.", "export old.zarr -o p.npy")
+        from_old("far-field", "A far field of version 0.1.0 is converted.", "convert old.zarr p.npy")
             .right(Judge::By(|outcome| are_phases(outcome, &["0/0/0/0", "1/0/0/0"]))),
-        from_old("sequence", "A sequence of version 0.1.0 is exported.", "export old.zarr -o p.npy").refused(
+        from_old("sequence", "A sequence of version 0.1.0 is converted.", "convert old.zarr p.npy").refused(
             "hologram/not-a-hologram/is-a-sequence",
             Remedy::Add("--at 0"),
             Judge::By(|outcome| are_phases(outcome, &["0/0/0/0/0"])),
@@ -298,7 +299,7 @@ fn old() -> Vec<Situation> {
 }
 
 const STUDY: &str =
-    "study s.zarr --duration 0.1 --rate 20 --step-time 10 --encode-time 1 --no-jod --engine cpu -o study";
+    "eval gaze s.zarr --duration 0.1 --display-rate 20 --step-time 10 --encode-time 1 --jod none --engine cpu -o study";
 
 pub fn chapter() -> Chapter {
     let mut situations = moved();

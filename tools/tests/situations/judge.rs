@@ -1,7 +1,7 @@
 //! How a result is judged: by its values, never by wording.
 
 use crate::common::eyebox;
-use crate::frame::{Outcome, PHOTOGRAPH};
+use crate::frame::{Outcome, RENDER};
 use eyebox::low_level::files::read_npy;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -11,7 +11,7 @@ const CLEARLY: f32 = 2.0;
 
 /// Judges what a command left.
 pub enum Judge {
-    /// `out.npy` is the photograph of this scene within an error [1 is white], as the format's bits leave it.
+    /// `out.npy` is the picture of this scene within an error [1 is white], as the format's bits leave it.
     Like(&'static Canon, f32),
     /// A function of its own judges.
     By(fn(&Outcome) -> Result<(), String>),
@@ -22,45 +22,45 @@ pub type Misreading = (&'static str, fn(&Path) -> String);
 
 /// A scene in its plainest form, and the same scene misread in every way that must show.
 pub struct Canon {
-    /// Makes the files in a folder, and returns the words of the command behind `photograph`.
+    /// Makes the files in a folder, and returns the words of the command behind `render`.
     pub right: fn(&Path) -> String,
     /// Each fault, and how its files are made.
     pub wrong: &'static [Misreading],
-    /// The words that the photograph ends in.
+    /// The words that the command ends in.
     words: &'static str,
-    seen: OnceLock<Photographs>,
+    seen: OnceLock<Pictures>,
 }
 
-/// The photograph of a scene, and of all its misreadings.
-pub struct Photographs {
+/// The picture of a scene, and of all its misreadings.
+pub struct Pictures {
     right: Vec<f32>,
     wrong: Vec<(&'static str, Vec<f32>)>,
 }
 
 impl Canon {
     pub const fn new(right: fn(&Path) -> String, wrong: &'static [Misreading]) -> Self {
-        Self::through(PHOTOGRAPH, right, wrong)
+        Self::through(RENDER, right, wrong)
     }
 
-    /// A scene that is photographed with other words than most.
+    /// A scene whose picture is made with other words than most.
     pub const fn through(words: &'static str, right: fn(&Path) -> String, wrong: &'static [Misreading]) -> Self {
         Self { right, wrong, words, seen: OnceLock::new() }
     }
 
-    fn seen(&self) -> &Photographs {
+    fn seen(&self) -> &Pictures {
         self.seen.get_or_init(|| {
-            let right = self.photograph(self.right).expect("the plainest form is read");
-            let wrong = self.wrong.iter().filter_map(|(fault, make)| Some((*fault, self.photograph(*make)?))).collect();
-            Photographs { right, wrong }
+            let right = self.picture(self.right).expect("the plainest form is read");
+            let wrong = self.wrong.iter().filter_map(|(fault, make)| Some((*fault, self.picture(*make)?))).collect();
+            Pictures { right, wrong }
         })
     }
 
     /// None if the command refuses the scene: nobody takes that for the right picture.
-    fn photograph(&self, make: fn(&Path) -> String) -> Option<Vec<f32>> {
+    fn picture(&self, make: fn(&Path) -> String) -> Option<Vec<f32>> {
         let temp = crate::common::folder();
-        let words = format!("photograph {} {}", make(temp.path()), self.words);
+        let words = format!("render {} {}", make(temp.path()), self.words);
         let answer = eyebox(temp.path(), &words.split_whitespace().collect::<Vec<_>>());
-        let read = || read_npy(&temp.path().join("out.npy")).expect("a photograph").values;
+        let read = || read_npy(&temp.path().join("out.npy")).expect("a picture").values;
         answer.status.success().then(read)
     }
 }
@@ -78,7 +78,7 @@ impl Judge {
     }
 }
 
-fn like(outcome: &Outcome, canon: &Photographs, error: f32) -> Result<(), String> {
+fn like(outcome: &Outcome, canon: &Pictures, error: f32) -> Result<(), String> {
     let found = read_npy(&outcome.folder.join("out.npy")).map_err(|e| e.to_string())?.values;
     if found.len() != canon.right.len() {
         return Err(format!("{} values instead of {}", found.len(), canon.right.len()));

@@ -25,7 +25,7 @@ const VIEW: Judge = Judge::By(|outcome| {
     let right = RIGHT.get_or_init(|| {
         let temp = crate::common::folder();
         hologram(temp.path());
-        run(temp.path(), "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o v.npy");
+        run(temp.path(), "render h.zarr --pupil=2,-1,4,1.5 --engine cpu -o v.npy");
         read_npy(&temp.path().join("v.npy")).expect("a view").values
     });
     let places = ["v.npy", "out/v.npy"].map(|name| outcome.folder.join(name));
@@ -44,7 +44,7 @@ const FRAMES: Judge = Judge::By(|outcome| {
 
 /// A hologram of this size and number of sub-frames was written.
 fn solved(outcome: &Outcome, frames: usize) -> Result<(), String> {
-    run(outcome.folder, "export y.zarr -o y.npy");
+    run(outcome.folder, "convert y.zarr y.npy");
     let values = read_npy(&outcome.folder.join("y.npy")).map_err(|e| e.to_string())?.values.len();
     if values == frames * 24 * 32 { Ok(()) } else { Err(format!("{values} phases")) }
 }
@@ -52,7 +52,7 @@ fn solved(outcome: &Outcome, frames: usize) -> Result<(), String> {
 const SOLVED: Judge = Judge::By(|outcome| solved(outcome, 1));
 
 fn view(have: &str, words: &str) -> Case {
-    case(have, format!("view h.zarr {words} --engine cpu"), hologram)
+    case(have, format!("render h.zarr {words} --engine cpu"), hologram)
 }
 
 fn encode(have: &str, words: &str) -> Case {
@@ -111,7 +111,7 @@ fn numbers() -> Vec<Situation> {
             Remedy::By("probably 2 mm is meant", "0.002", "2"),
             SOLVED,
         ),
-        solve("A time is in millimeters.", "--seconds 60mm").refused(
+        solve("A time is in millimeters.", "--duration 60mm").refused(
             "usage/value-validation/other-dimension '60mm'",
             Remedy::By("ms, s, min", "60mm", "60s"),
             SOLVED,
@@ -141,10 +141,14 @@ fn places() -> Vec<Situation> {
             mended("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
             VIEW,
         ),
-        case("A view goes into a file as if that were a folder.", "view h.zarr --pupil=2,-1,4,1.5 -o f/v.npy", |at| {
-            hologram(at);
-            file(&at.join("f"), "text");
-        })
+        case(
+            "A view goes into a file as if that were a folder.",
+            "render h.zarr --pupil=2,-1,4,1.5 -o f/v.npy",
+            |at| {
+                hologram(at);
+                file(&at.join("f"), "text");
+            },
+        )
         .refused("arguments/no-such-folder", Remedy::By("give another place", "f/v.npy", "v.npy"), VIEW),
         encode("Video frames go to a folder inside of one that is not there.", "-o out/frames").refused(
             "file/taken/no-such-folder",
@@ -172,7 +176,7 @@ fn places() -> Vec<Situation> {
             SOLVED,
         ),
         case("The place of a hologram is given as an output of `show`.", format!("{SOLVE} --output y.zarr"), |_| ())
-            .refused("usage/invalid-value 'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
+            .refused("usage/value-validation 'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
     ]
 }
 
@@ -187,7 +191,7 @@ fn denied() -> Vec<Situation> {
             .on(Ground::Disk("ro")),
         case(
             "A view goes to a folder of somebody else.",
-            "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o theirs/v.npy",
+            "render h.zarr --pupil=2,-1,4,1.5 --engine cpu -o theirs/v.npy",
             |at| {
                 hologram(at);
                 for (name, mode) in [("theirs", 0o555), ("out", 0o777)] {
@@ -198,7 +202,7 @@ fn denied() -> Vec<Situation> {
         )
         .refused("file/denied", Remedy::By("give another place", "theirs/v.npy", "out/v.npy"), VIEW)
         .on(Ground::Stranger),
-        case("A hologram may not be read.", "view h.zarr --pupil=2,-1,4,1.5 --engine cpu -o out/v.npy", |at| {
+        case("A hologram may not be read.", "render h.zarr --pupil=2,-1,4,1.5 --engine cpu -o out/v.npy", |at| {
             hologram(at);
             std::fs::create_dir(at.join("out")).expect("a folder");
             open(&at.join("out"), 0o777);
@@ -227,7 +231,7 @@ fn displays() -> Vec<Situation> {
             ),
         case(
             "A hologram is played on a display of another size.",
-            "play h.zarr --size 48x64 --clock simulated --duration 0.1 --record frames --engine cpu",
+            "show h.zarr --size 48x64 --clock simulated --duration 0.1 --record frames --engine cpu",
             hologram,
         )
         .refused(
@@ -237,7 +241,7 @@ fn displays() -> Vec<Situation> {
         ),
         case(
             "A hologram is recorded into a place where a file is.",
-            "play h.zarr --clock simulated --duration 0.1 --record f --engine cpu",
+            "show h.zarr --clock simulated --duration 0.1 --record f --engine cpu",
             |at| {
                 hologram(at);
                 file(&at.join("f"), "text");

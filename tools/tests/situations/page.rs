@@ -10,10 +10,10 @@ const HEAD: &str = "# Situations
 
 Find your files here if you do not know how eyebox reads them, or why it refuses them.
 
-    eyebox photograph views --pupil=9,-4,2,0.5 --size 48x64 --photographs cells -o out.npy
+    eyebox render views --pupil=9,-4,2,0.5 --size 48x64 --photographs cells -o out.npy
 
 Each row is a test. The command either gives the right result, or stops with exit code 2 and one line that names the cause and a remedy.
-The test follows the remedy and judges the result by its values. `photograph` has a pupil and an output file in every test, as above.
+The test follows the remedy and judges the result by its values. `render` has a pupil and an output file in every test, as above.
 ";
 
 /// `EYEBOX_SITUATIONS=write` writes it anew.

@@ -11,7 +11,7 @@ fn usual(r: usize, c: usize) -> String {
 
 /// The usual views in a folder of this name, given by these words.
 fn at_path(have: &str, words: &str, folder: &'static str) -> Case {
-    case(have, format!("photograph {words}"), move |at| save(&at.join(folder), usual))
+    case(have, format!("render {words}"), move |at| save(&at.join(folder), usual))
 }
 
 #[cfg(unix)]
@@ -40,7 +40,7 @@ pub fn chapter() -> Chapter {
         at_path("The name of the folder has a question mark.", "'which?'", "which?").right(EXACT),
     ];
     situations.push(
-        case("The folder is a link to another.", "photograph link", |at| {
+        case("The folder is a link to another.", "render link", |at| {
             save(&at.join("far/views"), usual);
             link(&at.join("far/views"), &at.join("link"));
         })
@@ -48,7 +48,7 @@ pub fn chapter() -> Chapter {
     );
     #[cfg(unix)]
     situations.push(
-        case("Views are links to files of other names.", "photograph views", |at| {
+        case("Views are links to files of other names.", "render views", |at| {
             save(&at.join("store"), |r, c| format!("{}.png", 100 + 17 * r + c));
             fs::create_dir(at.join("views")).expect("a folder");
             for (r, c) in (0..3).flat_map(|r| (0..5).map(move |c| (r, c))) {
@@ -59,7 +59,7 @@ pub fn chapter() -> Chapter {
     );
     #[cfg(unix)]
     situations.push(
-        case("A view is a link to a file that is gone.", "photograph views", |at| {
+        case("A view is a link to a file that is gone.", "render views", |at| {
             save(&at.join("views"), usual);
             fs::rename(at.join("views/view_2_2.png"), at.join("gone.png")).expect("moved");
             link(&at.join("nothing.png"), &at.join("views/view_2_2.png"));
@@ -80,7 +80,7 @@ pub fn chapter() -> Chapter {
     ));
     #[cfg(target_os = "linux")]
     situations.push(
-        case("The name of the folder is not UTF-8.", "photograph caf\\xE9", move |at| save(&at.join(bytes()), usual))
+        case("The name of the folder is not UTF-8.", "render caf\\xE9", move |at| save(&at.join(bytes()), usual))
             .refused(
                 "usage/invalid-utf8 UTF-8",
                 convert("rename", "caf\\xE9", "cafe", move |at| {
@@ -91,7 +91,7 @@ pub fn chapter() -> Chapter {
     );
     #[cfg(target_os = "linux")]
     situations.push(
-        case("The name of one view is not UTF-8.", "photograph views", |at| {
+        case("The name of one view is not UTF-8.", "render views", |at| {
             save(&at.join("views"), usual);
             let wrong = std::path::PathBuf::from(word_of(b"view_2_2\xff.png".to_vec()));
             fs::rename(at.join("views/view_2_2.png"), at.join("views").join(wrong)).expect("renamed");

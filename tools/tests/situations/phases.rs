@@ -50,7 +50,7 @@ fn levels(count: u32) -> Vec<u32> {
 
 /// The hologram has the usual phases within an error [radians], at least the first sub-frames that it has.
 fn has_phases(outcome: &Outcome, error: f32) -> Result<(), String> {
-    done(outcome.folder, &["export", "out.zarr", "-o", "back.npy"]);
+    done(outcome.folder, &["convert", "out.zarr", "back.npy"]);
     let found = read_npy(&outcome.folder.join("back.npy")).map_err(|e| e.to_string())?.values;
     let off = |(found, right): (&f32, &f32)| ((found - right + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0).abs();
     let most = found.iter().zip(&usual()).map(off).fold(0.0, f32::max);
@@ -67,7 +67,7 @@ const EIGHT_BITS: Judge = Judge::By(|outcome| has_phases(outcome, 0.0125));
 
 /// Files that are imported for a small display.
 fn import(have: &str, name: &'static str, files: impl Fn(&Path) + Send + Sync + 'static) -> Case {
-    case(have, format!("import {name} --display small --size 24x32 --color green -o out.zarr"), files)
+    case(have, format!("convert {name} out.zarr --display small --size 24x32 --color green"), files)
 }
 
 fn floats(values: &[f32]) -> Vec<u8> {
@@ -224,11 +224,15 @@ fn axes() -> Vec<Situation> {
             change("sub-frame", saved),
             EXACT,
         ),
-        case("Phases of a part of the display.", "import p.npy --display small --color green -o out.zarr", saved)
+        case("Phases of a part of the display.", "convert p.npy out.zarr --display small --color green", saved)
             .right(EXACT),
-        case("Phases without the optics that they are for.", "import p.npy -o out.zarr", saved).refused(
+        case("Phases without the optics that they are for.", "convert p.npy out.zarr", saved).refused(
             "hologram/no-optics",
-            Remedy::As("--display --color", " -o out.zarr", " -o out.zarr --display small --size 24x32 --color green"),
+            Remedy::As(
+                "--display --color",
+                "p.npy out.zarr",
+                "p.npy out.zarr --display small --size 24x32 --color green",
+            ),
             EXACT,
         ),
     ]

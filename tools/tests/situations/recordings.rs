@@ -51,7 +51,7 @@ fn moves(outcome: &Outcome, count: usize, eyes: &[&str]) -> Result<(), String> {
 }
 
 fn bytes(have: &str, bytes: impl Fn() -> Vec<u8> + Send + Sync + 'static) -> Case {
-    case(have, "trackers --watch r.jsonl --json", move |at| file(&at.join("r.jsonl"), bytes()))
+    case(have, "tracker watch r.jsonl --json", move |at| file(&at.join("r.jsonl"), bytes()))
 }
 
 fn recording(have: &str, text: impl Fn() -> String + Send + Sync + 'static) -> Case {
@@ -165,11 +165,11 @@ fn refused() -> Vec<Situation> {
             lines(|i| json!({ "t": place(i).1, "eye": "OD", "x": 3.0, "y": 1.0 }))
         })
         .refused("tracker/file", change("\"left\" \"right\"", repaired), ALL),
-        case("A table of another tracker.", "trackers --watch r.csv --json", |at| {
+        case("A table of another tracker.", "tracker watch r.csv --json", |at| {
             file(&at.join("r.csv"), "timestamp,x,y\n5.0,3.0,-1.0\n");
         })
         .refused("tracker/spec", convert("FILE.jsonl", "r.csv", "r.jsonl", repaired), ALL),
-        case("The name of a recording is misspelled.", "trackers --watch s.jsonl --json", repaired).refused(
+        case("The name of a recording is misspelled.", "tracker watch s.jsonl --json", repaired).refused(
             "tracker/file",
             Remedy::As("s.jsonl", "s.jsonl", "r.jsonl"),
             ALL,
@@ -182,7 +182,7 @@ pub fn chapter() -> Chapter {
     situations.extend(refused());
     Chapter {
         title: "Recordings of eye trackers",
-        about: "Twenty samples, 10 ms apart. `trackers --watch` prints them as eyebox reads them.",
+        about: "Twenty samples, 10 ms apart. `tracker watch` prints them as eyebox reads them.",
         situations,
     }
 }

@@ -84,7 +84,7 @@ fn one(
     name: &'static str,
     bytes: impl Fn() -> Vec<u8> + Send + Sync + 'static,
 ) -> Case {
-    case(have, format!("photograph {words}"), move |at| file(&at.join(name), bytes()))
+    case(have, format!("render {words}"), move |at| file(&at.join(name), bytes()))
 }
 
 pub fn chapter() -> Chapter {

@@ -65,7 +65,7 @@ const RIGHT: Judge = Judge::Like(&CLIP, 0.005);
 
 /// A clip of one frame, with its depth map as a picture.
 fn clip(have: &str, scene: &str, words: &'static str, bits: u32, full: bool, matrix: [f64; 2]) -> Case {
-    case(have, format!("photograph {scene} {STATED}"), move |at| {
+    case(have, format!("render {scene} {STATED}"), move |at| {
         file(&at.join("clip.y4m"), y4m(&picture(), words, bits, full, matrix));
         file(&at.join("depth.png"), png(depth()));
     })
@@ -136,12 +136,12 @@ pub fn chapter() -> Chapter {
         ),
         clip("The command asks for a frame that a video does not have.", "clip.y4m?frame=1", "C444", 8, false, BT601)
             .refused("scene/corrupt/no-such-frame", Remedy::By("from 0 on", "frame=1", "frame=0"), RIGHT),
-        case("A video is cut off.", format!("photograph clip.y4m {STATED}"), |at| {
+        case("A video is cut off.", format!("render clip.y4m {STATED}"), |at| {
             file(&at.join("clip.y4m"), &y4m(&picture(), "C444", 8, false, BT601)[..5000]);
             file(&at.join("depth.png"), png(depth()));
         })
         .refused("scene/corrupt/frame-cut-short", mended("copy it again", again), RIGHT),
-        case("A video is an MP4 file.", format!("photograph clip.mp4 {STATED}"), |at| {
+        case("A video is an MP4 file.", format!("render clip.mp4 {STATED}"), |at| {
             file(&at.join("clip.mp4"), b"\0\0\0\x18ftypisom");
             file(&at.join("depth.png"), png(depth()));
         })
@@ -177,7 +177,7 @@ pub mod others {
         cause: &'static str,
         line: &'static str,
     ) -> Situation {
-        case(have, format!("photograph {name}"), move |at| file(&at.join(name), bytes)).refused(
+        case(have, format!("render {name}"), move |at| file(&at.join(name), bytes)).refused(
             cause,
             convert(line, name, "lf.npy", |at| file(&at.join("lf.npy"), array())),
             EXACT,
@@ -188,94 +188,90 @@ pub mod others {
     const OF_PLANE: Judge = Judge::Like(&PLANE, 2e-6);
 
     pub fn chapter() -> Chapter {
-        let situations =
-            vec![
-                to_array(
-                    "The light field is a file of MATLAB.",
-                    "lf.mat",
-                    b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
-                    "scene/kind",
-                    "lf.mat lf.npy",
-                ),
-                to_array(
-                    "The light field is a file of MATLAB 7.3.",
-                    "lf.mat",
-                    b"MATLAB 7.3 MAT-file, Platform: GLNXA64",
-                    "scene/kind 7.3",
-                    "lf.mat lf.npy",
-                ),
-                to_array(
-                    "The light field is an HDF5 file.",
-                    "lf.h5",
-                    b"\x89HDF\r\n\x1a\n",
-                    "scene/kind HDF5",
-                    "lf.h5 lf.npy",
-                ),
-                to_array("The light field is a pickle.", "lf.pkl", b"\x80\x04\x95", "scene/kind", "lf.pkl lf.npy"),
-                case("The views are in a ZIP archive.", "photograph views.zip", |at| {
-                    let views = crate::made::all().into_iter().map(png);
-                    let names: Vec<String> = (0..15).map(|i| format!("view_{}_{}.png", i / 5, i % 5)).collect();
-                    let entries: Vec<_> = names.iter().map(String::as_str).zip(views).collect();
-                    file(&at.join("views.zip"), zip(&entries));
-                })
-                .refused(
-                    "scene/kind",
-                    convert("python -m zipfile -e views.zip views", "views.zip", "views", usual),
-                    EXACT,
-                ),
-                case("The views are in an archive of tar and gzip.", "photograph views.tar.gz", |at| {
-                    file(&at.join("views.tar.gz"), b"\x1f\x8b\x08")
-                })
-                .refused("scene/kind", convert("unpack it", "views.tar.gz", "views", usual), EXACT),
-                case("Each view is an array in a folder.", "photograph views", |at| {
-                    for (i, view) in crate::made::all().iter().enumerate() {
-                        file(
-                            &at.join(format!("views/v_{}_{}.npy", i / 5, i % 5)),
-                            npy("|u1", false, &[48, 64, 3], view.as_raw()),
-                        );
-                    }
-                })
-                .refused(
-                    "scene/kind",
-                    convert("views.npy?grid=ROWSxCOLUMNS", "views", "views.npy?grid=3x5", |at| {
-                        file(&at.join("views.npy"), array())
-                    }),
-                    EXACT,
-                ),
-                case("The name of the folder is misspelled.", "photograph veiws", usual).refused(
-                    "scene/not-found",
-                    Remedy::Replace("veiws", "views"),
-                    EXACT,
-                ),
-                case("A folder has the light fields of several moments.", "photograph moments", |at| {
-                    save(&at.join("moments/t0"), |r, c| format!("view_{r}_{c}.png"));
-                    save(&at.join("moments/t1"), |r, c| format!("view_{c}_{r}.png"));
-                })
-                .refused("scene/deeper", Remedy::Replace("moments", "moments/t0"), EXACT),
-                case("The scene is a hologram.", "photograph views.zarr", |at| {
-                    usual(at);
-                    file(&at.join("views.zarr/zarr.json"), "{\"zarr_format\": 3, \"node_type\": \"group\"}");
-                })
-                .refused(
-                    "scene/corrupt/hologram-not-scene",
-                    Remedy::As("views", "views.zarr", "views"),
-                    EXACT,
-                ),
-                case("The scene is a text file.", "photograph plane", |at| file(&at.join("plane"), "a plane\n"))
-                    .refused("scene/kind", Remedy::As("builtin:NAME", "plane", "builtin:plane"), OF_PLANE),
-                case("The scene is an empty file.", "photograph plane.png", |at| file(&at.join("plane.png"), ""))
-                    .refused("scene/kind", Remedy::As("builtin:NAME", "plane.png", "builtin:plane"), OF_PLANE),
-                case("The name of a built-in scene is misspelled.", "photograph builtin:plain", |_| {}).refused(
-                    "scene/builtin/no-such-scene",
-                    Remedy::As("plane", "plain", "plane"),
-                    OF_PLANE,
-                ),
-                case("A built-in scene has no such setting.", "photograph builtin:plane?size=3", |_| {}).refused(
-                    "scene/builtin/parameter",
-                    Remedy::As("depth", "size=3", "depth=0"),
-                    OF_PLANE,
-                ),
-            ];
+        let situations = vec![
+            to_array(
+                "The light field is a file of MATLAB.",
+                "lf.mat",
+                b"MATLAB 5.0 MAT-file, Platform: GLNXA64",
+                "scene/kind",
+                "lf.mat lf.npy",
+            ),
+            to_array(
+                "The light field is a file of MATLAB 7.3.",
+                "lf.mat",
+                b"MATLAB 7.3 MAT-file, Platform: GLNXA64",
+                "scene/kind 7.3",
+                "lf.mat lf.npy",
+            ),
+            to_array(
+                "The light field is an HDF5 file.",
+                "lf.h5",
+                b"\x89HDF\r\n\x1a\n",
+                "scene/kind HDF5",
+                "lf.h5 lf.npy",
+            ),
+            to_array("The light field is a pickle.", "lf.pkl", b"\x80\x04\x95", "scene/kind", "lf.pkl lf.npy"),
+            case("The views are in a ZIP archive.", "render views.zip", |at| {
+                let views = crate::made::all().into_iter().map(png);
+                let names: Vec<String> = (0..15).map(|i| format!("view_{}_{}.png", i / 5, i % 5)).collect();
+                let entries: Vec<_> = names.iter().map(String::as_str).zip(views).collect();
+                file(&at.join("views.zip"), zip(&entries));
+            })
+            .refused(
+                "scene/kind",
+                convert("python -m zipfile -e views.zip views", "views.zip", "views", usual),
+                EXACT,
+            ),
+            case("The views are in an archive of tar and gzip.", "render views.tar.gz", |at| {
+                file(&at.join("views.tar.gz"), b"\x1f\x8b\x08")
+            })
+            .refused("scene/kind", convert("unpack it", "views.tar.gz", "views", usual), EXACT),
+            case("Each view is an array in a folder.", "render views", |at| {
+                for (i, view) in crate::made::all().iter().enumerate() {
+                    file(
+                        &at.join(format!("views/v_{}_{}.npy", i / 5, i % 5)),
+                        npy("|u1", false, &[48, 64, 3], view.as_raw()),
+                    );
+                }
+            })
+            .refused(
+                "scene/kind",
+                convert("views.npy?grid=ROWSxCOLUMNS", "views", "views.npy?grid=3x5", |at| {
+                    file(&at.join("views.npy"), array())
+                }),
+                EXACT,
+            ),
+            case("The name of the folder is misspelled.", "render veiws", usual).refused(
+                "scene/not-found",
+                Remedy::Replace("veiws", "views"),
+                EXACT,
+            ),
+            case("A folder has the light fields of several moments.", "render moments", |at| {
+                save(&at.join("moments/t0"), |r, c| format!("view_{r}_{c}.png"));
+                save(&at.join("moments/t1"), |r, c| format!("view_{c}_{r}.png"));
+            })
+            .refused("scene/deeper", Remedy::Replace("moments", "moments/t0"), EXACT),
+            case("The scene is a text file.", "render plane", |at| file(&at.join("plane"), "a plane\n")).refused(
+                "scene/kind",
+                Remedy::As("builtin:NAME", "plane", "builtin:plane"),
+                OF_PLANE,
+            ),
+            case("The scene is an empty file.", "render plane.png", |at| file(&at.join("plane.png"), "")).refused(
+                "scene/kind",
+                Remedy::As("builtin:NAME", "plane.png", "builtin:plane"),
+                OF_PLANE,
+            ),
+            case("The name of a built-in scene is misspelled.", "render builtin:plain", |_| {}).refused(
+                "scene/builtin/no-such-scene",
+                Remedy::As("plane", "plain", "plane"),
+                OF_PLANE,
+            ),
+            case("A built-in scene has no such setting.", "render builtin:plane?size=3", |_| {}).refused(
+                "scene/builtin/parameter",
+                Remedy::As("depth", "size=3", "depth=0"),
+                OF_PLANE,
+            ),
+        ];
         Chapter {
             title: "Files that are no scene",
             about: "eyebox tells what a file is from its first bytes.",

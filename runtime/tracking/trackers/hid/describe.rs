@@ -1,4 +1,4 @@
-//! A report descriptor, explained: what `eyebox trackers --describe` prints.
+//! A report descriptor, explained: what `eyebox tracker describe` prints.
 
 use super::descriptor::{Descriptor, Field, ReportKind};
 use super::layout::{Layout, applications};

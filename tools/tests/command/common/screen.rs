@@ -1,4 +1,4 @@
-//! A virtual screen, and what is played on it.
+//! A virtual screen, and what is shown on it.
 
 use super::made;
 use super::xvfb::Server;
@@ -36,11 +36,12 @@ pub fn hologram(folder: &Path, display: &Display) -> Hologram {
     hologram
 }
 
-/// Plays it in a window on the screen.
+/// Shows it in a window on the screen, or in the `--output` that `more` has.
 pub fn play(folder: &Path, screen: &Screen, preset: &str, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
     command
-        .args(["play", "x.zarr", "--display", preset, "--size", "36x64", "--output", "window"])
+        .args(["show", "x.zarr", "--display", preset, "--size", "36x64"])
+        .args(if more.contains(&"--output") { &[][..] } else { &["--output", "window"] })
         .args(more)
         .current_dir(folder)
         .env("EYEBOX_JSON_ERRORS", "1")

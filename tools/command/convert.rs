@@ -1,0 +1,143 @@
+//! `eyebox convert`: phases between holograms, arrays, grey pictures and video frames.
+
+use crate::Failure;
+use crate::args::{EngineArgs, SceneArgs, SceneOptions};
+use crate::common::{self, Form};
+use crate::eval::score;
+use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, UnfinishedArgs};
+use crate::values::positive;
+use clap::Args;
+use eyebox::low_level::encoded::is_encoded;
+use eyebox::low_level::hologram::{self, Hologram, Opening, PhaseSource, Phases, SceneRecord};
+use eyebox::low_level::reason;
+use std::path::PathBuf;
+
+/// `eyebox convert`
+#[derive(Args)]
+pub struct Convert {
+    /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or video frames: the folder of encode
+    #[arg(value_name = "IN")]
+    pub file: PathBuf,
+    /// NAME.zarr (a hologram), NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per color and sub-frame
+    #[arg(value_name = "OUT")]
+    pub out: PathBuf,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub phases: PhaseArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
+    /// The scene of phases that become a hologram: its name is written into the hologram, and it decides the exposures
+    #[arg(help_heading = "Scene", long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// How the scene is read
+    #[command(flatten)]
+    pub options: SceneOptions,
+    /// Exposure of phases that become a hologram [default: with --scene, what fits it best, otherwise not known]
+    #[arg(help_heading = "Bare phases", long, value_parser = positive, conflicts_with = "scene")]
+    pub exposure: Option<f64>,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// Converts.
+pub fn run(args: &Convert) -> Result<(), Failure> {
+    let is_hologram = args.out.extension().is_some_and(|end| end.eq_ignore_ascii_case("zarr"));
+    if is_hologram {
+        return import(args);
+    }
+    if args.out.extension().is_some() {
+        common::form(&args.out, &[Form::Npy, Form::Zarr])?;
+    }
+    if let Some((_, option)) =
+        [(args.scene.is_some(), "--scene"), (args.exposure.is_some(), "--exposure")].iter().find(|o| o.0)
+    {
+        return Err(Failure::Arguments(reason!(
+            "not-a-hologram",
+            "{option} is for a hologram: give an output NAME.zarr"
+        )));
+    }
+    args.options.check(None)?;
+    export(args, &opened(args)?)
+}
+
+/// Opens phases, one hologram, or video frames.
+fn opened(args: &Convert) -> Result<Hologram, Failure> {
+    if args.encoded.encoded || is_encoded(&args.file) || args.encoded.as_shown.is_some() {
+        return match args.encoded.source(&args.phases, &args.file, args.which.at)? {
+            PhaseSource::Whole(hologram) => Ok(hologram.into_owned()),
+            PhaseSource::Tiled(_) => Err(Failure::Arguments(reason!("tiles", "video frames are not in tiles"))),
+        };
+    }
+    let opening = args.phases.opening(&args.file, args.which.at)?;
+    let opening = Opening { unfinished: args.unfinished.unfinished, ..opening };
+    opening.hologram(&args.file).map_err(|e| args.unfinished.failure(e))
+}
+
+/// Writes the phases as one array, or as a folder of grey pictures.
+fn export(args: &Convert, hologram: &Hologram) -> Result<(), Failure> {
+    let count = hologram.colors.len() * hologram.frames;
+    let (height, width, out) = (hologram.height, hologram.width, args.out.display());
+    if args.out.extension().is_some() {
+        hologram::save_phases(hologram, &args.out)?;
+        eprintln!("wrote {out}: {count} sub-frames of {height}x{width}, radians");
+    } else {
+        hologram.save_pngs(&args.out)?;
+        eprintln!("wrote {out}: {count} pictures of {height}x{width}, 256 levels per turn");
+    }
+    Ok(())
+}
+
+/// Writes a hologram.
+fn import(args: &Convert) -> Result<(), Failure> {
+    common::form(&args.out, &[Form::Zarr])?;
+    args.options.check(args.scene.as_ref())?;
+    let what = args.file.display();
+    let is_video = args.encoded.encoded || is_encoded(&args.file);
+    if !Phases::are_at(&args.file) && !is_video && args.which.at.is_none() {
+        return Err(Failure::Arguments(reason!("hologram-already", "{what} is a hologram already")));
+    }
+    let mut hologram = opened(args)?;
+    hologram.version = env!("CARGO_PKG_VERSION").into();
+    let exposures = if let Some(scene) = &args.scene {
+        let display = score::display_of(&args.file, &hologram)?;
+        let asked = SceneArgs::new(scene, &args.options);
+        let field = common::scene(&asked, &display, &hologram.named_colors())?;
+        hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
+        let maps = common::maps_of(&asked)?;
+        let record = SceneRecord::of_source(scene, maps.first().map(PathBuf::as_path))?;
+        hologram.set_scene(&field.name, record);
+        hologram.metadata.near = args.options.near;
+        let depth = args.options.depth_before(&display).filter(|_| !args.options.depth_map.is_empty());
+        hologram.metadata.depth_map_mm = depth.map(|both| both.map(|metres| metres * 1e3));
+        hologram.metadata.order = args.options.order;
+        hologram.metadata.photographs = args.options.photographs;
+        let (views, cell) = field.own_views(&display);
+        hologram.metadata.views = Some(views);
+        hologram.metadata.view_pitch_mm = Some(cell * 1e3);
+        "fitted to the scene"
+    } else if let Some(exposure) = args.exposure {
+        hologram.colors.iter_mut().for_each(|c| c.exposure = exposure);
+        hologram.metadata.exposure_assumed = false;
+        "as given"
+    } else {
+        "not known"
+    };
+    hologram.save(&args.out)?;
+    let (colors, frames, h, w) = (hologram.colors.len(), hologram.frames, hologram.height, hologram.width);
+    let each: Vec<String> = hologram.colors.iter().map(|c| format!("{:.4}", c.exposure)).collect();
+    let each = if hologram.metadata.exposure_assumed { String::new() } else { format!(" ({})", each.join(", ")) };
+    eprintln!(
+        "wrote {}: {colors} colour{}, {frames} sub-frames of {h}x{w}; exposure {exposures}{each}",
+        args.out.display(),
+        if colors == 1 { "" } else { "s" }
+    );
+    Ok(())
+}

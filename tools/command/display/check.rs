@@ -1,0 +1,46 @@
+//! `eyebox display check`: whether a display is possible, and what it can show.
+
+use crate::Failure;
+use crate::common;
+use clap::Args;
+use eyebox::low_level::calibrate::ModelAge;
+use serde_json::{Map, json};
+
+/// `eyebox display check`
+#[derive(Args)]
+pub struct Check {
+    /// A preset or a TOML file
+    #[arg(value_name = "PRESET|FILE")]
+    pub display: String,
+    /// Take a display that looks like a mistake as it is
+    #[arg(help_heading = "Display", long)]
+    pub force: bool,
+    /// One JSON object on standard output
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
+}
+
+/// Checks a display.
+pub fn run(args: &Check) -> Result<(), Failure> {
+    check(&args.display, args.force, args.json)
+}
+
+/// Reads a display, checks it, and prints what it can show.
+pub fn check(name: &str, force: bool, as_json: bool) -> Result<(), Failure> {
+    let display = common::display_of_size(name, None, force)?;
+    let age = |color| ModelAge::of(&display, color).map(|age| age.to_string());
+    let models: Map<_, _> =
+        display.wavelengths.iter().filter_map(|w| Some((w.color.to_string(), json!(age(w.color)?)))).collect();
+    if as_json {
+        println!(
+            "{}",
+            json!({
+                "kind": "display", "name": display.name, "resolution": [display.height, display.width], "reach": display.reach(), "models": models,
+            })
+        );
+        return Ok(());
+    }
+    println!("{}, {}x{}: {}", display.name, display.height, display.width, display.reach());
+    common::say_model_age(&display);
+    Ok(())
+}

@@ -1,0 +1,52 @@
+//! `eyebox display`: presets, display files, monitors, and calibration.
+
+mod calibrate;
+mod check;
+mod monitors;
+pub mod patterns;
+mod presets;
+
+pub use check::check;
+
+use crate::Failure;
+use clap::Subcommand;
+
+/// `eyebox display`
+#[derive(Subcommand)]
+pub enum Display {
+    /// List the displays that are built in
+    #[command(after_help = "Example:\n  eyebox display list --json")]
+    List(presets::List),
+    /// Print a display as its file, with its source
+    #[command(after_help = "Example:\n  eyebox display show holoeye-pluto-2.1")]
+    Show(presets::ShowDisplay),
+    /// Write a display file from a preset, with what may be added as comments
+    #[command(after_help = "Example:\n  eyebox display new holoeye-pluto-2.1 -o bench.toml")]
+    New(presets::New),
+    /// Check a display, and print what it can show
+    #[command(after_help = "Example:\n  eyebox display check bench.toml")]
+    Check(check::Check),
+    /// List the monitors that a window can cover, and the displays that no desktop drives
+    #[command(after_help = "Example:\n  eyebox display monitors --json")]
+    Monitors(monitors::Monitors),
+    /// Fit a model of the display to pictures of it
+    #[command(
+        after_help = "Examples:\n  eyebox display calibrate bench.toml --camera 'python3 my_camera.py' -o calibrated.toml\n  \
+                      eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --keep pictures -o calibrated.toml\n  \
+                      eyebox display calibrate bench.toml --captures pictures -o calibrated.toml\n  \
+                      eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --output window --iris=0,0,6 -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 if the bench or ctrl-C ended it."
+    )]
+    Calibrate(Box<calibrate::Calibrate>),
+}
+
+/// Runs it.
+pub fn run(display: &Display) -> Result<(), Failure> {
+    match display {
+        Display::List(args) => presets::list(args),
+        Display::Show(args) => presets::show(args),
+        Display::New(args) => presets::new(args),
+        Display::Check(args) => check::run(args),
+        Display::Monitors(args) => monitors::monitors(args),
+        Display::Calibrate(args) => calibrate::run(args),
+    }
+}

@@ -1,0 +1,110 @@
+//! The arguments of `eyebox eval compare`.
+
+use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OverwriteArgs, SceneArgs, SceneOptions};
+use crate::jod::JodArgs;
+use crate::phases::PhaseUnitArgs;
+use crate::quality::QualityArgs;
+use crate::values::{MM, diameters, number_in, positive};
+use clap::Args;
+use eyebox_lab::comparison::MaskKind;
+use std::path::PathBuf;
+
+/// `eyebox eval compare`
+#[derive(Args)]
+pub struct Compare {
+    /// Scenes: folders of views, a picture (with --depth-map), or builtin:NAME
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<String>,
+    /// The report and everything that it is made from; what is there already is not computed again
+    #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
+    pub out: PathBuf,
+    /// Files of others
+    #[command(flatten)]
+    pub overwrite: OverwriteArgs,
+    /// Solve for and look at an ideal display, whatever the display's model says
+    #[arg(help_heading = "Display", long)]
+    pub ideal: bool,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
+    /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac, behind a mask slfh,lf2fs,smooth; with --hologram, none]
+    #[arg(help_heading = "Scene", long, value_name = "LIST", value_delimiter = ',')]
+    pub methods: Option<Vec<String>>,
+    /// Sub-frames; several numbers compare them
+    #[arg(help_heading = "Quality", long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
+    pub frames: Vec<usize>,
+    /// Compare all colours at once with one colour after another, too, with as many sub-frames in all (--frames) and the same
+    /// lasers: white so many times brighter, several numbers with commas between [alone: 1,3; methods are then none by default]
+    #[arg(help_heading = "Quality", long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
+    pub joint_color: Option<Vec<f64>>,
+    /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
+    /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
+    #[arg(help_heading = "Quality", long, value_name = "MM", value_parser = number_in(MM), value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
+    pub coherence: Option<Vec<f64>>,
+    /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
+    /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between [alone: 1,2,3,4; methods are then none by default]
+    #[arg(help_heading = "Quality", long, value_name = "FACTOR", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3,4")]
+    pub etendue: Option<Vec<MaskKind>>,
+    /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
+    /// then none by default
+    #[arg(help_heading = "Quality", long)]
+    pub sources: bool,
+    /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
+    #[arg(help_heading = "Scene", long, value_name = "NAME=FILE", value_parser = named)]
+    pub hologram: Vec<(String, PathBuf)>,
+    /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
+    #[arg(help_heading = "Scene", long, value_name = "CSV")]
+    pub reference: Option<PathBuf>,
+    /// Display
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
+    /// How the scenes are read
+    #[command(flatten)]
+    pub options: SceneOptions,
+    /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
+    /// sub-frames stay
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// Steps of every iterative method [default: 60]
+    #[arg(help_heading = "Steps", long, value_name = "N")]
+    pub steps: Option<usize>,
+    /// Pupils a step of every iterative method [default: 16]
+    #[arg(help_heading = "Pupils", long, value_name = "B")]
+    pub pupils: Option<usize>,
+    /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
+    #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
+    pub pupil_diameter: Option<[f64; 2]>,
+    /// Seed of first phases and of the pupils drawn
+    #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
+    pub seed: u64,
+    /// What people see
+    #[command(flatten)]
+    pub seen: JodArgs,
+    /// Leave out the speckle of an even plane
+    #[arg(help_heading = "Quality", long)]
+    pub no_speckle: bool,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+    /// The report's numbers as one JSON object on standard output, no progress bar
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
+}
+
+impl Compare {
+    /// One of the scenes with its depth map, as other commands take it.
+    pub fn scene(&self, index: usize, map: Option<&PathBuf>) -> SceneArgs {
+        let depth_map = map.cloned().into_iter().collect();
+        SceneArgs::new(&self.scenes[index], &SceneOptions { depth_map, ..self.options.clone() })
+    }
+}
+
+fn named(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, file)) if !name.trim().is_empty() && !file.is_empty() => Ok((name.trim().into(), file.into())),
+        _ => Err("expected NAME=FILE".into()),
+    }
+}

@@ -1,0 +1,132 @@
+//! Arguments of `eyebox show`: output and time.
+
+use crate::values::{S, mark, not_negative_in, positive, positive_in, rate};
+use clap::{Args, ValueEnum};
+use eyebox::low_level::present::Rate;
+use eyebox::low_level::session::{Output, SessionOptions, SinkFile};
+use std::path::PathBuf;
+
+/// Output of video frames.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum OutputTo {
+    /// A window over a whole monitor, which an index, a name or a size may choose.
+    Window(Option<String>),
+    /// A display that no desktop drives, which an index, a connector or a name may choose.
+    Direct(Option<String>),
+    /// Memory, at the pace of a clock.
+    Offscreen,
+    /// Memory, and a file or a pipe that every video frame is appended to.
+    Raw(PathBuf),
+    /// Memory, and a file that other programs map, which holds the newest video frame.
+    Shared(PathBuf),
+}
+
+/// Reads an output.
+pub fn output(text: &str) -> Result<OutputTo, String> {
+    let (name, rest) = text.split_once(':').map_or((text, None), |(name, rest)| (name, Some(rest)));
+    match (name, rest.filter(|rest| !rest.is_empty())) {
+        ("window", monitor) => Ok(OutputTo::Window(monitor.map(str::to_owned))),
+        ("direct", display) => Ok(OutputTo::Direct(display.map(str::to_owned))),
+        ("offscreen", None) => Ok(OutputTo::Offscreen),
+        ("raw", Some(file)) => Ok(OutputTo::Raw(file.into())),
+        ("shared", Some(file)) => Ok(OutputTo::Shared(file.into())),
+        _ => Err("expected window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE".into()),
+    }
+}
+
+impl OutputTo {
+    /// Returns whether a display shows the video frames.
+    pub fn is_shown(&self) -> bool {
+        matches!(self, Self::Window(_) | Self::Direct(_))
+    }
+
+    /// Returns the file that video frames go to.
+    pub fn sink(&self) -> Option<SinkFile> {
+        match self {
+            Self::Raw(file) => Some(SinkFile::Raw(file.clone())),
+            Self::Shared(file) => Some(SinkFile::Shared(file.clone())),
+            _ => None,
+        }
+    }
+
+    /// Returns it as a session takes it.
+    pub fn output(&self, simulated: bool) -> Output {
+        match self {
+            Self::Window(monitor) => Output::Window { monitor: monitor.clone() },
+            Self::Direct(display) => Output::Direct { display: display.clone() },
+            _ => Output::Memory { simulated, sink: self.sink() },
+        }
+    }
+}
+
+/// Whose time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ClockName {
+    /// The system's
+    Real,
+    /// One that passes as fast as the machine is, and waits for content
+    Simulated,
+}
+
+/// Where holograms are shown.
+#[derive(Args)]
+pub struct OutputArgs {
+    /// Output: window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE. offscreen is memory. raw appends every
+    /// video frame to a file or a pipe (8 bits, (row, column, channel)). shared keeps the newest video frame where another program
+    /// maps it, as /dev/shm/NAME (docs/playback.md) [default: offscreen]
+    #[arg(help_heading = "Display", long, value_name = "OUTPUT", default_value = "offscreen", hide_default_value = true, value_parser = output)]
+    pub output: OutputTo,
+    /// Video frames a second; with --output direct, of the mode [default: what the monitor says, else 60]
+    #[arg(help_heading = "Display", long, value_name = "HZ", value_parser = rate)]
+    pub display_rate: Option<Rate>,
+    /// Have Vulkan's use checked, and say what was wrong
+    #[arg(help_heading = "Display", long)]
+    pub validation: bool,
+}
+
+impl OutputArgs {
+    /// What a session takes of it besides.
+    pub fn options(&self) -> SessionOptions {
+        let mut options = SessionOptions::default();
+        options.display_rate = self.display_rate;
+        options
+    }
+}
+
+/// When holograms are shown.
+#[derive(Args)]
+pub struct StreamArgs {
+    /// Holograms a second [default: what the sequence says]
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
+    pub rate: Option<Rate>,
+    /// Speed as a factor
+    #[arg(help_heading = "Time", long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    pub speed: f64,
+    /// Begin again at the end
+    #[arg(help_heading = "Time", long = "loop")]
+    pub looped: bool,
+    /// Wait for a sequence that is still being written
+    #[arg(help_heading = "Time", long)]
+    pub follow: bool,
+    /// Which hologram of a sequence, from 0: the first that is shown
+    #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 0)]
+    pub at: u64,
+    /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
+    #[arg(help_heading = "Time", long, value_name = "UNIX", value_parser = positive_in(S))]
+    pub start_at: Option<f64>,
+    /// Seconds of the sync picture before content: its first sub-frame's light goes aside along x, the others' along y
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = not_negative_in(S), default_value_t = 0.0)]
+    pub sync: f64,
+    /// Side of such a mark in the upper left corner of every hologram, pixels
+    #[arg(help_heading = "Time", long, value_name = "PX", value_parser = mark, default_value = "0")]
+    pub mark: usize,
+    /// After a missed present, wait until sets are in phase with the first: for lasers that count video frames
+    #[arg(help_heading = "Time", long)]
+    pub keep_phase: bool,
+    /// Sets that are encoded ahead
+    #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 4)]
+    pub ahead: usize,
+    /// Whose time [default: real; simulated with --record]
+    #[arg(help_heading = "Time", long, value_enum)]
+    pub clock: Option<ClockName>,
+}

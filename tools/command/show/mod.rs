@@ -1,0 +1,412 @@
+//! `eyebox show`: holograms, sequences, scenes and live content on a display.
+
+pub mod args;
+mod bench_follower;
+mod playback;
+mod session;
+pub mod tracked;
+mod tracking;
+mod viewing;
+
+pub use tracked::Stage;
+
+use crate::Failure;
+use crate::common;
+use crate::phases::UnfinishedArgs;
+use crate::solve::SolveProgress;
+use crate::subject::{self, Steered, SubjectOptions};
+use crate::values::{MS, positive_in};
+use args::{ClockName, StreamArgs};
+use bench_follower::FollowArgs;
+use clap::Args;
+use eyebox::low_level::hologram::{Opening, Phases, Sequence};
+use eyebox::low_level::optics::Display;
+use eyebox::low_level::produce::{SceneJob, SceneSolution, solve_scene};
+use eyebox::low_level::reason;
+use eyebox::low_level::scene;
+use eyebox::low_level::session::Cost;
+use eyebox::low_level::solve::Settings;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tracked::LiveOptions;
+
+/// `eyebox show`
+#[derive(Args)]
+pub struct Show {
+    /// NAME.zarr, a hologram, a sequence or a far field in tiles; bare phases; scenes, which are solved first: several, or a folder of
+    /// light-field folders, follow each other; or live:NAME, an application that gives frames
+    #[arg(required = true, value_name = "WHAT")]
+    pub what: Vec<String>,
+    /// How it is read, or solved
+    #[command(flatten)]
+    pub subject: SubjectOptions,
+    /// How it follows
+    #[command(flatten)]
+    pub live: LiveOptions,
+    /// When
+    #[command(flatten)]
+    pub stream: StreamArgs,
+    /// What is not finished
+    #[command(flatten)]
+    pub unfinished: UnfinishedArgs,
+    /// On a simulated clock, of what is refined: what a step of one colour takes, ms
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
+    pub step_time: Option<f64>,
+    /// With --step-time: what encoding a set takes, ms
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS), requires = "step_time")]
+    pub encode_time: f64,
+    /// A camera that is followed
+    #[command(flatten)]
+    pub follow: FollowArgs,
+    /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera [default: 8]
+    #[arg(help_heading = "Quality", long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
+    pub frames: Option<usize>,
+    /// What an application is asked for
+    #[arg(help_heading = "Display", long, value_enum, default_value = "views")]
+    pub ask: Ask,
+    /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "replay")]
+    pub journal: Option<PathBuf>,
+    /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
+    #[arg(help_heading = "Output", long, value_name = "DIR")]
+    pub replay: Option<PathBuf>,
+}
+
+impl Show {
+    /// Returns the sub-frames of what is shown, if nothing was solved before.
+    fn frames(&self) -> Result<usize, Failure> {
+        let of_settings = self.subject.experiment.given()?.get("frames")?;
+        Ok(self.frames.or(of_settings).unwrap_or(Settings::default().frames))
+    }
+}
+
+/// What an application is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Ask {
+    /// Views around the pupil; --views says how many along an axis at most [default: 5]
+    Views,
+    /// A picture with the depth of every pixel
+    Depth,
+    /// Layers with opacity
+    Layers,
+}
+
+/// What is to be shown.
+enum What {
+    /// Phases that were solved before.
+    Phases(PathBuf),
+    Scene(String),
+    /// Scenes that follow each other.
+    Scenes(Vec<String>),
+    /// An application's.
+    Application(String),
+}
+
+/// Shows it, and says what was shown.
+pub fn run(args: &Show) -> Result<(), Failure> {
+    if args.subject.experiment.printed()? {
+        return Ok(());
+    }
+    let tracked = args.live.tracker.tracker.is_some();
+    if let Some(sink) = args.live.shown.output.sink() {
+        sink.check()?;
+    }
+    let what = what(args)?;
+    if let Some(camera) = &args.follow.camera {
+        return match what {
+            What::Scene(scene) if !tracked => {
+                let (Show { subject, live, stream, follow, .. }, frames) = (args, args.frames()?);
+                let shown = bench_follower::SceneToShow { scene: &scene, subject, live, stream, follow, frames };
+                bench_follower::show(shown, camera, |sequence, display| play(args, sequence, display))
+            }
+            _ => Err(Failure::Arguments(reason!(
+                "camera-and-tracker",
+                "--camera follows one scene that is shown without a tracker"
+            ))),
+        };
+    }
+    match what {
+        What::Application(name) => application(args, &name),
+        What::Phases(path) if tracked => follow(args, &path.display().to_string()),
+        What::Phases(path) => {
+            let display = display(args, Some(&path))?;
+            let unfinished = args.unfinished.unfinished || args.stream.follow;
+            let color = args.subject.display.color.one();
+            let opening = Opening { unfinished, ..args.subject.unit.opening(Some(&display), color) };
+            let sequence = opening.sequence(&path).map_err(|e| args.unfinished.failure(e))?;
+            play(args, sequence, display)
+        }
+        What::Scene(scene) if tracked => follow(args, &scene),
+        What::Scene(scene) => {
+            let stage = Stage::open(&args.subject, &args.live)?;
+            let (hologram, _, display) = subject::solved(&scene, &args.subject, &stage.engines)?;
+            play(args, Sequence::single(Path::new(&scene), hologram), display)
+        }
+        What::Scenes(scenes) => {
+            let folder = tempfile::tempdir()
+                .map_err(|e| Failure::Arguments(reason!("folder", "a folder for its holograms: {e}")))?;
+            let file = folder.path().join("scenes.zarr");
+            let display = solve(args, scenes, &file)?;
+            if tracked {
+                return follow(args, &file.display().to_string());
+            }
+            play(args, Sequence::open(&file)?, display)
+        }
+    }
+}
+
+/// What there is, by its name.
+fn what(args: &Show) -> Result<What, Failure> {
+    let one = args.what.first().filter(|_| args.what.len() == 1);
+    let Some(one) = one else {
+        return match args.what.iter().find(|what| what.starts_with("live:") || is_phases(what)) {
+            Some(what) => {
+                Err(Failure::Arguments(reason!("shown-alone", "{what} is shown alone: only scenes follow each other")))
+            }
+            None => Ok(What::Scenes(args.what.clone())),
+        };
+    };
+    let path = Path::new(one);
+    if let Some(name) = one.strip_prefix("live:") {
+        return Ok(What::Application(name.into()));
+    }
+    if is_phases(one) {
+        return Ok(What::Phases(path.into()));
+    }
+    let frames = scene::sequence(one, &args.subject.options.depth_map)?;
+    Ok(frames.map_or_else(|| What::Scene(one.clone()), What::Scenes))
+}
+
+fn is_phases(what: &str) -> bool {
+    !what.starts_with("builtin:") && subject::is_hologram(Path::new(what))
+}
+
+/// The display; of a file whose size nobody gave, with the size of its holograms.
+fn display(args: &Show, file: Option<&Path>) -> Result<Display, Failure> {
+    let asked = &args.subject.display;
+    let sequence = file.filter(|file| !Phases::are_at(file)).map(Sequence::open).and_then(Result::ok);
+    let mut display = match &sequence {
+        Some(shown) => common::display_of(asked.display.as_deref(), asked.size, asked.force, shown.about())?,
+        None => common::display(asked)?,
+    };
+    args.subject.eye.replace(&mut display.prescription)?;
+    if let (Some(sequence), None, Some(_)) = (&sequence, asked.size, &asked.display) {
+        let [_, _, height, width] = sequence.shape();
+        (display.height, display.width) = (height, width);
+    }
+    Ok(display)
+}
+
+/// Solves scenes that follow each other into a file, each from the one before.
+fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failure> {
+    let display = display(args, None)?;
+    let colors = common::colors(&args.subject.display, &display)?;
+    let mut engine = common::engine(&args.subject.engine)?;
+    let size = [display.height, display.width];
+    let mut given = args.subject.experiment.given()?.before(display.focal_length)?;
+    let frames = args.frames()?;
+    given.insert("frames", Some(frames));
+    let quality = args.subject.quality.with(&given)?;
+    let chosen = quality.choose(engine.as_ref(), size, frames, colors.len())?.map(|chosen| chosen.settings);
+    let settings = given.over(&given.with_quality(&Settings::default(), chosen.as_ref()))?;
+    let rate = args.stream.rate.map_or([30, 1], eyebox::low_level::present::Rate::fraction);
+    let mut job = SceneJob::new(&scenes[0], &display);
+    job.scenes = scenes;
+    job.colors = colors;
+    job.reading = args.subject.options.reading(display.focal_length);
+    job.force = args.subject.display.force;
+    job.settings = settings;
+    job.take_own(&given)?;
+    job.sequence.rate = rate;
+    let mut watch = SolveProgress::of_job(&job, engine.describe(), None, false);
+    let solved = solve_scene(&job, Some(file), engine.as_mut(), &mut |event| watch.see(event))?;
+    if let SceneSolution::Sequence(solved) = &solved
+        && solved.done < solved.count
+    {
+        return Err(Failure::Arguments(reason!(
+            "interrupted",
+            "interrupted: {} of {} scenes were solved",
+            solved.done,
+            solved.count
+        )));
+    }
+    Ok(display)
+}
+
+/// Without a tracker: as it was solved.
+fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure> {
+    kept_of_applications(args)?;
+    common::say_model_age(&display);
+    let refused = [
+        (args.step_time.is_some(), "--step-time"),
+        (args.live.view, "--view"),
+        (args.live.unsteered, "--unsteered"),
+        (args.live.whole_sets, "--whole-sets"),
+        (args.live.display_latency > 0.0, "--display-latency"),
+    ];
+    if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
+        return Err(Failure::Arguments(reason!(
+            "without-tracker",
+            "{option} is for what is refined while it is shown: give --tracker"
+        )));
+    }
+    let mut options = args.live.shown.options();
+    options.duration = args.live.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
+    (options.record, options.trace) = (args.live.record.clone(), args.live.trace.clone());
+    let device = &args.subject.engine.device;
+    let engine = device.engine(args.subject.engine.engine)?;
+    let (shown, stream) = (&args.live.shown, &args.stream);
+    playback::play(playback::Playing {
+        sequence,
+        display,
+        shown,
+        stream,
+        engine,
+        device,
+        options,
+        stats: args.live.stats.as_deref(),
+    })
+}
+
+/// With a tracker: refined for the eye.
+fn follow(args: &Show, what: &str) -> Result<(), Failure> {
+    kept_of_applications(args)?;
+    let cost = refined(args)?;
+    if args.stream.rate.is_some() && subject::is_hologram(Path::new(what)) {
+        // What a sequence says of its time holds.
+        return Err(Failure::Arguments(reason!(
+            "rate-with-tracker",
+            "--rate is for what is played: with --tracker a sequence keeps its own"
+        )));
+    }
+    let endless = !Sequence::is_at(Path::new(what)) || args.stream.looped;
+    endless_needs_duration(args, cost, endless)?;
+    let stage = Stage::open(&args.subject, &args.live)?;
+    let steered = subject::load(what, &args.subject, (None, args.stream.looped), &stage.engines)?;
+    show(args, steered, cost, stage)
+}
+
+fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Result<(), Failure> {
+    common::say_model_age(steered.encoder.display());
+    let tracker = args.live.tracker.tracker.as_deref();
+    let kept = tracked::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
+    let depths = args.subject.options.depth_before(steered.encoder.display());
+    let policy = args.subject.experiment.policy()?;
+    tracked::show(steered, &args.live, tracked::ShowOptions { policy, tracker, simulated: cost, depths, kept }, stage)
+}
+
+/// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
+fn refined(args: &Show) -> Result<Option<Cost>, Failure> {
+    let stream = &args.stream;
+    let given = [
+        ((stream.speed - 1.0).abs() > 0.0, "--speed"),
+        (stream.follow, "--follow"),
+        (stream.at > 0, "--at"),
+        (stream.start_at.is_some(), "--start-at"),
+        (stream.sync > 0.0, "--sync"),
+        (stream.mark > 0, "--mark"),
+        (stream.keep_phase, "--keep-phase"),
+    ];
+    let refuse = |reason| Err(Failure::Arguments(reason));
+    if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
+        return refuse(reason!("with-tracker", "{option} is for what is played: leave it out, or --tracker"));
+    }
+    let simulated = stream.clock == Some(ClockName::Simulated);
+    if simulated && args.live.shown.output.is_shown() {
+        return refuse(reason!("without-offscreen", "a simulated clock needs --output offscreen"));
+    }
+    let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
+    match (simulated, args.step_time) {
+        (true, Some(step)) => Ok(Some(Cost::Fixed { step: time(step), encode: time(args.encode_time) })),
+        (true, None) => {
+            refuse(reason!("no-step-time", "a simulated clock has to be told what a step takes: --step-time"))
+        }
+        (false, Some(_)) => refuse(reason!("step-time", "--step-time is for a simulated clock: add --clock simulated")),
+        (false, None) => Ok(None),
+    }
+}
+
+fn kept_of_applications(args: &Show) -> Result<(), Failure> {
+    match args.journal.is_some() || args.replay.is_some() {
+        true => Err(Failure::Arguments(reason!(
+            "journal-without-live",
+            "--journal and --replay are for live:NAME; other content is the same again by itself"
+        ))),
+        false => Ok(()),
+    }
+}
+
+fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Result<(), Failure> {
+    match endless && cost.is_some() && args.live.duration.is_none() {
+        true => Err(Failure::Arguments(reason!("endless", "a simulated clock would go on for ever: give --duration"))),
+        false => Ok(()),
+    }
+}
+
+/// Frames of an application in another process.
+#[cfg(target_os = "linux")]
+fn application(args: &Show, name: &str) -> Result<(), Failure> {
+    use eyebox::low_level::encode::Encoder;
+    use eyebox::low_level::hologram::{ColorHologram, Hologram};
+    use eyebox::low_level::optics::Color;
+    use eyebox::low_level::session::{LiveColor, LiveInput, LiveKind, darkness};
+
+    let cost = match &args.replay {
+        // Nothing is timed that was decided before.
+        Some(_) if args.live.tracker.tracker.is_none() => Some(Cost::Measured),
+        Some(_) => {
+            return Err(Failure::Arguments(reason!(
+                "replay-with-tracker",
+                "--replay has its samples in it: leave out --tracker"
+            )));
+        }
+        None => refined(args)?,
+    };
+    if cost.is_some() && args.replay.is_none() {
+        let line = "an application lives in real time: leave out --clock simulated";
+        return Err(Failure::Arguments(reason!("live", "live:{name}: {line}")));
+    }
+    let stage = Stage::open(&args.subject, &args.live)?;
+    let display = display(args, None)?;
+    let colors = common::colors(&args.subject.display, &display)?;
+    let views = args.subject.options.views.unwrap_or(5).clamp(1, 64) as u32;
+    let kind = match args.ask {
+        Ask::Views => LiveKind::Views,
+        Ask::Depth => LiveKind::ColorAndDepth,
+        Ask::Layers => LiveKind::Layers,
+    };
+    let frames = args.frames()?;
+    let encoder = Encoder::new(&display, &colors, frames)?;
+    let parts = darkness(&display, &colors, frames, args.subject.experiment.refinement()?.seed)?;
+    let of = |(color, part): (&Color, &LiveColor)| ColorHologram {
+        color: Some(*color),
+        wavelength: part.problem.optics.wavelength,
+        exposure: part.exposure,
+        efficiency: part.exposure,
+        phases: part.phases.clone(),
+    };
+    let mut hologram = Hologram::on(&display, frames, colors.iter().zip(&parts).map(of).collect());
+    hologram.scene = format!("live:{name}");
+    let engine = stage.engines.open()?.describe();
+    let mut steered = Steered { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None };
+    if args.replay.is_none() {
+        let mut input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
+        // A journal is played again to the bit, on any engine: the host decodes what is in it.
+        if args.journal.is_none()
+            && let Some(reason) = input.decode_with(stage.engines.backend())?
+        {
+            tracing::info!("views pass through the host: {reason}");
+        }
+        steered.scenes = Some(Box::new(input));
+        if args.live.tracker.tracker.is_none() && args.subject.options.depth.is_none() {
+            eprintln!("note: without a tracker eyes are taken to focus at 0 mm: --depth says where else content lies");
+        }
+        eprintln!("live:{name} waits for an application");
+    }
+    show(args, steered, cost, stage)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn application(_args: &Show, name: &str) -> Result<(), Failure> {
+    Err(Failure::Arguments(reason!("live-on-linux", "live:{name}: live content exists on Linux alone")))
+}

@@ -1,0 +1,139 @@
+//! `eyebox show` without a tracker: holograms as they were solved.
+
+use super::args::{ClockName, OutputArgs, StreamArgs};
+use super::session::{attend, conclude, ended_by, keep_powers};
+use crate::args::{DeviceArgs, EngineName};
+use crate::{Failure, common, progress};
+use eyebox::low_level::encode;
+use eyebox::low_level::hologram::Sequence;
+use eyebox::low_level::optics::Display;
+use eyebox::low_level::reason;
+use eyebox::low_level::session::{self, Output, Session, SessionOptions, Statistics, Status};
+use serde_json::json;
+use std::path::Path;
+use std::time::{Duration, UNIX_EPOCH};
+
+/// What is played, and how.
+pub struct Playing<'a> {
+    /// The holograms.
+    pub sequence: Sequence,
+    /// The display that they are encoded for.
+    pub display: Display,
+    /// Where.
+    pub shown: &'a OutputArgs,
+    /// When.
+    pub stream: &'a StreamArgs,
+    /// What encodes,
+    pub engine: EngineName,
+    /// and where.
+    pub device: &'a DeviceArgs,
+    /// Everything else about the session.
+    pub options: SessionOptions,
+    /// What was shown, as JSON.
+    pub stats: Option<&'a Path>,
+}
+
+/// Plays it, and says what was shown.
+pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
+    let Playing { sequence, display, shown, stream, engine, device, mut options, stats } = playing;
+    let mut play = session::Play::new(sequence, &display)?;
+    let what = play.sequence.path().display().to_string();
+    let output = output(shown, stream, &options, stream.looped || play.looped)?;
+    play.rate = stream.rate.unwrap_or(play.rate);
+    play.speed = stream.speed;
+    play.looped |= stream.looped;
+    (play.follow, play.first, play.ahead) = (stream.follow, stream.at, stream.ahead);
+    play.start_at = stream.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
+    (play.sync_s, play.mark, play.keep_phase) = (stream.sync, stream.mark, stream.keep_phase);
+    let encodes = matches!(engine, EngineName::Vulkan | EngineName::VulkanFrom(_));
+    let shows = shown.output.is_shown();
+    let gpu = if encodes || shows { Some(common::display_gpu(device, shown.validation)?) } else { None };
+    play.device = gpu.clone().filter(|_| encodes);
+    let [_, frames, height, width] = play.sequence.shape();
+    let (shown_of, colors, record) =
+        (play.sequence.about().clone(), play.encoder.colors().to_vec(), options.record.clone());
+    let (count, rate) = (play.sequence.count(), play.rate);
+    stats.iter().try_for_each(|file| eyebox::low_level::files::check_place(file))?;
+    progress::catch_interrupt();
+    options.gpu = gpu;
+    let session = Session::start(play, output, options)?;
+    let about = session.about();
+    let (sub_frames, sets, set_frames) = (about.sub_frames, about.sets_per_second(), about.set_frames);
+    eprintln!("{what}: {count} holograms of {height}x{width} at {rate} a second, {sub_frames} sub-frames a set");
+    eprintln!(
+        "{} on {}: a set takes {set_frames} video frame{}, {sets:.2} sets and {:.0} sub-frames a second",
+        display.name,
+        about.presenter,
+        if set_frames == 1 { "" } else { "s" },
+        sets * sub_frames as f64
+    );
+    encode::flicker(&display, &colors, frames, about.display_rate.hz()).inspect(|slow| tracing::warn!("{slow}"));
+    let ended = attend(session, stats, |now, before, seconds| line(now, before, seconds, sub_frames));
+    summary(&ended.statistics);
+    keep_powers(&shown_of, record.as_deref())?;
+    let more = shown_of.metadata.joint_color.map_or_else(|| json!({}), |joint| json!({ "joint_color": joint }));
+    conclude(ended, stats, &more)
+}
+
+/// Where it is shown; refuses what does not go together.
+fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, endless: bool) -> Result<Output, Failure> {
+    let records = options.record.is_some();
+    let simulated = match stream.clock {
+        Some(clock) => clock == ClockName::Simulated,
+        None => records,
+    };
+    let refuse = |reason| Err(Failure::Arguments(reason));
+    if records && !simulated {
+        return refuse(reason!(
+            "record-in-real-time",
+            "--record takes longer than a video frame: leave out --clock real"
+        ));
+    }
+    if stream.start_at.is_some() && simulated {
+        return refuse(reason!("start-at", "--start-at is a time of day, and a simulated clock has none"));
+    }
+    if endless && options.duration.is_none() && simulated {
+        return refuse(reason!("endless", "a simulated clock would go on for ever: give --duration"));
+    }
+    if shown.output.is_shown() && simulated {
+        return refuse(reason!("without-offscreen", "--record and a simulated clock need --output offscreen"));
+    }
+    Ok(shown.output.output(simulated))
+}
+
+fn summary(statistics: &Statistics) {
+    let (report, how) = (&statistics.report, ended_by(statistics));
+    let a = &report.account;
+    let plural = |n: u64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let causes = if a.drops() == 0 { String::new() } else { format!(" ({})", a.causes()) };
+    eprintln!(
+        "ended by {how} after {:.2} s: {} shown, {} dropped{causes}; {} and {} of the idle picture; {}",
+        report.seconds,
+        plural(a.shown, "hologram"),
+        a.drops(),
+        plural(a.sets - a.idle_sets, "set"),
+        a.idle_sets,
+        plural(a.missed_presents, "missed present"),
+    );
+    eprintln!(
+        "{:.2} holograms and {:.2} sets a second, {:.0} sub-frames a second; jitter {:.3} ms, at most {:.3} ms",
+        report.content_fps(),
+        report.sets_per_second(),
+        report.sets_per_second() * report.planes as f64,
+        report.timing.jitter_ms(),
+        report.timing.largest_jitter_ms(),
+    );
+}
+
+/// The line that is written over while playing.
+fn line(now: &Status, before: &Status, seconds: f64, sub_frames: u64) -> String {
+    let (a, b) = (&now.account, &before.account);
+    let (fps, sets) = ((a.shown - b.shown) as f64 / seconds, (a.sets - b.sets) as f64 / seconds);
+    format!(
+        "{fps:.1} holograms/s, {:.0} sub-frames/s, {} dropped, {} missed presents, jitter {:.2} ms",
+        sets * sub_frames as f64,
+        a.drops(),
+        a.missed_presents,
+        now.timing.jitter_ms()
+    )
+}

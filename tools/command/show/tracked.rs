@@ -1,0 +1,302 @@
+//! `eyebox show --tracker`. The hologram on the display is refined for the tracked pupil while it is shown.
+
+use super::args::OutputArgs;
+use super::tracking::{TrackerArgs, tracking};
+use super::viewing::Viewing;
+use crate::common::{self, Engines};
+use crate::progress::JobBar;
+use crate::show::session::{attend, conclude, ended_by, keep_powers};
+use crate::subject::{Steered, SubjectOptions};
+use crate::values::{MS, S, not_negative_in, positive_in};
+use crate::{Failure, progress};
+use clap::{Args, ValueEnum};
+use eyebox::low_level::encode;
+use eyebox::low_level::gaze::Eyepiece;
+use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
+use eyebox::low_level::optics::{Color, depth_in_words, depths_in_words, dioptres};
+use eyebox::low_level::reason;
+use eyebox::low_level::session::{
+    self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, Policy, RepeatReason, Session, SourceSwitch,
+    Stage as Part, Statistics, Status, Tracking,
+};
+use eyebox::low_level::solve::Flow;
+use serde_json::{Map, Value, json};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Whether sub-frames are refined for their moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Moments {
+    /// Where something moves
+    On,
+    /// As if all were seen at once
+    Off,
+}
+
+/// How a hologram is shown that follows the eye.
+#[derive(Args)]
+pub struct LiveOptions {
+    /// Who looks
+    #[command(flatten)]
+    pub tracker: TrackerArgs,
+    /// Where
+    #[command(flatten)]
+    pub shown: OutputArgs,
+    /// From a video frame's beginning to its light, ms
+    #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
+    pub display_latency: f64,
+    /// Seconds to go on for [default: until ctrl-C, or the end of what ends]
+    #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive_in(S))]
+    pub duration: Option<f64>,
+    /// Show the hologram for the whole eyebox: what there is without steering
+    #[arg(help_heading = "Steps", long)]
+    pub unsteered: bool,
+    /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
+    #[arg(help_heading = "Steps", long)]
+    pub whole_sets: bool,
+    /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
+    /// where both rest it is as off: for sets that are seen at once
+    #[arg(help_heading = "Steps", long, value_enum, default_value = "on", value_name = "on|off")]
+    pub moments: Moments,
+    /// Show in a window what the tracked eye sees; there the key s switches steering off and on
+    #[arg(help_heading = "Window", long)]
+    pub view: bool,
+    /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
+    /// pipe to what drives them
+    #[arg(help_heading = "Display", long, value_name = "OUT")]
+    pub sources_out: Option<PathBuf>,
+    /// What was shown, and how late, as JSON
+    #[arg(help_heading = "Output", long, value_name = "OUT.json")]
+    pub stats: Option<PathBuf>,
+    /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder; on a simulated
+    /// clock, all of them
+    #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
+    pub record: Option<PathBuf>,
+    /// What each thread did when, for chrome://tracing
+    #[arg(help_heading = "Output", long, value_name = "OUT.json")]
+    pub trace: Option<PathBuf>,
+}
+
+/// Where a session is kept, or one that was.
+#[derive(Default)]
+pub struct KeptSession {
+    /// A new folder.
+    pub journal: Option<PathBuf>,
+    /// One that was kept.
+    pub replay: Option<PathBuf>,
+}
+
+/// How what is refined is shown, beside the options that all have.
+#[derive(Default)]
+pub struct ShowOptions<'a> {
+    /// How it is refined, and when it begins again.
+    pub policy: Policy,
+    /// Whose eye is followed, if anybody's is.
+    pub tracker: Option<&'a str>,
+    /// What work takes on a simulated clock; none on the system's.
+    pub simulated: Option<Cost>,
+    /// Depths that eyes may focus at where nobody is tracked, metres [default: those that it was solved for].
+    pub depths: Option<[f64; 2]>,
+    /// What is kept of it.
+    pub kept: KeptSession,
+}
+
+/// The devices that a show takes.
+pub struct Stage {
+    /// What computes.
+    pub engines: Engines,
+    gpu: Option<Gpu>,
+}
+
+impl Stage {
+    /// Opens them.
+    pub fn open(how: &SubjectOptions, live: &LiveOptions) -> Result<Self, Failure> {
+        let shows = live.view || live.shown.output.is_shown();
+        let vulkan = VulkanOptions { present: shows, validation: live.shown.validation, ..VulkanOptions::default() };
+        let engines = Engines::new(&how.engine, &vulkan)?;
+        let gpu = match engines.gpu()? {
+            None if shows => Some(common::display_gpu(&how.engine.device, live.shown.validation)?),
+            gpu => gpu,
+        };
+        Ok(Self { engines, gpu })
+    }
+}
+
+/// Shows what is refined, and says how it went.
+pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stage: Stage) -> Result<(), Failure> {
+    let Stage { engines, gpu } = stage;
+    let ShowOptions { policy, tracker, simulated, depths, kept } = showing;
+    let eyepiece = eyepiece(&steered);
+    let (mouse, tracking) = match tracker {
+        None => (None, None),
+        Some(tracker) => {
+            let real = simulated.is_none();
+            let reach = steered.hologram.made_for().map_or(0.0, |display| display.eyebox_min() / 2.0);
+            let (mouse, tracking) = tracking(tracker, &args.tracker, args.view, real, eyepiece, reach)?;
+            (mouse, Some(tracking))
+        }
+    };
+    let about = tracking.as_ref().map_or("no eye tracker".into(), Tracking::describe);
+    eprintln!(
+        "{}: {} of {}, {}x{}; {}",
+        steered.scenes.as_ref().map_or_else(|| steered.hologram.scene.clone(), |scenes| scenes.describe()),
+        common::counted(steered.hologram.frames, "sub-frame"),
+        common::counted(steered.colors.len(), "color"),
+        steered.hologram.height,
+        steered.hologram.width,
+        steered.engine
+    );
+    let sidecar_window = match gpu.clone().filter(|_| args.view) {
+        Some(_) if steered.field.is_some() => {
+            return Err(Failure::Arguments(reason!(
+                "view-of-tiles",
+                "--view shows what is seen of whole holograms: a far field in tiles has none"
+            )));
+        }
+        Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
+        None => None,
+    };
+    let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
+    let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
+    let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
+    (live.policy, live.steered, live.sidecar_window) = (policy, !args.unsteered, sidecar_window);
+    live.switch = args.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
+    live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
+    (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);
+    live.moments = args.moments == Moments::On;
+    if live.replay.is_some() {
+        // As of all whose first scene has still to come.
+        live.policy.restart = f64::INFINITY;
+    }
+    (live.scenes, live.field, live.cost) = (scenes, field, simulated.unwrap_or(Cost::Measured));
+    let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
+    live.whole.focus = depths.unwrap_or(live.whole.focus);
+    // An application's frames bring no phases.
+    if live.replay.is_some() || live.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one()) {
+        live = live.with_start_tables(&mut fitting())?;
+    }
+    let mut options = args.shown.options();
+    options.gpu = gpu;
+    options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
+    (options.record, options.trace) = (args.record.clone(), args.trace.clone());
+    args.stats.iter().try_for_each(|file| eyebox::low_level::files::check_place(file))?;
+    progress::catch_interrupt();
+    let session = Session::start(live, args.shown.output.output(simulated.is_some()), options)?;
+    let shown = session.about();
+    let roll = if shown.rolls { ", which roll" } else { "" };
+    eprintln!("{about}; {}: {:.2} sets a second{roll}", shown.presenter, shown.sets_per_second());
+    let slow = encode::flicker(&display, &sent, hologram.frames, shown.display_rate.hz());
+    slow.inspect(|slow| tracing::warn!("{slow}"));
+    let focal_length = hologram.focal_length;
+    let ended = attend(session, args.stats.as_deref(), |now, before, seconds| line(now, before, seconds, focal_length));
+    summary(&ended.statistics, focal_length);
+    let focus = ended.statistics.live.as_ref().and_then(|live| live.focus);
+    let focus = focus.map(|depths| depths.map(|z| dioptres(z, focal_length)));
+    let memory = common::memory_kib("VmRSS").map(|kib| kib / 1024);
+    keep_powers(&hologram, args.record.as_deref())?;
+    let mut more = json!({ "engine": engine, "memory_mib": memory, "focus_dioptres": focus, "unfinished": unfinished });
+    if let Some(joint) = &hologram.metadata.joint_color {
+        more["joint_color"] = json!(joint);
+    }
+    conclude(ended, args.stats.as_deref(), &more)
+}
+
+/// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.
+fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
+    let failed =
+        |e: std::io::Error| Failure::Arguments(reason!("sources-out", "--sources-out {}: {e}", file.display()));
+    let mut out = File::options().write(true).create(true).truncate(true).open(file).map_err(failed)?;
+    let (colors, name) = (colors.to_vec(), file.display().to_string());
+    let mut told = false;
+    Ok(Box::new(move |lit: &LitSources<'_>| {
+        let numbers = |places: &Vec<usize>| places.iter().map(|at| at + 1).collect::<Vec<_>>();
+        let sources: Map<String, Value> =
+            colors.iter().zip(lit.colors).map(|(color, places)| (color.to_string(), json!(numbers(places)))).collect();
+        let line = json!({ "set": lit.set, "start_ns": lit.start_ns, "sources": sources });
+        if let Err(error) = writeln!(out, "{line}")
+            && !std::mem::replace(&mut told, true)
+        {
+            tracing::warn!("--sources-out {name}: {error}; the display goes on");
+        }
+    }))
+}
+
+/// Shows how much of the tables of first phases is fitted.
+pub fn fitting() -> impl FnMut(f64) -> bool {
+    let bar = JobBar::new(true);
+    move |share| bar.show("fitting first phases, once for this display", share) == Flow::Continue
+}
+
+/// What a tracker's dioptres are before the hologram that is shown.
+fn eyepiece(steered: &Steered) -> Eyepiece {
+    let hologram = &steered.hologram;
+    let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
+    Eyepiece { focal_length: hologram.focal_length, depths }
+}
+
+fn summary(statistics: &Statistics, focal_length: f64) {
+    let Some(live) = &statistics.live else { return };
+    let (report, a) = (&statistics.report, &statistics.report.account);
+    eprintln!(
+        "ended by {} after {:.2} s: {} {}, {} of them new and {} shown again{}; {} missed presents; jitter {:.3} ms",
+        ended_by(statistics),
+        report.seconds,
+        a.sets - a.idle_sets,
+        if live.rolls { "video frames of sets that roll" } else { "sets" },
+        live.sets_new,
+        live.sets_repeated,
+        because(live),
+        a.missed_presents,
+        report.timing.jitter_ms()
+    );
+    let at = |h: &Histogram, share| h.percentile(share).map_or("-".into(), |v| format!("{v:.2}"));
+    let light = live.latency.of(Part::SampleToLight);
+    eprintln!(
+        "{} steps, {} restarts; sample to light p50 {} ms, p99 {} ms; the newest sample {} ms old at its light; pupil error p50 {} mm, p90 {} mm{}",
+        live.steps,
+        live.restarts,
+        at(light, 0.5),
+        at(light, 0.99),
+        live.latency.sample_age_ms().map_or("-".into(), |ms| format!("{ms:.0}")),
+        at(live.latency.error_mm(), 0.5),
+        at(live.latency.error_mm(), 0.9),
+        live.focus.map_or(String::new(), |z| format!("; focused at {}", depths_in_words(z, focal_length)))
+    );
+    let Some(content) = &live.showing else { return };
+    let sets: Vec<String> =
+        FrameFreshness::ALL.iter().zip(content.sets).map(|(s, n)| format!("{n} {}", s.name())).collect();
+    eprintln!(
+        "{}: {} scenes taken and {} shown, {} refused; arrival to light p50 {} ms, p99 {} ms; content of the sets: {}",
+        content.source,
+        content.scenes,
+        content.shown,
+        content.refused,
+        at(&content.arrival_to_light, 0.5),
+        at(&content.arrival_to_light, 0.99),
+        sets.join(", ")
+    );
+}
+
+/// Why sets were shown again.
+fn because(live: &LiveStatistics) -> String {
+    let causes = RepeatReason::ALL.iter().zip(live.repeats).filter(|(_, n)| *n > 0);
+    let causes: Vec<String> = causes.map(|(cause, n)| format!("{n} {}", cause.name())).collect();
+    if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) }
+}
+
+/// The line that is written over while it is shown.
+fn line(now: &Status, before: &Status, seconds: f64, focal_length: f64) -> String {
+    let (a, b) = (now.live.unwrap_or_default(), before.live.unwrap_or_default());
+    let at = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));
+    format!(
+        "{:.1} new sets/s, {:.0} steps/s, sample to light p50 {} ms, newest sample {} ms old, pupil error p50 {} mm, focus {}",
+        (a.sets_new - b.sets_new) as f64 / seconds,
+        (a.steps - b.steps) as f64 / seconds,
+        at(a.sample_to_light_ms),
+        a.sample_age_ms.map_or("-".into(), |ms| format!("{ms:.0}")),
+        at(a.pupil_error_mm),
+        a.focus.map_or("-".into(), |z| depth_in_words(z, focal_length))
+    )
+}

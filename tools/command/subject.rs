@@ -1,0 +1,257 @@
+//! What is steered: a hologram with its scene, or a scene that is solved first.
+
+use crate::args::{DisplayArgs, EngineArgs, EyeArgs, SceneArgs, SceneOptions, scene_of};
+use crate::common::{self, Engines};
+use crate::eval::score;
+use crate::experiment::ExperimentArgs;
+use crate::phases::{PhaseUnitArgs, tell_unfinished};
+use crate::quality::QualityArgs;
+use crate::solve::SolveProgress;
+use crate::{Failure, progress};
+use clap::Args;
+use eyebox::low_level::encode::Encoder;
+use eyebox::low_level::engine::Engine;
+use eyebox::low_level::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
+use eyebox::low_level::optics::{Color, Display, PupilDistribution};
+use eyebox::low_level::produce::solve_colors;
+use eyebox::low_level::quality::ColorJob;
+use eyebox::low_level::reason;
+use eyebox::low_level::scene::{self, LightField};
+use eyebox::low_level::session::{FarField, Field, LiveColor, MovingSequence, Scenes, whole_eyebox};
+use eyebox::low_level::solve::{Levels, Settings};
+use std::path::Path;
+
+/// What is steered, in every command that does.
+#[derive(Args)]
+pub struct SubjectArgs {
+    /// NAME.zarr, a hologram for the whole eyebox or a sequence of them; NAME.npy, phases with --scene; or a scene, which is solved
+    /// first
+    pub what: String,
+    /// How
+    #[command(flatten)]
+    pub how: SubjectOptions,
+}
+
+/// How what is steered is read, or solved.
+#[derive(Args)]
+pub struct SubjectOptions {
+    /// With a hologram: its scene [default: the one it was solved from]
+    #[arg(help_heading = "Scene", long, value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// How the scene is read
+    #[command(flatten)]
+    pub options: SceneOptions,
+    /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
+    #[command(flatten)]
+    pub display: DisplayArgs,
+    /// The eye that looks
+    #[command(flatten)]
+    pub eye: EyeArgs,
+    /// Bare phases
+    #[command(flatten)]
+    pub unit: PhaseUnitArgs,
+    /// With a scene: quality of the hologram for the whole eyebox
+    #[command(flatten)]
+    pub quality: QualityArgs,
+    /// How it is solved and refined
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
+    /// Engine
+    #[command(flatten)]
+    pub engine: EngineArgs,
+}
+
+/// It, loaded.
+pub struct Steered {
+    /// The hologram for the whole eyebox.
+    pub hologram: Hologram,
+    /// Its colours.
+    pub colors: Vec<Color>,
+    /// What is refined.
+    pub parts: Vec<LiveColor>,
+    /// What follows it, where scenes change.
+    pub scenes: Option<Box<dyn Scenes>>,
+    /// Of a far field in tiles, all of it.
+    pub field: Option<Field>,
+    /// To what the SLM receives.
+    pub encoder: Encoder,
+    /// What computes.
+    pub engine: String,
+    /// How far the hologram is, where it is not finished.
+    pub unfinished: Option<Unfinished>,
+}
+
+/// Loads or solves it; a sequence that is `looped` begins again at its end. `at` takes one hologram of it.
+pub fn load(
+    what: &str,
+    args: &SubjectOptions,
+    (at, looped): (Option<u64>, bool),
+    engines: &Engines,
+) -> Result<Steered, Failure> {
+    let path = Path::new(what);
+    if at.is_none() && Sequence::is_at(path) {
+        return moving(path, args, looped, engines);
+    }
+    if Tiles::is_tiled(path) {
+        return far_field(path, args, engines);
+    }
+    let (hologram, parts, unfinished) = if is_hologram(path) {
+        let unfinished = tell_unfinished(path)?;
+        let mut hologram = Opening { at, unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
+        args.eye.replace(&mut hologram.metadata.prescription)?;
+        let optics = score::display_of(path, &hologram)?;
+        let field =
+            scene_of(path, &hologram, args.scene.as_deref(), &args.options, args.display.force)?.light_field()?;
+        hologram.fit_exposure(&field, engines.open()?.as_mut())?;
+        let parts = LiveColor::all_of(&hologram, &field, &optics)?;
+        (hologram, parts, unfinished)
+    } else {
+        if at.is_some() {
+            return Err(Failure::Arguments(reason!(
+                "at-of-scene",
+                "{what} is a scene, and --at takes a hologram of a sequence: leave it out"
+            )));
+        }
+        let (hologram, field, display) = solved(what, args, engines)?;
+        let parts = LiveColor::all_of(&hologram, &field, &display)?;
+        (hologram, parts, None)
+    };
+    Steered::new(what, args, hologram, parts, engines, unfinished)
+}
+
+/// Whether a hologram or bare phases stand there, and no scene.
+pub fn is_hologram(path: &Path) -> bool {
+    let phases = Phases::are_named_at(path) && !scene::is_array_of_views(path);
+    phases || (!Phases::are_at(path) && !path.join("views").exists())
+}
+
+/// A scene's hologram for the whole eyebox, solved by `--quality`; the scene, and the display.
+pub fn solved(
+    what: &str,
+    args: &SubjectOptions,
+    engines: &Engines,
+) -> Result<(Hologram, LightField, Display), Failure> {
+    let mut display = common::display(&args.display)?;
+    args.eye.replace(&mut display.prescription)?;
+    let mut engine = engines.open()?;
+    let (hologram, field) = solved_on(what, args, &display, None, engine.as_mut())?;
+    Ok((hologram, field, display))
+}
+
+/// The same for a display and on an engine; `frames`: sub-frames, if not as many as usual.
+pub fn solved_on(
+    what: &str,
+    args: &SubjectOptions,
+    display: &Display,
+    frames: Option<usize>,
+    engine: &mut dyn Engine,
+) -> Result<(Hologram, LightField), Failure> {
+    if args.scene.is_some() {
+        return Err(Failure::Arguments(reason!("scene-of-scene", "{what} is a scene already: leave out --scene")));
+    }
+    let scene = SceneArgs::new(what, &args.options);
+    let colors = common::colors(&args.display, display)?;
+    let field = common::scene(&scene, display, &colors)?;
+    let depth = common::depths(&scene, &field, display)?;
+    let mut given = args.experiment.given()?.before(display.focal_length)?;
+    given.insert("frames", frames);
+    let diameter = common::diameters(given.get("diameter")?, display, false)?;
+    let base = given.over(&Settings { depth, diameter, ..Settings::default() })?;
+    let quality = args.quality.with(&given)?;
+    let chosen = quality.choose(engine, [display.height, display.width], base.frames, colors.len())?;
+    let settings = given.with_quality(&Settings::default(), chosen.map(|chosen| chosen.settings).as_ref());
+    let settings = given.over(&Settings { frames: base.frames, ..settings })?;
+    let levels = Levels::of(display);
+    let color_job = ColorJob { field: &field, color: colors[0], display, base, levels };
+    eprintln!("solving {what} for the whole eyebox: {settings}");
+    progress::catch_interrupt();
+    let mut watch = SolveProgress::new(false);
+    let solved = solve_colors(&color_job, &colors, &settings, engine, &mut |event| watch.see(event))?;
+    let padding = color_job.padding(&settings)?;
+    let hologram = Hologram::from_solutions(&field, display, &color_job.settings(&settings), padding, &solved)?;
+    Ok((hologram, field))
+}
+
+/// A sequence, each of whose holograms is refined for the scene that it names.
+fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -> Result<Steered, Failure> {
+    let what = path.display().to_string();
+    if args.scene.is_some() {
+        return Err(Failure::Arguments(reason!(
+            "scene-of-sequence",
+            "{what} is a sequence, whose holograms name their scenes: leave out --scene"
+        )));
+    }
+    let unfinished = tell_unfinished(path)?;
+    let opening = Opening { unfinished: true, ..args.unit.chosen(&args.display)? };
+    let mut sequence = opening.sequence(path)?;
+    let mut first = sequence.load(0)?;
+    args.eye.replace(&mut first.metadata.prescription)?;
+    let (options, eye) = (args.options.clone(), first.metadata.prescription.clone());
+    let (force, file) = (args.display.force, path.to_path_buf());
+    let load = move |hologram: &Hologram| -> Result<(LightField, Display), String> {
+        let mut input = scene_of(&file, hologram, None, &options, force).map_err(|e| e.to_string())?;
+        input.display.prescription.clone_from(&eye);
+        Ok((input.light_field().map_err(|e| e.to_string())?, input.display))
+    };
+    let (scenes, parts) = MovingSequence::start(sequence, looped, Box::new(load))?;
+    let steered = Steered::new(&what, args, first, parts, engines, unfinished)?;
+    Ok(Steered { scenes: Some(Box::new(scenes)), ..steered })
+}
+
+/// As wide as a pupil usually is, metres: the first piece is for one in the middle.
+const USUAL_PUPIL: f64 = 4e-3;
+
+/// A far field in tiles, whose piece around the eye is refined.
+fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<Steered, Failure> {
+    let what = path.display().to_string();
+    // It holds its own optics.
+    args.unit.chosen(&args.display)?;
+    if args.eye.given()?.is_some_and(|eye| !eye.is_perfect()) {
+        return Err(Failure::Arguments(reason!(
+            "eye-of-tiles",
+            "{what}: a hologram in tiles is refined for a perfect eye only"
+        )));
+    }
+    let unfinished = tell_unfinished(path)?;
+    let tiles = Tiles::open(path)?;
+    let hologram = tiles.about().clone();
+    let optics = score::display_of(path, &hologram)?;
+    let views = scene_of(path, &hologram, args.scene.as_deref(), &args.options, args.display.force)?.around()?;
+    // Until it is known where the eye is: the middle.
+    let middle = whole_eyebox(optics.eyebox_min(), [0.0; 2]);
+    let usual = middle.diameter.map(|d| d.min(USUAL_PUPIL));
+    let first = PupilDistribution { spread: 0.0, diameter: usual, ..middle };
+    let (pieces, parts, field) = FarField::start(&what, tiles, views, &first)?;
+    let steered = Steered::new(&what, args, hologram, parts, engines, unfinished)?;
+    Ok(Steered { scenes: Some(Box::new(pieces)), field: Some(field), ..steered })
+}
+
+impl Steered {
+    fn new(
+        what: &str,
+        args: &SubjectOptions,
+        hologram: Hologram,
+        parts: Vec<LiveColor>,
+        engines: &Engines,
+        unfinished: Option<Unfinished>,
+    ) -> Result<Self, Failure> {
+        let mut shown =
+            common::display_of(args.display.display.as_deref(), args.display.size, args.display.force, &hologram)?;
+        if args.display.size.is_none() && args.display.display.is_some() {
+            (shown.height, shown.width) = (hologram.height, hologram.width);
+        }
+        let colors: Vec<Color> = hologram.colors.iter().filter_map(|c| c.color).collect();
+        let sent: Vec<Color> = hologram.sent_colors().into_iter().filter_map(|i| hologram.colors[i].color).collect();
+        let encoder = Encoder::new(&shown, &sent, hologram.frames)?;
+        let ([eh, ew], [h, w]) = (encoder.hologram_size(), [hologram.height, hologram.width]);
+        if [eh, ew] != [h, w] {
+            let name = &shown.name;
+            return Err(Failure::Arguments(reason!(
+                "size",
+                "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or another --display"
+            )));
+        }
+        let engine = engines.open()?.describe();
+        Ok(Self { colors, parts, encoder, engine, hologram, scenes: None, field: None, unfinished })
+    }
+}

@@ -1,0 +1,62 @@
+//! `eyebox tracker`: eye trackers, their samples, and a user's calibration.
+
+mod calibrate;
+mod list;
+mod watch;
+
+use crate::Failure;
+use clap::{Subcommand, ValueEnum};
+
+/// `eyebox tracker`
+#[derive(Subcommand)]
+pub enum Tracker {
+    /// List the eye trackers of this machine and the other sources
+    #[command(after_help = "Example:\n  eyebox tracker list --json")]
+    List(list::List),
+    /// Explain a HID report descriptor
+    #[command(after_help = "Example:\n  eyebox tracker describe descriptor.bin --json")]
+    Describe(list::Describe),
+    /// Print the samples of a tracker, or the predicted pupil
+    #[command(after_help = "Examples:\n  eyebox tracker watch hid --duration 10\n  \
+                      eyebox tracker watch session.hid --json\n  \
+                      eyebox tracker watch simulated:7 --tracker-rate 500 --duration 2 --pupil 20")]
+    Watch(watch::Watch),
+    /// Record the samples of a tracker, and print them
+    #[command(after_help = "Example:\n  eyebox tracker record hid --duration 10 -o session.hid")]
+    Record(watch::Record),
+    /// Calibrate a tracker for a user, who looks at targets
+    #[command(after_help = "Example:\n  eyebox tracker calibrate pupil://localhost -o ada.toml")]
+    Calibrate(calibrate::Calibrate),
+}
+
+/// Runs it.
+pub fn run(tracker: &Tracker) -> Result<(), Failure> {
+    match tracker {
+        Tracker::List(args) => list::list(args),
+        Tracker::Describe(args) => list::describe(args),
+        Tracker::Watch(args) => watch::watch(args),
+        Tracker::Record(args) => watch::record(args),
+        Tracker::Calibrate(args) => calibrate::run(args),
+    }
+}
+
+/// Whose pupil.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EyeName {
+    /// The left eye's
+    Left,
+    /// The right eye's
+    Right,
+    /// The mean of both, or what the tracker has
+    Mean,
+}
+
+impl From<EyeName> for eyebox::low_level::gaze::Eye {
+    fn from(name: EyeName) -> Self {
+        match name {
+            EyeName::Left => Self::Left,
+            EyeName::Right => Self::Right,
+            EyeName::Mean => Self::Mean,
+        }
+    }
+}
