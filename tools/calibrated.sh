@@ -20,7 +20,7 @@ pupil=--pupil=5,3,6,0
 "$eyebox" convert ideal.npy unaware.zarr --display bench.toml --scene $scene
 for name in unaware calibrated ideal; do
     "$eyebox" render $name.zarr $pupil -o $name.png
-    "$eyebox" eval score $name.zarr $scene --pupils random:24 --json >$name.json
+    "$eyebox" eval score $name.zarr $scene --test-pupils random:24 --json >$name.json
 done
 
 python3 - "$root/docs/calibrated.png" <<'PYTHON'

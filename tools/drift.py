@@ -82,7 +82,7 @@ def followed_show(bench, work):
     model, said = work / "shown.toml", work / "show.txt"
     camera = shlex.join([sys.executable, os.path.abspath(__file__), str(bench), str(work / "none"), "--serve", "--keep", str(work)])
     command = [os.environ["EYEBOX"], "show", "builtin:still-life", "--display", work / "hour-0.toml", "--color", "green", "--frames", "1",
-               "--engine", "cpu", "--output", f"shared:{work / 'video'}", "--camera", camera, "--camera-every", "0.05",
+               "--engine", "cpu", "--output", f"shared:{work / 'video'}", "--camera", camera, "--set", "camera.every=0.05",
                "--camera-model", model]
     with said.open("w") as to:
         show = subprocess.Popen(list(map(str, command)), stderr=to, stdout=to)
@@ -113,7 +113,7 @@ def main():
     ideal = work / "ideal.toml"
     ideal.write_text(display({}))
     for hour in HOURS:
-        known, more = (models[hour - 1], ["--quick"]) if hour else (ideal, ["--captures-max", 40])
+        known, more = (models[hour - 1], ["--quick"]) if hour else (ideal, ["--set", "camera.pictures=40"])
         reported = work / f"report-{hour}.json"
         if not models[hour].exists():
             report = calibrated(args.bench.resolve(), hour, known, models[hour], *more)

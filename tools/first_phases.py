@@ -42,7 +42,7 @@ def measure(program, scene, how):
         out = f"{folder}/solved.zarr"
         solve = [program, "solve", scene, "--color", "green", "--engine", "cpu", *map(str, how), "-o", out]
         subprocess.run(solve, check=True, capture_output=True)
-        score = [program, "eval", "score", out, "--pupils", "random:24", "--engine", "cpu", "--json"]
+        score = [program, "eval", "score", out, "--test-pupils", "random:24", "--engine", "cpu", "--json"]
         found = json.loads(subprocess.run(score, check=True, capture_output=True, text=True).stdout)["psnr_db"]
     return [round(found["mean"], 2), round(found["worst"], 2)]
 

@@ -24,7 +24,7 @@ def run(program, *words):
 
 def score(program, hologram, pupils, *more):
     """PSNR against the scene and against a clear pupil, each [mean, worst], dB."""
-    found = json.loads(run(program, "eval", "score", hologram, "--pupils", pupils, "--engine", "cpu", "--jod", "none", "--json", *more))
+    found = json.loads(run(program, "eval", "score", hologram, "--test-pupils", pupils, "--engine", "cpu", "--jod", "none", "--json", *more))
     return [of and [round(of["mean"], 2), round(of["worst"], 2)] for of in (found["psnr_db"], found["against_clear_db"])]
 
 

@@ -197,7 +197,7 @@ def score(program, hologram, *more):
         out, pupils = pathlib.Path(folder, "h.zarr"), pathlib.Path(folder, "pupils.json")
         hologram.save(out)
         pupils.write_text(json.dumps(around))
-        how = ["--pupils", pupils, "--engine", "cpu", "--jod", "none", "--json", *more]
+        how = ["--test-pupils", pupils, "--engine", "cpu", "--jod", "none", "--json", *more]
         found = json.loads(subprocess.run([program, "eval", "score", out, *how], check=True, capture_output=True).stdout)["psnr_db"]
     return [round(found["mean"], 2), round(found["worst"], 2)]
 

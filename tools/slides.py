@@ -92,8 +92,10 @@ def slides(program, folder, files, every, steps):
     first, *others = files
     row = {"sets_per_slide": every, "steps_per_set": steps}
     for start in STARTS:
-        how = ["--content", "jumping", "--jumps-to", ",".join(others), "--jumps-every", every, "--sets", every * (len(files) + 1)]
-        how += ["--steps-per-set", steps, "--jumps-from", start, "--fixation", 100_000, "--json", "--overwrite", "-o", f"{folder}/study"]
+        table = {"content": "jumping", "jumps_to": ",".join(others), "jumps_every": every, "sets": every * (len(files) + 1),
+                 "steps_per_set": steps, "jumps_from": start, "fixation": 100_000}
+        how = [word for key, value in table.items() for word in ("--set", f"gaze.{key}={value}")]
+        how += ["--json", "--overwrite", "-o", f"{folder}/study"]
         summary = json.loads(run(program, "eval", "gaze", first, "--display", "planes8", *HOW, *how))["summary"]
         [seen] = [one["after_jumps_db"] for one in summary if one["steered"] and one["moments"]]
         row[start] = [round(db, 1) for db in seen[: min(every, len(SETS))]]
@@ -107,7 +109,7 @@ def even_picture(program, folder):
     np.save(scene, np.full((VIEWS, VIEWS, SIDE, SIDE, 1), EVEN, np.float32))
     for start, steps in EVEN_STEPS:
         run(program, "solve", scene, *HOW, "--steps", steps, "--set", f"first_phases={start}", "-o", out)
-        found = json.loads(run(program, "eval", "score", out, "--pupils", "random:8", "--engine", "cpu", "--json"))
+        found = json.loads(run(program, "eval", "score", out, "--test-pupils", "random:8", "--engine", "cpu", "--json"))
         row = {"begun_with": start, "steps": steps, "psnr_db": round(found["psnr_db"]["mean"], 1), "jod": round(found["jod"]["mean"], 2)}
         print(row, flush=True)
         yield row

@@ -67,7 +67,7 @@ def score(folder, truth, known, steps, optimizer):
         run("convert", scored, work / "phases.npy")
         scored = work / "seen.zarr"
         run("convert", work / "phases.npy", scored, "--display", work / "truth.toml", "--scene", SCENE)
-    psnr = json.loads(run("eval", "score", scored, SCENE, "--pupils", "random:24", "--jod", "none", "--engine", "cpu", "--json"))["psnr_db"]
+    psnr = json.loads(run("eval", "score", scored, SCENE, "--test-pupils", "random:24", "--jod", "none", "--engine", "cpu", "--json"))["psnr_db"]
     shutil.rmtree(work)
     return [round(psnr[name], 2) for name in ("mean", "worst")]
 

@@ -236,7 +236,7 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
         // The rest is that of the whole calibration.
         true => terms.updated = today(),
         false => {
-            terms.from = format!("eyebox calibrate, {} pictures", report.captures);
+            terms.from = format!("eyebox display calibrate, {} pictures", report.captures);
             terms.date = today();
             terms.unexplained = report.unexplained.filter(|_| report.verdict == Verdict::WithFaults);
         }

@@ -6,12 +6,12 @@ pub use crate::groups::{
     Colors, DeviceArgs, DisplayArgs, EngineArgs, EngineName, EyeArgs, ObstructedArgs, OverwriteArgs, OwnSceneArgs,
     SceneArgs, SceneOptions, scene_of,
 };
-use crate::jod::{JodArgs, ViewingArgs};
+use crate::jod::JodArgs;
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, PhaseUnitArgs, UnfinishedArgs};
 use crate::quality::QualityArgs;
 use crate::values::{
-    GivenPupil, HZ, S, TermsOfModel, decibels, diameters, gaze, iris, memory, method, model_terms, positive,
-    positive_in, pupil, rate, share, square,
+    GivenPupil, HZ, S, TermsOfModel, decibels, diameters, gaze, memory, method, model_terms, positive, positive_in,
+    pupil, rate, share, size,
 };
 use clap::Args;
 use clap::builder::TypedValueParser;
@@ -24,15 +24,15 @@ use std::path::PathBuf;
 /// `eyebox demo`
 #[derive(Args)]
 pub struct Demo {
-    /// Where the hologram and the pictures go
+    /// Output folder of the hologram and the pictures
     #[arg(help_heading = "Output", long, default_value = "demo", value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
-    /// Rows and columns of the hologram
-    #[arg(help_heading = "Display", long, default_value = "512", value_name = "N", value_parser = square)]
-    pub size: usize,
+    /// Resolution of the hologram, which is a square
+    #[arg(help_heading = "Display", long, default_value = "512", value_name = "HxW", value_parser = size)]
+    pub size: [usize; 2],
     /// Quality
     #[command(flatten)]
     pub quality: QualityArgs,
@@ -54,10 +54,10 @@ pub struct Solve {
     /// More scenes: with the first, the frames of a sequence
     #[arg(value_name = "SCENE")]
     pub more: Vec<String>,
-    /// The hologram or sequence: NAME.zarr, or NAME.npy for the phases of one hologram alone
+    /// Output: NAME.zarr, or NAME.npy for the phases of one hologram alone
     #[arg(help_heading = "Output", short, long, value_name = "OUT", default_value = "hologram.zarr")]
     pub out: PathBuf,
-    /// Holograms a second of a sequence
+    /// Holograms per second of a sequence
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
     pub rate: Rate,
     /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
@@ -80,12 +80,6 @@ pub struct Solve {
     /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
     #[arg(help_heading = "Steps", long, value_name = "AMOUNT", value_parser = memory)]
     pub memory: Option<u64>,
-    /// With --memory: passes over the SLM [default: 3; --steps are those of one visit to a region, default 8]
-    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
-    pub passes: Option<usize>,
-    /// With --memory: pixels along each axis of the scene's views [default: 1024, or the display's]
-    #[arg(help_heading = "Steps", long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
-    pub picture: Option<usize>,
     /// Camera for the last steps
     #[command(flatten)]
     pub camera: CameraArgs,
@@ -109,10 +103,10 @@ pub struct Solve {
 /// Settings of a solve.
 #[derive(Args)]
 pub struct SettingsArgs {
-    /// Sub-frames, optimised jointly on their mean intensity [default: 8]
+    /// Sub-frames, optimized jointly on their mean intensity [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "F")]
     pub frames: Option<usize>,
-    /// All colours at once: every laser lights every sub-frame, with a power of its own, and phases and powers are solved for all
+    /// All colors at once: every laser lights every sub-frame, with a power of its own, and phases and powers are solved for all
     /// colours together; white is so many times brighter than of one colour after another by the same lasers, 1 to the number
     /// of colours [alone: 1]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
@@ -120,14 +114,11 @@ pub struct SettingsArgs {
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware [default: slfh]
     #[arg(help_heading = "Quality", long, value_parser = method, value_name = "NAME")]
     pub method: Option<Method>,
-    /// How people see the display, for scores in JOD
-    #[command(flatten)]
-    pub viewing: ViewingArgs,
     /// Which terms of the display's model are solved for: all, auto (those that are worth more than 0.05 dB on this scene, and
     /// as many sub-pixels as are worth 0.2 dB, measured in some seconds), none, or their names with commas between
     #[arg(help_heading = "Display", long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
     pub model_terms: TermsOfModel,
-    /// Pupils a step [default: 16; adam 8]
+    /// Pupils per step [default: 16; adam 8]
     #[arg(help_heading = "Pupils", long, value_name = "B")]
     pub pupils: Option<usize>,
     /// Steps at most [default: 60; adam 200]
@@ -153,15 +144,12 @@ pub struct SettingsArgs {
 /// The camera for the last steps.
 #[derive(Args)]
 pub struct CameraArgs {
-    /// The command of a camera behind the display: after the solve it takes part in --camera-steps (docs/calibrate.md)
+    /// Command of a camera behind the display, which takes part in --camera-steps after the solve (docs/calibrate.md)
     #[arg(help_heading = "Camera", long, value_name = "COMMAND", requires = "camera_steps")]
     pub camera: Option<String>,
     /// Steps with the camera's pictures in the place of what the model has
     #[arg(help_heading = "Camera", long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub camera_steps: Option<usize>,
-    /// Where an iris stands that does not move, mm, where the command does not say so
-    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, requires = "camera")]
-    pub iris: Option<[f64; 3]>,
     /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
@@ -169,9 +157,17 @@ pub struct CameraArgs {
     /// looks
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub keep: Option<PathBuf>,
-    /// Seconds that the command may take for an answer [default: 60, and by exposure]
-    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive_in(S), requires = "camera")]
-    pub camera_timeout: Option<f64>,
+}
+
+/// The table `tiles` of the settings.
+#[derive(Args)]
+pub struct TilesSettings {
+    /// Passes over the SLM [default: 3]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
+    pub passes: Option<usize>,
+    /// Pixels along each axis of the scene's views [default: 1024, or the display's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..=16384).map(usize::from))]
+    pub picture: Option<usize>,
 }
 
 /// `eyebox encode`
@@ -182,7 +178,7 @@ pub struct Encode {
     /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Where the video frames go; the folder appears whole
+    /// Output folder of the video frames, which appears whole
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Display
@@ -215,7 +211,7 @@ pub struct Bench {
     /// A command to run in turn with each round
     #[arg(help_heading = "Engine", long, value_name = "COMMAND", conflicts_with = "dry_run")]
     pub beside: Option<String>,
-    /// With --dry-run: the steps of a refinement for this pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    /// Pupil of a refinement whose steps are recorded, with --dry-run: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, requires = "dry_run")]
     pub pupil: Option<GivenPupil>,
 }
@@ -240,12 +236,16 @@ pub struct Score {
     /// Obstructions
     #[command(flatten)]
     pub obstructions: ObstructedArgs,
-    /// random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus as "0.5D"
+    /// Pupils that the hologram is measured through: random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus
+    /// as "0.5D"
     #[arg(help_heading = "Pupils", long, default_value = "random:16", value_name = "random:N|FILE.json")]
-    pub pupils: String,
-    /// Diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
+    pub test_pupils: String,
+    /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
+    /// Settings of the viewer
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
     /// Seed of random pupils
     #[arg(help_heading = "Steps", long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,

@@ -82,7 +82,7 @@ pub enum Command {
                       an application in another process (docs/live-input.md). Without --tracker holograms are shown as they were solved, and live\n\
                       content is refined for the whole eyebox.\n\
                       Ends with 0 at the end, after --duration, and on ctrl-C. Ends with 2 if it cannot be shown, with 3 if the display is lost, with\n\
-                      130 at once on a second ctrl-C. The display keeps the idle picture: the phase 0, or with --sync the sync picture."
+                      130 at once on a second ctrl-C. The display keeps the idle picture: the phase 0, or with show.sync the sync picture."
     )]
     Show(Box<crate::show::Show>),
     /// Write what a display receives: video frames with levels or bit-planes, as PNG

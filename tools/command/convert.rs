@@ -33,7 +33,7 @@ pub struct Convert {
     /// Video frames
     #[command(flatten)]
     pub encoded: EncodedArgs,
-    /// The scene of phases that become a hologram: its name is written into the hologram, and it decides the exposures
+    /// Scene of phases that become a hologram: its name is written into the hologram, and it decides the exposures
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// How the scene is read

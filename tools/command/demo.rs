@@ -1,180 +1,175 @@
-//! `eyebox demo`: the whole way, from a scene to what an eye sees.
+//! `eyebox demo`: from a scene to what an eye sees, in one labelled picture.
 
 use crate::Failure;
 use crate::args::Demo;
-use crate::common;
-use crate::eval::{compare, score};
+use crate::common::{self, Engines};
+use crate::eval::score::decibels;
 use crate::progress;
+use crate::quality::Chosen;
 use crate::solve::SolveProgress;
 use eyebox::low_level::engine::Engine;
-use eyebox::low_level::files::{self, FileError, ManagedDir};
+use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::files::{self, FileError, ManagedDir, linear_to_srgb};
+use eyebox::low_level::gpu::Options;
 use eyebox::low_level::hologram::Hologram;
-use eyebox::low_level::optics::{Color, Display, Pupil, dioptres_in_words};
+use eyebox::low_level::optics::{Color, Display, Pupil, PupilDistribution};
+use eyebox::low_level::preview::{Overlay, Picture, draw_overlay};
 use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
 use eyebox::low_level::reconstruction::SceneSource;
-use eyebox::low_level::scene;
-use eyebox::low_level::solve::{Levels, Method, Settings};
-use eyebox_lab::comparison::{Comparison, JUDGED, candidates};
-use eyebox_lab::report;
-use std::path::PathBuf;
+use eyebox::low_level::scene::{self, LightField};
+use eyebox::low_level::solve::{FirstPhases, Flow, Levels, RefineSettings, Settings};
 use std::time::Instant;
 
 const SCENE: &str = "builtin:still-life";
 const HOLOGRAM: &str = "still-life.zarr";
-/// What is written beside the report.
-const MADE: [&str; 7] = [HOLOGRAM, "left.png", "right.png", "near.png", "far.png", "small.png", "all.png"];
+const REFINED: &str = "refined.zarr";
+const PICTURE: &str = "demo.png";
+/// Files of the demo.
+const MADE: [&str; 3] = [HOLOGRAM, REFINED, PICTURE];
+/// The pupil of the picture: x, y and diameter, mm, focused on the display.
+const PUPIL: [f64; 4] = [3.0, 1.0, 5.0, 0.0];
+/// Steps for the whole eyebox, and for the pupil. On two cores, all takes less than a minute with 512 x 512 pixels.
+const STEPS: [usize; 2] = [16, 16];
+/// Pixels of a panel's side, at least.
+const PANEL: usize = 384;
+/// Rows below a panel, for its label.
+const LABEL: usize = 26;
 
-/// Builds the still life, solves it, shows and measures it.
+/// Solves the still life, refines it for a pupil, and writes a picture of both beside the target image.
 pub fn run(args: &Demo) -> Result<(), Failure> {
     let start = Instant::now();
-    if !(16..=4096).contains(&args.size) {
-        return Err(Failure::Arguments(reason!("size", "--size {}: a demo has 16 to 4096 pixels a side", args.size)));
+    let [size, columns] = args.size;
+    if size != columns || !(16..=4096).contains(&size) {
+        let text = "a demo is a square of 16 to 4096 pixels a side";
+        return Err(Failure::Arguments(reason!("size", "--size {size}x{columns}: {text}")));
     }
     let mut own = ManagedDir::open(&args.out, &MADE, args.overwrite.overwrite)?;
-    let mut compared = ManagedDir::open(&args.out.join("report"), &report::COMPARISON, args.overwrite.overwrite)?;
     let mut display = Display::load("paper")?;
-    (display.height, display.width) = (args.size, args.size);
+    (display.height, display.width) = (size, size);
     let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
     let mut engine = common::engine(&args.engine)?;
-    eprintln!("engine: {}", engine.describe());
-    eprintln!("rendering {SCENE}: 9 x 9 views of {0}x{0} pixels", args.size);
+    eprintln!("{SCENE} on {}, {size}x{size}, on {}", display.name, engine.describe());
     let field = scene::load(SCENE, &scene::Request::new(&display, &colors))?;
-    let [far, near] = field.depth_range(&display).unwrap_or([-3e-3, 3e-3]);
-    let base =
-        Settings { depth: [far, near], diameter: common::diameters(None, &display, false)?, ..Settings::default() };
-    let settings = match args.quality.choose(engine.as_ref(), [args.size; 2], base.frames, colors.len())? {
-        Some(chosen) => {
-            eprintln!("{}", chosen.about);
-            chosen.settings
-        }
-        None => Settings { steps: 120, ..Settings::default() },
-    };
-    let levels = Levels::of(&display);
-    let color_job = ColorJob { field: &field, color: colors[0], display: &display, base, levels };
-    let padding = color_job.padding(&settings)?;
     let _made = files::CreatedDirGuard::new(&args.out)?;
     progress::catch_interrupt();
-    let mut watch = SolveProgress::new(false);
-    let solved = solve_colors(&color_job, &colors, &settings, engine.as_mut(), &mut |event| watch.see(event))?;
-    let hologram = Hologram::from_solutions(&field, &display, &color_job.settings(&settings), padding, &solved)?;
-    let saved = args.out.join(HOLOGRAM);
+    let hologram = solve(args, &field, &display, &colors, engine.as_mut())?;
     own.claim(HOLOGRAM)?;
-    hologram.save(&saved)?;
+    hologram.save(&args.out.join(HOLOGRAM))?;
+    let pupil = Pupil::from_mm(PUPIL);
+    let refined = refine(args, &hologram, &field, &pupil)?;
+    own.claim(REFINED)?;
+    refined.save(&args.out.join(REFINED))?;
 
-    let at = |x: f64, y: f64, diameter: f64, depth: f64| Pupil {
-        x: x * 1e-3,
-        y: y * 1e-3,
-        diameter: diameter * 1e-3,
-        depth,
-    };
-    let pupils = [
-        ("left", at(-7.0, 0.0, 6.0, 0.0)),
-        ("right", at(7.0, 0.0, 6.0, 0.0)),
-        ("near", at(0.0, 0.0, 14.0, near)),
-        ("far", at(0.0, 0.0, 14.0, far)),
-        ("small", at(2.0, 3.0, 3.0, 0.0)),
+    let scene = SceneSource::new(field, &display)?;
+    let [before, after] = [&hologram, &refined].map(|hologram| hologram.score(&scene, &[pupil], engine.as_mut()));
+    let [before, after] = [before?, after?].map(|scores| (decibels(scores.pupils[0].psnr), scores.exposures));
+    let seen = [hologram.look(&pupil, engine.as_mut())?, refined.look(&pupil, engine.as_mut())?];
+    let target = scene.photograph(&pupil, engine.as_mut())?;
+    let ones = vec![1.0; colors.len()];
+    let panels = [
+        panel(&seen[0], &before.1, &colors, &format!("for the whole eyebox: {} dB", before.0)),
+        panel(&seen[1], &after.1, &colors, &format!("refined for this pupil: {} dB", after.0)),
+        panel(&target, &ones, &colors, "target image"),
     ];
-    let all = pupils.map(|p| p.1);
-    let scene = SceneSource::new(field.clone(), &display)?;
-    let scores = hologram.score(&scene, &all, engine.as_mut())?;
-    // Each picture: what the eye sees of the hologram, and beside it the photograph of the light field.
-    let (n, gap) = (args.size, args.size.div_ceil(64));
-    let wide = 2 * n + gap;
-    let mut sheet = vec![Vec::new(); 3];
-    for (name, pupil) in &pupils {
-        let mut planes = vec![vec![1.0f32; n * wide]; 3];
-        let seen = hologram.look(pupil, engine.as_mut())?;
-        let wanted = scene.photograph(pupil, engine.as_mut())?;
-        for (i, color) in colors.iter().enumerate() {
-            let exposure = scores.exposures[i] as f32;
-            for (y, row) in planes[color.channel()].chunks_exact_mut(wide).enumerate() {
-                row[..n].iter_mut().zip(&seen[i].values[y * n..]).for_each(|(to, v)| *to = v * exposure);
-                row[n + gap..].copy_from_slice(&wanted[i].values[y * n..][..n]);
-            }
-        }
-        save(&mut own, name, [n, wide], &planes)?;
-        for (sheet, plane) in sheet.iter_mut().zip(planes) {
-            if !sheet.is_empty() {
-                sheet.extend(std::iter::repeat_n(1.0, gap * wide));
-            }
-            sheet.extend(plane);
-        }
-    }
-    save(&mut own, "all", [sheet[0].len() / wide, wide], &sheet)?;
-
-    println!("\n  what the eye sees of the hologram, against the photograph of the scene:");
-    println!("  pupil        x      y      d  focus mm        D   PSNR dB    SSIM   picture");
-    for ((name, pupil), score) in pupils.iter().zip(&scores.pupils) {
-        let [x, y, d, z] = pupil.to_mm();
-        let (ssim, focus) = (score::similarity(score), dioptres_in_words(pupil.depth, display.focal_length));
-        println!(
-            "  {name:6} {x:7.1} {y:6.1} {d:6.1} {z:7.2} {focus:>10} {:>9}  {ssim}   {}",
-            score::decibels(score.psnr),
-            args.out.join(format!("{name}.png")).display()
-        );
-    }
-    let report = comparison(args, &display, &colors, engine.as_mut(), &mut compared)?;
+    save(&mut own, &beside(&panels))?;
+    let [x, y, d, _] = PUPIL;
     println!(
-        "\n  hologram: {}   all pictures: {}   {:.1} s in all",
-        saved.display(),
-        args.out.join("all.png").display(),
+        "through a pupil of {d} mm at ({x}, {y}) mm: {} dB for the whole eyebox, {} dB refined",
+        before.0, after.0
+    );
+    let path = |name| args.out.join(name).display().to_string();
+    println!(
+        "wrote {} ({}, {}) in {:.0} s",
+        path(PICTURE),
+        path(HOLOGRAM),
+        path(REFINED),
         start.elapsed().as_secs_f64()
     );
-    if let Some(page) = report {
-        println!("  two methods compared, in pictures and numbers: {}", page.display());
-    }
     Ok(())
 }
 
-/// Writes a picture of red, green and blue planes.
-fn save(own: &mut ManagedDir, name: &str, [rows, columns]: [usize; 2], planes: &[Vec<f32>]) -> Result<(), Failure> {
-    let (mut png, name) = (Vec::new(), format!("{name}.png"));
-    let planes: Vec<&[f32]> = planes.iter().map(Vec::as_slice).collect();
-    let encoded = files::encode_png(&mut png, rows, columns, &planes);
-    encoded.map_err(|e| FileError::write(&own.path().join(&name), e))?;
-    Ok(own.write(vec![(name, png)])?)
-}
-
-/// Pixels a side of the comparison, at most: small enough for a few seconds.
-const COMPARED: usize = 128;
-
-/// A small evaluation of the same scene; where its page is, if there was time for it.
-fn comparison(
+/// Solves the scene for the whole eyebox.
+fn solve(
     args: &Demo,
+    field: &LightField,
     display: &Display,
     colors: &[Color],
     engine: &mut dyn Engine,
-    own: &mut ManagedDir,
-) -> Result<Option<PathBuf>, Failure> {
-    let side = args.size.min(COMPARED);
-    let display = Display { height: side, width: side, ..display.clone() };
-    let folder = own.path().to_path_buf();
-    let settings = Settings { diameter: common::diameters(None, &display, false)?, ..Settings::default() };
-    let mut load = |_| -> Result<_, Failure> {
-        let field = scene::load(SCENE, &scene::Request::new(&display, colors))?;
-        let depth = field.depth_range(&display).unwrap_or(settings.depth);
-        Ok((field, [depth[0].min(depth[1]), depth[0].max(depth[1])]))
+) -> Result<Hologram, Failure> {
+    let [far, near] = field.depth_range(display).unwrap_or([-3e-3, 3e-3]);
+    let base =
+        Settings { depth: [far, near], diameter: common::diameters(None, display, false)?, ..Settings::default() };
+    let size = [display.height, display.width];
+    let settings = match args.quality.choose(engine, size, base.frames, colors.len())? {
+        Some(Chosen { settings, about }) => {
+            eprintln!("{about}");
+            settings
+        }
+        // A table of first phases takes longer to fit than this solve, and a demo solves once.
+        None => Settings { steps: STEPS[0], first_phases: FirstPhases::Random, ..Settings::default() },
     };
-    let job = Comparison {
-        scenes: vec!["still-life".into()],
-        candidates: candidates(&[Method::Slfh, Method::Lf2fs], Vec::new())?,
-        frames: vec![8],
-        display: display.clone(),
-        colors: colors.to_vec(),
-        settings: settings.clone(),
-        speckle: false,
-        joint: Vec::new(),
-        coherence: Vec::new(),
-        masks: Vec::new(),
-        sources: false,
-        judged: JUDGED,
-    };
-    let results = compare::compare(&job, &folder, &mut load, engine, false)?;
-    if results.runs.is_empty() {
-        return Ok(None);
+    let levels = Levels::of(display);
+    let color_job = ColorJob { field, color: colors[0], display, base, levels };
+    let padding = color_job.padding(&settings)?;
+    let mut watch = SolveProgress::new(false);
+    let solved = solve_colors(&color_job, colors, &settings, engine, &mut |event| watch.see(event))?;
+    Ok(Hologram::from_solutions(field, display, &color_job.settings(&settings), padding, &solved)?)
+}
+
+/// Refines the hologram for the pupil.
+fn refine(args: &Demo, hologram: &Hologram, field: &LightField, pupil: &Pupil) -> Result<Hologram, Failure> {
+    let engines = Engines::new(&args.engine, &Options::default())?;
+    let mut refinement = hologram.clone().refine(field, RefineSettings::default(), || engines.open())?;
+    let diameter = [pupil.diameter - 0.5e-3, pupil.diameter + 0.5e-3];
+    let centre = [pupil.x, pupil.y];
+    let aim = PupilDistribution { centre, spread: 0.25e-3, diameter, focus: [pupil.depth; 2], elsewhere: 0.0 };
+    refinement.set_pupil(aim)?;
+    refinement.refine(STEPS[1], &mut |_| if progress::interrupted() { Flow::Stop } else { Flow::Continue })?;
+    Ok(refinement.best()?.clone())
+}
+
+/// Draws planes at their exposures with a label below.
+fn panel(planes: &[Plane], exposures: &[f64], colors: &[Color], label: &str) -> Picture {
+    let (rows, columns) = planes.first().map_or((0, 0), |plane| (plane.rows, plane.columns));
+    let zoom = PANEL.div_ceil(rows.max(1)).max(1);
+    let mut picture = Picture::black([rows * zoom + LABEL, columns * zoom]);
+    for ((plane, exposure), color) in planes.iter().zip(exposures).zip(colors) {
+        for row in 0..rows * zoom {
+            for column in 0..columns * zoom {
+                let light = f64::from(plane.values[row / zoom * columns + column / zoom]) * exposure;
+                let level = (linear_to_srgb(light) * 255.0).round() as u8;
+                picture.rgb[3 * (row * columns * zoom + column) + color.channel()] = level;
+            }
+        }
     }
-    report::write_comparison(&results, own)?;
-    Ok(Some(folder.join("report.html")))
+    draw_overlay(&mut picture, &Overlay { line: Some(label.into()), ..Overlay::default() });
+    picture
+}
+
+/// Puts pictures of one height beside each other.
+fn beside(panels: &[Picture]) -> Picture {
+    let rows = panels.iter().map(|panel| panel.size[0]).max().unwrap_or(0);
+    let columns: usize = panels.iter().map(|panel| panel.size[1]).sum();
+    let mut all = Picture::black([rows, columns]);
+    let mut left = 0;
+    for panel in panels {
+        let [high, wide] = panel.size;
+        for row in 0..high {
+            let to = 3 * (row * columns + left);
+            all.rgb[to..to + 3 * wide].copy_from_slice(&panel.rgb[3 * row * wide..][..3 * wide]);
+        }
+        left += wide;
+    }
+    all
+}
+
+/// Writes the picture.
+fn save(own: &mut ManagedDir, picture: &Picture) -> Result<(), Failure> {
+    let mut png = Vec::new();
+    let [rows, columns] = picture.size;
+    let encoded = files::encode_png8(&mut png, rows, columns, 3, &picture.rgb);
+    encoded.map_err(|e| FileError::write(&own.path().join(PICTURE), e))?;
+    Ok(own.write(vec![(PICTURE.to_owned(), png)])?)
 }

@@ -1,4 +1,4 @@
-//! `eyebox bench --dry`: what steps ask of a device, recorded and not run, and what devices would make of them.
+//! `eyebox bench --dry-run`: what steps ask of a device, recorded and not run, and what devices would make of them.
 
 use crate::Failure;
 use crate::args::Bench;

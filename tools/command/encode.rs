@@ -55,7 +55,8 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     encoder.save(&frames, Some(&input.hologram), &args.out)?;
     let slow = encode::flicker(&display, &colors, input.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
     let notes: Vec<&String> = input.notes.iter().chain(&slow).chain(encoder.notes()).collect();
-    input.notes.iter().chain(&slow).for_each(|note| tracing::warn!("{note}"));
+    input.notes.iter().for_each(|note| tracing::warn!("{note}"));
+    slow.iter().for_each(|slow| tracing::debug!("{slow}"));
     if args.json {
         println!("{}", report(args, &encoder, &frames, &notes));
     }

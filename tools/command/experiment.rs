@@ -1,6 +1,8 @@
 //! `--settings` and `--set`: what belongs to an experiment, and not to one call.
 
 use crate::Failure;
+use crate::table;
+pub use crate::table::{Table, TableOf};
 use clap::Args;
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::produce::GivenSettings;
@@ -8,6 +10,7 @@ use eyebox::low_level::reason;
 use eyebox::low_level::session::Policy;
 use eyebox::low_level::solve::{RefineSettings, Settings};
 use serde::Deserialize;
+use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
 /// Settings of an experiment, in every command that solves or refines.
@@ -16,7 +19,7 @@ pub struct ExperimentArgs {
     /// Settings file in TOML (docs/settings.md); - prints the settings of this call and computes nothing
     #[arg(help_heading = "Settings", long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
-    /// One of these settings, such as optimizer=adam or refine.pupils=4
+    /// One setting, such as optimizer=adam or refine.pupils=4
     #[arg(help_heading = "Settings", long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }
@@ -43,10 +46,23 @@ impl ExperimentArgs {
         self.settings.as_deref() == Some(Path::new("-"))
     }
 
-    /// Prints the settings of refinements if the settings are asked for. Returns whether it did.
-    pub fn printed(&self) -> Result<bool, Failure> {
+    /// Reads a table of the settings.
+    pub fn table<T: Args>(&self, name: &'static str) -> Result<T, Failure> {
+        table::read(&self.given()?, name)
+    }
+
+    /// Prints the settings of refinements and these tables if the settings are asked for. Returns whether it did.
+    pub fn printed(&self, tables: &[TableOf]) -> Result<bool, Failure> {
         if self.is_printed() {
-            print(None, &self.given()?)?;
+            print(None, &self.given()?, tables)?;
+        }
+        Ok(self.is_printed())
+    }
+
+    /// Prints these tables alone if the settings are asked for. Returns whether it did.
+    pub fn printed_tables(&self, tables: &[TableOf]) -> Result<bool, Failure> {
+        if self.is_printed() {
+            print_tables(&self.given()?, tables)?;
         }
         Ok(self.is_printed())
     }
@@ -73,8 +89,23 @@ fn no_restart() -> Reason {
     reason!("restart", "refine.restart: expected a number of pupil diameters, 0 or more, or \"never\"")
 }
 
-/// Prints settings as a file that `--settings` reads.
-pub fn print(solve: Option<&Settings>, given: &GivenSettings) -> Result<(), Failure> {
+/// Prints settings and tables as a file that `--settings` reads.
+pub fn print(solve: Option<&Settings>, given: &GivenSettings, tables: &[TableOf]) -> Result<(), Failure> {
     println!("{}", given.effective(solve)?.trim_end());
+    if !tables.is_empty() {
+        println!();
+    }
+    print_tables(given, tables)
+}
+
+fn print_tables(given: &GivenSettings, tables: &[TableOf]) -> Result<(), Failure> {
+    let mut all = Map::new();
+    for table in tables {
+        all.insert(table.0.to_owned(), Value::Object(table::effective(given, *table)?));
+    }
+    let text = GivenSettings::to_toml(&all)?;
+    if !text.trim().is_empty() {
+        println!("{}", text.trim_end());
+    }
     Ok(())
 }

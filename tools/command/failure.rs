@@ -29,6 +29,15 @@ pub enum Failure {
     /// What was asked for does not fit together.
     #[error("{0}")]
     Arguments(Reason),
+    /// A key of a table of the settings is unknown, or has no such value.
+    #[error("{setting}: {reason}")]
+    #[serde(rename = "arguments")]
+    Setting {
+        /// The table and the key.
+        setting: String,
+        /// The problem.
+        reason: Reason,
+    },
 }
 
 impl<E: Into<Error>> From<E> for Failure {
@@ -55,8 +64,7 @@ pub fn print(failure: &Failure) -> ExitCode {
 }
 
 /// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
-const FIELDS: [&str; 32] = [
-    "ahead",
+const FIELDS: [&str; 26] = [
     "at",
     "clock",
     "color",
@@ -66,24 +74,19 @@ const FIELDS: [&str; 32] = [
     "engine",
     "focal_length",
     "frames",
-    "iris",
     "model_terms",
     "near",
     "order",
     "output",
     "overwrite",
-    "passes",
     "phase_unit",
     "photographs",
     "pitch",
     "prescription",
     "pupils",
     "size",
-    "speed",
     "start_at",
-    "step_time",
     "steps",
-    "sync",
     "tracker",
     "unfinished",
     "views",
@@ -98,6 +101,12 @@ pub fn in_options(sentence: &str) -> String {
         ("`padding` exact", "--set padding=exact"),
         ("`padding`", "--set padding=need"),
         ("`depth_map`", "--depth-map FILE"),
+        ("`ahead`", "show.ahead"),
+        ("`speed`", "show.speed"),
+        ("`step_time`", "show.step_time"),
+        ("`sync`", "show.sync"),
+        ("`iris`", "camera.iris"),
+        ("`passes`", "tiles.passes"),
         ("`first`", "--at"),
         ("`raw`", "--output raw:FILE"),
         ("`fit_exposure`", "`eyebox convert --scene`"),

@@ -4,10 +4,11 @@ use crate::Failure;
 use crate::common;
 use crate::groups::DisplayArgs;
 use crate::signals;
-use crate::values::{HZ, MM, positive_in};
+use crate::values::{MM, rate};
 use clap::Args;
 #[cfg(target_os = "linux")]
 use eyebox::low_level::gpu::SlotWriter as Writer;
+use eyebox::low_level::present::Rate;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Request, Stage, ViewGrid};
 use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer, Sample, Transfer, Wanted};
@@ -23,29 +24,29 @@ pub struct Feed {
     /// The display's name: it takes frames as live:NAME
     #[arg(help_heading = "Display", long)]
     pub name: String,
-    /// Frames a second
-    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = positive_in(HZ), default_value = "30")]
-    pub rate: f64,
+    /// Holograms per second that are asked for: frames of scenes
+    #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
+    pub rate: Rate,
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
     /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
     #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path)]
     pub r#move: Option<ParameterPath>,
     /// Frames from one end of the path to the other
     #[arg(help_heading = "Steps", long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
-    pub steps: u32,
+    pub move_frames: u32,
     /// Give the views that the display asks for, around the pupil: of built-in scenes
     #[arg(help_heading = "Scene", long)]
     pub per_pupil: bool,
     /// Keep the frames on the display's device, where it has one, and give them there: their samples never pass through the host
     #[arg(help_heading = "Scene", long)]
     pub on_device: bool,
-    /// Frames to give; left out, until the display ends
+    /// Number of frames [default: until the display ends]
     #[arg(help_heading = "Quality", long, value_name = "N")]
-    pub frames: Option<u64>,
+    pub count: Option<u64>,
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// What was asked and given as one JSON object on standard output
+    /// One JSON object on standard output: what was asked and given
     #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
@@ -159,8 +160,8 @@ fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
             Failure::Arguments(reason!("path-of-many", "--move moves one built-in scene: give one alone"))
         })?;
         let mark = if scene.contains('?') { '&' } else { '?' };
-        let at = |step: u32| a + (b - a) * f64::from(step) / f64::from(args.steps - 1);
-        let there_and_back = (0..args.steps).chain((1..args.steps - 1).rev());
+        let at = |step: u32| a + (b - a) * f64::from(step) / f64::from(args.move_frames - 1);
+        let there_and_back = (0..args.move_frames).chain((1..args.move_frames - 1).rev());
         return Ok(there_and_back.map(|step| format!("{scene}{mark}{key}={}", at(step))).collect());
     }
     match one() {
@@ -294,12 +295,12 @@ fn give(
     let mut kept: Vec<Option<usize>> = vec![None; frames.len().max(1)];
     let start = Instant::now();
     let mut account = Account { ended: "all given", ..Account::default() };
-    while args.frames.is_none_or(|most| account.given < most) {
+    while args.count.is_none_or(|most| account.given < most) {
         if signals::interrupted() {
             account.ended = "interrupted";
             break;
         }
-        let due = Duration::from_secs_f64(account.given as f64 / args.rate);
+        let due = Duration::from_secs_f64(account.given as f64 / args.rate.hz());
         let left = due.saturating_sub(start.elapsed());
         match application.wait(left.min(Duration::from_millis(100))) {
             Ok(asked) => account.asked += u64::from(asked),
@@ -312,7 +313,7 @@ fn give(
         if start.elapsed() < due {
             continue;
         }
-        account.late += u64::from((start.elapsed() - due).as_secs_f64() > 1.0 / args.rate);
+        account.late += u64::from((start.elapsed() - due).as_secs_f64() > 1.0 / args.rate.hz());
         let request = application.request();
         let (mut info, made);
         let at = (account.given % frames.len() as u64) as usize;

@@ -18,7 +18,7 @@ pub struct Completions {
 /// `eyebox man`
 #[derive(Args)]
 pub struct Man {
-    /// Where the pages go: eyebox.1, and eyebox-COMMAND.1 for each command
+    /// Output folder of the pages: eyebox.1, and eyebox-COMMAND.1 for each command
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
 }

@@ -1,7 +1,7 @@
 //! Groups of arguments that commands share: the engine, the display, the scene. Millimetres in, metres out.
 
 use crate::Failure;
-use crate::values::{MM, Names, depths, one_of, positive_in, prescription, size};
+use crate::values::{MIN, MM, Names, S, depths, iris, not_negative_in, one_of, positive_in, prescription, size};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::engine::Kernel;
 use eyebox::low_level::error::Reason;
@@ -96,7 +96,7 @@ pub struct DisplayArgs {
     /// Resolution instead of the display's own, rows x columns, N for a square, or a name such as 1080p
     #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
-    /// Colours
+    /// Color: red, green, blue or all
     #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
     pub color: Colors,
     /// Take sizes, wavelengths and pupils that look like a mistake, and a scene that the hologram was not made of
@@ -111,9 +111,6 @@ pub struct EyeArgs {
     /// what the hologram was solved for, or the display file says]
     #[arg(help_heading = "Eye", long, value_name = "S C AXIS|none", value_parser = prescription)]
     pub prescription: Option<Prescription>,
-    /// Where the prescription is one for spectacles, their distance from the eye, mm [default: it is meant at the eye]
-    #[arg(help_heading = "Eye", long, value_name = "MM", value_parser = positive_in(MM), requires = "prescription")]
-    pub vertex_distance: Option<f64>,
     /// The eye that looks as a TOML file: sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
     #[arg(help_heading = "Eye", long, value_name = "FILE", conflicts_with = "prescription")]
     pub eye_file: Option<PathBuf>,
@@ -125,12 +122,7 @@ impl EyeArgs {
         if let Some(file) = &self.eye_file {
             return Ok(Some(Prescription::load(file)?));
         }
-        let mut given = self.prescription.clone();
-        if let (Some(eye), Some(mm)) = (&mut given, self.vertex_distance) {
-            eye.vertex_mm = mm;
-            eye.check().map_err(Failure::Arguments)?;
-        }
-        Ok(given)
+        Ok(self.prescription.clone())
     }
 
     /// Puts it in the place of another, if one was given.
@@ -282,6 +274,26 @@ impl SceneOptions {
         let line = "--depth-map, --near, --view-pitch, --views, --depth, --order and --photographs say how a scene is read: give --scene";
         Err(Failure::Arguments(Reason::new("scene-options-without-scene", line)))
     }
+}
+
+/// The table `camera` of the settings.
+#[derive(Args)]
+pub struct CameraSettings {
+    /// Minutes from one picture to the next while a hologram is shown
+    #[arg(long, default_value_t = 30.0, value_name = "MINUTES", value_parser = positive_in(MIN))]
+    pub every: f64,
+    /// Time that the command may take for an answer, s [default: 60, and by exposure]
+    #[arg(long, value_name = "SECONDS", value_parser = positive_in(S))]
+    pub timeout: Option<f64>,
+    /// Pictures of a calibration at most
+    #[arg(long, default_value_t = 40, value_name = "N")]
+    pub pictures: usize,
+    /// Place and diameter of an iris that does not move, mm, if the command does not report them
+    #[arg(long, value_name = "X,Y,DIAMETER", value_parser = iris)]
+    pub iris: Option<[f64; 3]>,
+    /// Time from when a pattern lit up until it is stable, s
+    #[arg(long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative_in(S))]
+    pub settle: f64,
 }
 
 /// Files of others where a report goes.

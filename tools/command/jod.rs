@@ -31,12 +31,9 @@ pub struct JodArgs {
         value_name = "WHICH"
     )]
     pub jod: JudgedPupils,
-    /// How bright the display is seen
-    #[command(flatten)]
-    pub viewing: ViewingArgs,
 }
 
-/// How a display is seen, in the place of what its file says.
+/// The table `viewing` of the settings: how a display is seen, instead of the values of its file.
 #[derive(Args, Clone, Copy, Default, PartialEq)]
 pub struct ViewingArgs {
     /// Luminance of white, cd/m2, as JOD and contrast are seen [default: the display file's, else 200]

@@ -44,6 +44,7 @@ mod show;
 mod signals;
 mod solve;
 mod subject;
+mod table;
 mod tracker;
 #[cfg(test)]
 mod units_tests;

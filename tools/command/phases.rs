@@ -48,16 +48,16 @@ pub struct PhaseArgs {
 /// Optics of bare phases without a display.
 #[derive(Args, Clone)]
 pub struct BareOpticsArgs {
-    /// Without --display: pixel pitch, um
+    /// Pixel pitch, um, without --display
     #[arg(help_heading = "Bare phases", long, value_name = "UM", value_parser = number_in(UM), conflicts_with = "display")]
     pub pitch: Option<f64>,
-    /// Without --display: wavelength, nm; one per colour
+    /// Wavelength, nm, without --display, one per color
     #[arg(help_heading = "Bare phases", long, value_name = "NM", value_parser = number_in(NM), value_delimiter = ',', conflicts_with = "display")]
     pub wavelength: Vec<f64>,
-    /// Without --display: focal length, mm
+    /// Focal length, mm, without --display
     #[arg(help_heading = "Bare phases", long, value_name = "MM", value_parser = number_in(MM), conflicts_with = "display")]
     pub focal_length: Option<f64>,
-    /// Without --display: where the SLM stands
+    /// Place of the SLM, without --display
     #[arg(help_heading = "Bare phases", long, value_enum, default_value_t = GeometryName::Relay, conflicts_with = "display")]
     pub geometry: GeometryName,
 }

@@ -35,7 +35,7 @@ pub struct Refine {
     /// Scene
     #[command(flatten)]
     pub scene: OwnSceneArgs,
-    /// Where the eye is: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
     pub pupil: GivenPupil,
     /// Standard deviation of where it is, mm
@@ -56,7 +56,7 @@ pub struct Refine {
     /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
-    /// Where the refined hologram goes: NAME.zarr
+    /// Output: NAME.zarr of the refined hologram
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: Option<PathBuf>,
     /// Engine
@@ -95,7 +95,7 @@ const PIECE: [&str; 2] = ["piece_db", "over the piece dB"];
 /// Refines, and says what came of it.
 pub fn run(args: &Refine) -> Result<(), Failure> {
     let steering = args.experiment.refinement()?;
-    if args.experiment.printed()? {
+    if args.experiment.printed(&[])? {
         return Ok(());
     }
     if let Some(out) = &args.out {

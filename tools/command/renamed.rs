@@ -44,6 +44,61 @@ const OPTIONS: [(&str, &str); 17] = [
     ("vulkan-from", "--engine vulkan-from:KERNEL"),
 ];
 
+/// Options that are keys of a table of the settings now, by command. The key has the same name, with underscores.
+const KEYS: [(&str, &str, &[&str]); 6] = [
+    (
+        "eval gaze",
+        "gaze",
+        &[
+            "fixation",
+            "pursuit",
+            "blinks",
+            "tracker-delay",
+            "tracker-noise",
+            "eye-seed",
+            "content",
+            "sets",
+            "steps-per-set",
+            "moves",
+            "jumps-every",
+            "jumps-to",
+            "jumps-from",
+            "whole-sets",
+            "step-time",
+            "encode-time",
+        ],
+    ),
+    (
+        "show",
+        "show",
+        &[
+            "display-latency",
+            "whole-sets",
+            "moments",
+            "sources-out",
+            "ahead",
+            "speed",
+            "sync",
+            "mark",
+            "keep-phase",
+            "step-time",
+            "encode-time",
+            "ask",
+        ],
+    ),
+    ("eval compare", "compare", &["coherence", "etendue", "sources", "reference"]),
+    ("", "camera", &["iris", "settle"]),
+    ("", "tiles", &["passes", "picture"]),
+    ("", "viewing", &["luminance", "black", "pixels-per-degree"]),
+];
+/// The same with another name.
+const OTHER_KEYS: [(&str, &str); 4] = [
+    ("camera-every", "camera.every"),
+    ("camera-timeout", "camera.timeout"),
+    ("captures-max", "camera.pictures"),
+    ("no-speckle", "compare.speckle"),
+];
+
 /// Returns the new name of an old command.
 pub fn command(name: &str) -> Option<String> {
     let (_, now) = COMMANDS.iter().chain([&VIEW]).find(|(old, _)| *old == name)?;
@@ -99,6 +154,13 @@ fn setting(command: &str, option: &str) -> Option<String> {
             _ => format!("refine.{name}"),
         });
     }
+    let of_table = |(of, _, keys): &&(&str, &str, &[&str])| (of.is_empty() || *of == command) && keys.contains(&option);
+    if let Some((_, table, _)) = KEYS.iter().find(of_table) {
+        return Some(format!("{table}.{name}"));
+    }
+    if let Some((_, setting)) = OTHER_KEYS.iter().find(|(old, _)| *old == option) {
+        return Some((*setting).to_owned());
+    }
     let is_known = OF_SOLVES.contains(&option);
     is_known.then(|| if option == "speckle" { "contrast".into() } else { name })
 }
@@ -117,6 +179,7 @@ mod tests {
     use super::*;
     use crate::commands::Cli;
     use crate::headings;
+    use crate::units_tests::tables;
     use clap::Command;
     use eyebox::low_level::error::ErrorData;
     use eyebox::low_level::produce::GivenSettings;
@@ -131,6 +194,14 @@ mod tests {
             let (path, sub) = leaves.iter().find(|(path, _)| now.starts_with(path.as_str())).expect(now);
             let option = now[path.len()..].trim().strip_prefix("--");
             assert!(option.is_none_or(|long| has(sub, long)), "{now}");
+        }
+        let keys = KEYS
+            .iter()
+            .flat_map(|(_, table, keys)| keys.iter().map(move |key| format!("{table}.{}", key.replace('-', "_"))));
+        for setting in keys.chain(OTHER_KEYS.map(|(_, setting)| setting.to_owned())) {
+            let (table, key) = setting.split_once('.').expect("a table");
+            let found = tables().into_iter().find(|(name, _)| *name == table).expect(table);
+            assert!((found.1)().get_arguments().any(|option| option.get_id() == key), "{setting}");
         }
         for (old, now) in OPTIONS {
             assert!(!leaves.iter().any(|(_, sub)| has(sub, old)), "{old}");

@@ -1,9 +1,11 @@
 //! The request for a solve that its arguments make. `solve`, `plan` and `bench` pass it on, and not the arguments.
 
-use crate::args::{CameraArgs, EngineArgs, SceneArgs, SettingsArgs, Solve};
+use crate::args::{CameraArgs, EngineArgs, SceneArgs, SettingsArgs, Solve, TilesSettings};
 use crate::common;
-use crate::experiment;
+use crate::experiment::{self, Table, TableOf};
 use crate::failure::Failure;
+use crate::groups::CameraSettings;
+use crate::jod::ViewingArgs;
 use crate::quality::{Chosen, QualityArgs};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display, Geometry};
@@ -67,7 +69,7 @@ impl<'a> SolveRequest<'a> {
         let scenes = frames.unwrap_or_else(|| [std::slice::from_ref(first), &args.more].concat());
         let mut display = common::display(&args.display)?;
         args.eye.replace(&mut display.prescription)?;
-        display.viewing = args.settings.viewing.over(display.viewing)?;
+        display.viewing = args.settings.experiment.table::<ViewingArgs>("viewing")?.over(display.viewing)?;
         let given = given(&args.settings)?.before(display.focal_length)?;
         Ok(Self {
             tiles: None,
@@ -91,7 +93,9 @@ impl<'a> SolveRequest<'a> {
         let is_printed = self.options.experiment.is_printed();
         if is_printed {
             let (settings, _) = self.settings(common::engine(self.engine)?.as_ref())?;
-            experiment::print(Some(&settings), &self.given)?;
+            let tables: [TableOf; 3] =
+                [("camera", CameraSettings::table), ("tiles", TilesSettings::table), ("viewing", ViewingArgs::table)];
+            experiment::print(Some(&settings), &self.given, &tables)?;
         }
         Ok(is_printed)
     }
@@ -167,16 +171,18 @@ impl SolveRequest<'_> {
             return Ok(None);
         }
         let (given, display) = (&self.given, &self.display);
+        let own: TilesSettings = self.options.experiment.table("tiles")?;
         let settings = self.base(display)?;
         let frames = settings.frames;
         let relay = display.geometry == Geometry::Relay;
         // In a relay every pupil sees the whole SLM, so regions do not help.
         args.memory.filter(|_| relay).into_iter().for_each(memory::limit);
         if relay || args.memory.is_none() && !is_larger_than_memory(display, frames) {
-            if args.passes.is_some() || args.picture.is_some() {
+            let is_printed = self.options.experiment.is_printed();
+            if (own.passes.is_some() || own.picture.is_some()) && !is_printed {
                 return Err(Failure::Arguments(reason!(
                     "not-in-tiles",
-                    "--passes and --picture are for far fields with --memory: this is solved all at once"
+                    "tiles.passes and tiles.picture are for far fields with --memory: this is solved all at once"
                 )));
             }
             return Ok(None);
@@ -200,8 +206,8 @@ impl SolveRequest<'_> {
         let default = TilesRequest::default();
         Ok(Some(TilesRequest {
             memory: args.memory.map_or(default.memory, MemoryLimit),
-            passes: args.passes.unwrap_or(default.passes),
-            picture: args.picture.unwrap_or(default.picture),
+            passes: own.passes.unwrap_or(default.passes),
+            picture: own.picture.unwrap_or(default.picture),
         }))
     }
 }

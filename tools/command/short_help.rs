@@ -44,7 +44,7 @@ const OF_COMMANDS: [(&str, &[&str]); 9] = [
     ("bench", &["beside", "dry-run", "frames", "rounds", "steps"]),
     ("convert", &["at", "exposure", "focal-length", "phase-unit", "pitch", "wavelength"]),
     ("eval compare", &["frames", "hologram", "jod", "methods", "pupils", "steps"]),
-    ("eval gaze", &["content", "display-rate", "duration"]),
+    ("eval gaze", &["duration"]),
     ("eval score", &["at", "encoded", "jod", "pupils"]),
     ("preview", &["at", "encoded", "zoom"]),
     ("refine", &["at", "pupil-diameter", "spread", "steps"]),
@@ -52,8 +52,7 @@ const OF_COMMANDS: [(&str, &[&str]); 9] = [
     ("show", &["calibration", "duration", "frames", "loop", "rate", "record", "stats", "tracker", "view"]),
 ];
 /// The usual options of `solve`.
-const OF_SOLVE: [&str; 11] =
-    ["camera", "dry-run", "duration", "frames", "memory", "method", "psnr", "rate", "seed", "steps", "timings"];
+const OF_SOLVE: [&str; 9] = ["camera", "dry-run", "duration", "frames", "memory", "method", "rate", "seed", "steps"];
 
 /// Number of options up to which a command shows all of them.
 const MOST: usize = 18;

@@ -35,7 +35,7 @@ pub struct SubjectArgs {
 /// How what is steered is read, or solved.
 #[derive(Args)]
 pub struct SubjectOptions {
-    /// With a hologram: its scene [default: the one it was solved from]
+    /// Scene of a hologram [default: the one it was solved from]
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// How the scene is read

@@ -147,7 +147,8 @@ fn line(error: &Error) -> String {
         .map(str::trim)
         .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"))
         // What begins with a hyphen is a value of nothing here.
-        .filter(|l| !l.is_empty() && !l.starts_with("tip: to pass '") && !(is_renamed && l.starts_with("tip:")))
+        .filter(|l| !l.is_empty() && !l.starts_with("tip: to pass '"))
+        .filter(|l| !is_renamed || !l.starts_with("tip:"))
         .collect();
     let said = lines.join(" ").trim_start_matches("error: ").replace("tip: ", "; ").replace(" ; ", "; ");
     // What the standard library says of a number is no remedy.

@@ -142,14 +142,6 @@ pub fn size(text: &str) -> Result<[usize; 2], QuantityError> {
     read_size(text)
 }
 
-/// Rows of a square picture.
-pub fn square(text: &str) -> Result<usize, Wrong> {
-    match read_size(text)? {
-        [rows, columns] if rows == columns => Ok(rows),
-        _ => Err("expected as many rows as columns, such as 256".into()),
-    }
-}
-
 /// An amount of memory, in bytes.
 pub fn memory(text: &str) -> Result<u64, Wrong> {
     let form = "expected an amount of memory, such as 4GiB or 512MiB";

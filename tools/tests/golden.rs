@@ -126,8 +126,8 @@ fn solves(g: &mut Golden) {
     g.solve("points", "builtin:points --size 40x48 --color red --steps 3 --frames 2");
     g.solve("grass", "builtin:dense-grass --size 36x44 --color green --steps 3 --frames 2");
     g.run(
-        "solve builtin:still-life --display far.toml --frames 2 --memory 200MiB --pupil-diameter 0.2..0.4 --picture 64 \
-         --passes 1 --steps 2 --engine cpu -o tiles.zarr",
+        "solve builtin:still-life --display far.toml --frames 2 --memory 200MiB --pupil-diameter 0.2..0.4 --set tiles.picture=64 \
+         --set tiles.passes=1 --steps 2 --engine cpu -o tiles.zarr",
     );
     g.run("solve builtin:still-life builtin:still-life?camera=1 --size 24x32 --steps 3 --frames 8 --engine cpu -o moving.zarr");
     for at in [0, 1] {

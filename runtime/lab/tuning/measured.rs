@@ -24,7 +24,7 @@ pub enum MeasuredError {
     #[error(transparent)]
     File(#[from] FileError),
     /// It holds something else.
-    #[error("{file}: {reason}; run `eyebox tradeoff` again to replace it")]
+    #[error("{file}: {reason}; run `eyebox eval tune` again to replace it")]
     Content {
         /// The file.
         file: String,

@@ -18,7 +18,11 @@ use std::path::Path;
 /// Keys that may have a unit.
 const QUANTITIES: [&str; 3] = ["seconds", "diameter", "depth"];
 /// Keys of a job and of a refinement that are not fields of [`Settings`].
-const BESIDE: [&str; 5] = ["quality", "contrast", "force", "full", "refine"];
+const BESIDE: [&str; 11] = [
+    "quality", "contrast", "force", "full", "refine", TABLES[0], TABLES[1], TABLES[2], TABLES[3], TABLES[4], TABLES[5],
+];
+/// Tables of commands. The library stores them and does not read them, so that one file serves all.
+const TABLES: [&str; 6] = ["camera", "compare", "gaze", "show", "tiles", "viewing"];
 /// Keys of the table `refine` that belong to a live session and are not fields of [`RefineSettings`].
 const OF_SESSIONS: [&str; 1] = ["restart"];
 
@@ -58,7 +62,10 @@ impl GivenSettings {
         }
         value::<bool>(&given.0, "force")?;
         full(&given.0)?;
-        Ok(given)
+        match TABLES.iter().find(|table| given.0.get(**table).is_some_and(|value| !value.is_object())) {
+            Some(table) => Err(reason!("value", "{table}: it is a table, as in {table}.key = value")),
+            None => Ok(given),
+        }
     }
 
     /// Takes one setting as `KEY=VALUE`, such as `optimizer=adam` or `refine.strategy.momentum=0.7`. It replaces the earlier value.
@@ -72,7 +79,7 @@ impl GivenSettings {
                 .split_once('=')
                 .ok_or_else(|| reason!("assignment", "'{assignment}' has no value: write it as in optimizer=adam"))?;
             keys(&format!("{key} = {value}")).or_else(|wrong| match value.trim() {
-                word if wrong.code() == "toml" && word.starts_with(char::is_alphabetic) => {
+                word if matches!(wrong.code(), "toml" | "decimal-comma") && is_word(word) => {
                     keys(&format!("{key} = '{word}'"))
                 }
                 _ => Err(wrong),
@@ -120,6 +127,19 @@ impl GivenSettings {
     /// [`ProduceError::Job`] if the value has another type.
     pub fn get<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>, ProduceError> {
         value(&self.0, key).map_err(refused)
+    }
+
+    /// Returns a table of a command, if it is given.
+    pub fn table(&self, name: &str) -> Option<&Map<String, Value>> {
+        self.0.get(name).filter(|_| TABLES.contains(&name)).and_then(Value::as_object)
+    }
+
+    /// Returns keys and tables as a TOML text.
+    ///
+    /// # Errors
+    /// [`ProduceError::Job`] if a value cannot be written.
+    pub fn to_toml(keys: &Map<String, Value>) -> Result<String, ProduceError> {
+        toml(keys).map_err(refused)
     }
 
     /// Returns the parts of the model that are kept whatever the scene requires.
@@ -202,6 +222,12 @@ impl GivenSettings {
     fn named_optimizer(&self) -> Option<&str> {
         self.0.get("optimizer").and_then(Value::as_str)
     }
+}
+
+/// Returns whether a value is a text without quotes, such as `adam`, `20ms` or `0,0,6`.
+fn is_word(value: &str) -> bool {
+    let begins = value.starts_with(|c: char| c.is_alphanumeric() || "-./".contains(c));
+    begins && !value.contains(['\'', '"', '\n'])
 }
 
 /// Drops what is not set: TOML has no null.

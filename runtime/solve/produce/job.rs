@@ -253,13 +253,14 @@ impl<'a> SceneJob<'a> {
     }
 }
 
-/// Says where views stand so far apart that pupils see it. (Tiles are seen through views that are made close enough.)
+/// Warns if views are so far apart that pupils see it. Tiles are seen through views that are made close enough. The views of built-in
+/// scenes are those of the paper, and nobody brought them, so that no warning is of use.
 pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
-    if let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) {
-        tracing::warn!(
-            "near and far content part by {pixels}: {why} (`views`, where they are rendered or made from a depth map)"
-        );
-    }
+    let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) else { return };
+    let text = format!(
+        "near and far content part by {pixels}: {why} (`views`, where they are rendered or made from a depth map)"
+    );
+    if field.name.starts_with("builtin:") { tracing::debug!("{text}") } else { tracing::warn!("{text}") }
 }
 
 #[cfg(test)]

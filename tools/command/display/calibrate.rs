@@ -3,8 +3,10 @@
 use super::patterns::{self, PatternArgs};
 use crate::Failure;
 use crate::common;
+use crate::experiment::{ExperimentArgs, Table};
+use crate::groups::{CameraSettings, Colors};
 use crate::progress::{self, JobBar};
-use crate::values::{S, celsius, iris, positive_in};
+use crate::values::celsius;
 use clap::Args;
 use eyebox::low_level::calibrate::{Bench, CameraCommand, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
 use eyebox::low_level::engine;
@@ -21,10 +23,10 @@ pub struct Calibrate {
     /// Display: a preset (eyebox display list) or a TOML file. The fit begins with its model
     #[arg(value_name = "PRESET|FILE")]
     pub display: String,
-    /// Colour whose light is on [default: green, or the display's first]
-    #[arg(help_heading = "Display", long, value_name = "red|green|blue", value_parser = color)]
-    pub color: Option<Color>,
-    /// The command that shows patterns and takes pictures: docs/calibrate.md
+    /// Color whose light is on [default: green, or the display's first]
+    #[arg(help_heading = "Display", long, value_enum, value_name = "COLOR", hide_possible_values = true)]
+    pub color: Option<Colors>,
+    /// Command of a camera that shows patterns and takes pictures (docs/calibrate.md)
     #[arg(
         help_heading = "Camera",
         long,
@@ -36,21 +38,12 @@ pub struct Calibrate {
     /// A folder of pictures in the place of a camera
     #[arg(help_heading = "Camera", long, value_name = "DIR")]
     pub captures: Option<PathBuf>,
-    /// Pictures at most
-    #[arg(help_heading = "Camera", long, default_value_t = 40, value_name = "N", conflicts_with = "captures")]
-    pub captures_max: usize,
-    /// Where an iris stands that does not move, mm, where the command does not say so
-    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris)]
-    pub iris: Option<[f64; 3]>,
     /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
     /// Keep the pictures here; what a calibration that was broken off left here is not taken again
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", conflicts_with = "captures")]
     pub keep: Option<PathBuf>,
-    /// Seconds that the command may take for an answer [default: 60, and by exposure]
-    #[arg(help_heading = "Camera", long, value_name = "SECONDS", value_parser = positive_in(S), conflicts_with = "captures")]
-    pub camera_timeout: Option<f64>,
     /// Four pictures, for what drifts: the display's file has the rest
     #[arg(help_heading = "Camera", long, conflicts_with = "captures")]
     pub quick: bool,
@@ -58,12 +51,15 @@ pub struct Calibrate {
     /// stands still from colour to colour. straight: it looks straight at the display, and keystone and turns are the display's
     #[arg(help_heading = "Camera", long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
     pub register: Option<String>,
-    /// The display file with the model
+    /// Output: the display file with the model
     #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
     /// A page of what was seen, predicted and left
     #[arg(help_heading = "Output", long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
+    /// Settings of the camera
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
     /// Temperature of the bench in degrees Celsius, kept with the model
     #[arg(help_heading = "Camera", long, value_name = "CELSIUS", value_parser = celsius)]
     pub temperature: Option<f64>,
@@ -72,45 +68,47 @@ pub struct Calibrate {
     pub json: bool,
 }
 
-/// A colour by its name.
-fn color(name: &str) -> Result<Color, String> {
-    let found = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| c.to_string() == name);
-    found.ok_or_else(|| "red, green or blue".into())
-}
-
 /// Calibrates, writes the display's file, says how sure it is.
 pub fn run(args: &Calibrate) -> Result<(), Failure> {
+    if args.experiment.printed_tables(&[("camera", CameraSettings::table)])? {
+        return Ok(());
+    }
+    let camera_settings: CameraSettings = args.experiment.table("camera")?;
     common::check_output(&args.out, "toml")?;
     if let Some(page) = &args.report {
         common::check_output(page, "html")?;
     }
     let display = Display::load(&args.display)?;
     let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
-    let color = args.color.or(green.map(|w| w.color)).unwrap_or(Color::Green);
+    if args.color == Some(Colors::All) {
+        return Err(Failure::Arguments(reason!("one-color", "--color all: one color after the other is calibrated")));
+    }
+    let named = args.color.and_then(Colors::one);
+    let color = named.or(green.map(|w| w.color)).unwrap_or(Color::Green);
     let age = ModelAge::of(&display, color);
     if let Some(age) = &age {
         eprintln!("the {color} model of {}: {age}", args.display);
     }
     let bench = match (&args.camera, &args.captures) {
         (Some(command), _) => {
-            let limit = args.camera_timeout.map(Duration::from_secs_f64);
-            let camera = CameraCommand { command, keep: args.keep.as_deref(), limit, iris_mm: args.iris };
-            Bench::Command { camera, most: args.captures_max, quick: args.quick }
+            let limit = camera_settings.timeout.map(Duration::from_secs_f64);
+            let camera = CameraCommand { command, keep: args.keep.as_deref(), limit, iris_mm: camera_settings.iris };
+            Bench::Command { camera, most: camera_settings.pictures, quick: args.quick }
         }
-        (None, Some(folder)) => Bench::Folder { folder, iris_mm: args.iris },
+        (None, Some(folder)) => Bench::Folder { folder, iris_mm: camera_settings.iris },
         (None, None) => return Err(Failure::Arguments(reason!("no-camera", "--camera or --captures is needed"))),
     };
-    if args.captures_max < FEWEST {
+    if camera_settings.pictures < FEWEST {
         return Err(Failure::Arguments(reason!(
             "captures-max",
-            "--captures-max {} is too few: give {FEWEST} or more",
-            args.captures_max
+            "camera.pictures = {} is too few: give {FEWEST} or more",
+            camera_settings.pictures
         )));
     }
     if args.camera.is_some() {
         progress::catch_interrupt();
     }
-    let mut output = args.patterns.open(&display, &[color])?;
+    let mut output = args.patterns.open(camera_settings.settle, &display, &[color])?;
     let shows = patterns::shows(&mut output);
     let bar = JobBar::new(args.json);
     let calibrated = calibrate(&display, color, &bench, shows, &mut |event| match event {

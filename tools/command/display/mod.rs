@@ -34,7 +34,7 @@ pub enum Display {
         after_help = "Examples:\n  eyebox display calibrate bench.toml --camera 'python3 my_camera.py' -o calibrated.toml\n  \
                       eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --keep pictures -o calibrated.toml\n  \
                       eyebox display calibrate bench.toml --captures pictures -o calibrated.toml\n  \
-                      eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --output window --iris=0,0,6 -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 if the bench or ctrl-C ended it."
+                      eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --output window --set camera.iris=0,0,6 -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 if the bench or ctrl-C ended it."
     )]
     Calibrate(Box<calibrate::Calibrate>),
 }

@@ -31,7 +31,7 @@ pub struct New {
     /// A preset
     #[arg(value_name = "PRESET")]
     pub preset: String,
-    /// The file, which must not exist yet
+    /// Output file, which must not exist yet
     #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
 }

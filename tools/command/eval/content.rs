@@ -1,4 +1,4 @@
-//! `eyebox study --content`: what moments and steering gain for content that stands still, moves or jumps.
+//! Content of `eyebox eval gaze` that changes (the setting `gaze.content`): what moments and steering gain for content that stands still, moves or jumps.
 
 use crate::Failure;
 use crate::args::{SceneArgs, SceneOptions};
@@ -19,35 +19,28 @@ use serde_json::{Value, json};
 #[derive(Args)]
 pub struct ContentArgs {
     /// Study content that does this, one scene after the other, set by set: with and without steering, with moments on and off
-    #[arg(help_heading = "Eye", long, value_enum, value_delimiter = ',', value_name = "KIND,...")]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "KIND,...")]
     content: Vec<ContentName>,
-    /// With --content: sets
-    #[arg(help_heading = "Eye", long, default_value_t = 60, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// sets
+    #[arg(long, default_value_t = 60, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sets: u32,
-    /// With --content: steps of every colour for each set
-    #[arg(help_heading = "Eye", long, default_value_t = 3, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// steps of every colour for each set
+    #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps_per_set: u32,
-    /// With --content: pixels that content moves by in a set
-    #[arg(help_heading = "Eye", long, default_value_t = 10, value_name = "PX", requires = "content", value_parser = whole_pixels)]
+    /// pixels that content moves by in a set
+    #[arg(long, default_value_t = 10, value_name = "PX", value_parser = whole_pixels)]
     moves: u32,
-    /// With --content: sets between jumps
-    #[arg(help_heading = "Eye", long, default_value_t = 15, value_name = "N", requires = "content", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// sets between jumps
+    #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
-    /// With --content: scenes that content jumps to, in turn [default: the scene's mirror image, elsewhere]
-    #[arg(help_heading = "Eye", long, value_delimiter = ',', value_name = "SCENE,...", requires = "content")]
+    /// scenes that content jumps to, in turn [default: the scene's mirror image, elsewhere]
+    #[arg(long, value_delimiter = ',', value_name = "SCENE,...")]
     jumps_to: Vec<String>,
-    /// With --content: what is begun with after a jump
-    #[arg(
-        help_heading = "Eye",
-        long,
-        value_enum,
-        default_value = "table",
-        value_name = "table|last|random",
-        requires = "content"
-    )]
+    /// what is begun with after a jump
+    #[arg(long, value_enum, default_value = "table", value_name = "table|last|random")]
     jumps_from: StartName,
-    /// With --content: show sets whole, though the display takes several video frames for one, as they else roll there
-    #[arg(help_heading = "Steps", long, requires = "content")]
+    /// show sets whole, though the display takes several video frames for one, as they else roll there
+    #[arg(long)]
     whole_sets: bool,
 }
 

@@ -4,7 +4,8 @@ use super::content::{self, ContentArgs};
 use crate::Failure;
 use crate::args::OverwriteArgs;
 use crate::common::{self, Engines};
-use crate::jod::{JodArgs, JudgedPupils};
+use crate::experiment::Table;
+use crate::jod::{JodArgs, JudgedPupils, ViewingArgs};
 use crate::phases::AtArgs;
 use crate::progress::{self, JobBar};
 use crate::subject::{self, Steered, SubjectArgs};
@@ -33,18 +34,35 @@ pub struct Gaze {
     /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Where the plot and the numbers go
+    /// Output folder of the plot and the numbers
     #[arg(help_heading = "Output", short, long, default_value = "study", value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
-    /// Seconds of the eye's life
+    /// Stop after this time of the eye, s
     #[arg(help_heading = "Time", long, default_value_t = 6.0, value_name = "S", value_parser = positive_in(S))]
     pub duration: f64,
+    /// Samples a second of the tracker
+    #[arg(help_heading = "Eye", long, default_value_t = 120.0, value_name = "HZ", value_parser = positive_in(HZ))]
+    pub tracker_rate: f64,
+    /// Where the eye focuses, mm, or dioptres as in 0.5D
+    #[arg(help_heading = "Eye", long, default_value = "0", value_name = "MM|D", value_parser = depth)]
+    pub focus: Depth,
+    /// Ends of fixations that are judged by what people see
+    #[command(flatten)]
+    pub seen: JodArgs,
+    /// One JSON object on standard output
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
+}
+
+/// The table `gaze` of the settings.
+#[derive(Args)]
+pub struct GazeSettings {
     /// Sets per second
-    #[arg(help_heading = "Eye", long, default_value_t = 60.0, value_name = "HZ", value_parser = positive_in(HZ))]
-    pub display_rate: f64,
+    #[arg(long, default_value_t = 60.0, value_name = "HZ", value_parser = positive_in(HZ))]
+    pub set_rate: f64,
     /// How long the eye fixates, ms
     #[arg(help_heading = "Eye", long, default_value_t = 300.0, value_name = "MS", value_parser = positive_in(MS))]
     pub fixation: f64,
@@ -54,9 +72,6 @@ pub struct Gaze {
     /// Blinks a minute
     #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
     pub blinks: f64,
-    /// Samples a second of the tracker
-    #[arg(help_heading = "Eye", long, default_value_t = 120.0, value_name = "HZ", value_parser = positive_in(HZ))]
-    pub tracker_rate: f64,
     /// The tracker's delay, ms
     #[arg(help_heading = "Eye", long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative_in(MS))]
     pub tracker_delay: f64,
@@ -66,45 +81,36 @@ pub struct Gaze {
     /// One seed, one eye
     #[arg(help_heading = "Eye", long, default_value_t = 0, value_name = "S")]
     pub eye_seed: u64,
-    /// Where the eye focuses, mm, or dioptres as in 0.5D
-    #[arg(help_heading = "Eye", long, default_value = "0", value_name = "MM|D", value_parser = depth)]
-    pub focus: Depth,
-    /// Content that changes
-    #[command(flatten)]
-    pub content: ContentArgs,
     /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS), requires = "step_time")]
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS))]
     pub encode_time: f64,
-    /// Ends of fixations that are judged by what people see
+    /// Content that changes
     #[command(flatten)]
-    pub seen: JodArgs,
-    /// One JSON object on standard output
-    #[arg(help_heading = "Output", long)]
-    pub json: bool,
+    pub content: ContentArgs,
 }
 
 impl Gaze {
-    fn settings(&self, focal_length: f64) -> StudySettings {
+    fn settings(&self, table: &GazeSettings, focal_length: f64) -> StudySettings {
         let mut settings = StudySettings { seconds: self.duration, ..StudySettings::default() };
-        settings.period_ns = (1e9 / self.display_rate) as i64;
+        settings.period_ns = (1e9 / table.set_rate) as i64;
         settings.lead_ns = SetTiming::usual_lead_ns(settings.period_ns);
         settings.light_after_ns = settings.period_ns / 2;
         settings.eye = simulated::Settings {
-            seed: self.eye_seed,
+            seed: table.eye_seed,
             rate_hz: self.tracker_rate,
-            delay: self.tracker_delay * 1e-3,
-            noise: self.tracker_noise * 1e-3,
-            fixation: [self.fixation * 1e-3; 2],
-            pursuit: self.pursuit,
-            blinks: self.blinks,
+            delay: table.tracker_delay * 1e-3,
+            noise: table.tracker_noise * 1e-3,
+            fixation: [table.fixation * 1e-3; 2],
+            pursuit: table.pursuit,
+            blinks: table.blinks,
             ..simulated::Settings::default()
         };
         let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
-        if let Some(step) = self.step_time {
-            settings.cost = Cost::Fixed { step: time(step), encode: time(self.encode_time) };
+        if let Some(step) = table.step_time {
+            settings.cost = Cost::Fixed { step: time(step), encode: time(table.encode_time) };
         }
         settings.gaze.focus = [self.focus.metres(focal_length); 2];
         settings
@@ -113,9 +119,11 @@ impl Gaze {
 
 /// Studies, and shows what came of it.
 pub fn run(args: &Gaze) -> Result<(), Failure> {
-    if args.subject.how.experiment.printed()? {
+    if args.subject.how.experiment.printed(&[("gaze", GazeSettings::table), ("viewing", ViewingArgs::table)])? {
         return Ok(());
     }
+    let table: GazeSettings = args.subject.how.experiment.table("gaze")?;
+    let viewing: ViewingArgs = args.subject.how.experiment.table("viewing")?;
     let policy = args.subject.how.experiment.policy()?;
     let mut own = ManagedDir::open(&args.out, &report::STUDY, args.overwrite.overwrite)?;
     let engines = Engines::new(&args.subject.how.engine, &VulkanOptions::default())?;
@@ -132,10 +140,10 @@ pub fn run(args: &Gaze) -> Result<(), Failure> {
         }));
     }
     let focal_length = subject.hologram.focal_length;
-    let mut settings = args.settings(focal_length);
+    let mut settings = args.settings(&table, focal_length);
     if args.seen.jod != JudgedPupils::None {
         let display = subject.hologram.made_for()?;
-        let viewing = args.seen.viewing.over(display.viewing)?;
+        let viewing = viewing.over(display.viewing)?;
         let pixels_per_degree = Display { viewing, ..display }.pixels_per_degree();
         settings.judging = Some(Judging { viewing, pixels_per_degree, colors: subject.colors.clone() });
     }
@@ -156,21 +164,21 @@ pub fn run(args: &Gaze) -> Result<(), Failure> {
         "what": args.subject.what, "scene": subject.hologram.scene, "engine": subject.engine,
         "colors": subject.colors, "size": [subject.hologram.height, subject.hologram.width],
         "frames": subject.hologram.frames, "policy": policy, "unfinished": subject.unfinished, "out": args.out.display().to_string(),
-        "eye": { "seed": args.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": args.tracker_delay,
-                 "noise_mm": args.tracker_noise, "fixation_ms": args.fixation, "sets_per_second": args.display_rate,
+        "eye": { "seed": table.eye_seed, "rate_hz": args.tracker_rate, "delay_ms": table.tracker_delay,
+                 "noise_mm": table.tracker_noise, "fixation_ms": table.fixation, "sets_per_second": table.set_rate,
                  "focus_mm": focus * 1e3, "focus_dioptres": dioptres(focus, focal_length) },
     });
     let file = args.out.join("study.json");
     let page = args.out.join("study.html");
     let wrote = format!("wrote {} and {}", page.display(), file.display());
     let focused = depth_in_words(focus, focal_length);
-    if args.content.given() {
+    if table.content.given() {
         let title = format!("Content that changes: {}, focused at {focused}", subject.hologram.scene);
         let about = (title.as_str(), all, &mut own);
         let _made = files::CreatedDirGuard::new(&args.out)?;
         let how = (&settings, args.json);
         let shown = (&subject, &args.subject.how.options);
-        content::run(&args.content, &policy, shown, &engines, how, about)?;
+        content::run(&table.content, &policy, shown, &engines, how, about)?;
         if !args.json {
             println!("{wrote}");
         }

@@ -2,7 +2,7 @@
 
 pub mod compare;
 mod content;
-mod gaze;
+pub mod gaze;
 pub mod score;
 mod tune;
 

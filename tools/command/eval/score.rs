@@ -4,7 +4,8 @@ use crate::Failure;
 use crate::args::Score;
 use crate::args::scene_of;
 use crate::common;
-use crate::jod::JudgedPupils;
+use crate::experiment::Table;
+use crate::jod::{JudgedPupils, ViewingArgs};
 use crate::progress::JobBar;
 use eyebox::low_level::evaluate::Summary;
 use eyebox::low_level::files::CreatedDirGuard;
@@ -18,6 +19,10 @@ use std::path::Path;
 
 /// Measures a hologram over many pupils.
 pub fn run(args: &Score) -> Result<(), Failure> {
+    if args.experiment.printed_tables(&[("viewing", ViewingArgs::table)])? {
+        return Ok(());
+    }
+    let viewing: ViewingArgs = args.experiment.table("viewing")?;
     check_judging(args)?;
     let (source, display) = load(args)?;
     let input = scene_of(
@@ -45,7 +50,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let bar = JobBar::new(true);
     bar.show(&format!("looking through {} pupils", pupils.len()), 0.0);
     let mut scores = source.score(&scene, &pupils, engine.as_mut())?;
-    let shown = Display { viewing: args.seen.viewing.over(display.viewing)?, ..display.clone() };
+    let shown = Display { viewing: viewing.over(display.viewing)?, ..display.clone() };
     let judging = JodSettings {
         viewing: shown.viewing,
         pixels_per_degree: shown.pixels_per_degree(),
@@ -71,7 +76,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         println!(
             "{}",
             json!({
-                "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.summary_of(|pupil| pupil.jod), "jod_there": scores.summary_of(|pupil| pupil.jod_there), "viewing": viewing(&judging), "exposure": exposures,
+                "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.summary_of(|pupil| pupil.jod), "jod_there": scores.summary_of(|pupil| pupil.jod_there), "viewing": viewing_of(&judging), "exposure": exposures,
                 "pupils": rows, "unfinished": source.unfinished(),
             })
         );
@@ -133,7 +138,7 @@ fn check_judging(args: &Score) -> Result<(), Failure> {
 const JUDGED: usize = 16;
 
 /// How the picture was seen that was judged, for programs.
-fn viewing(judging: &JodSettings) -> Value {
+fn viewing_of(judging: &JodSettings) -> Value {
     json!({
         "luminance_cd_m2": judging.viewing.luminance_cd_m2, "black_cd_m2": judging.viewing.black_cd_m2,
         "pixels_per_degree": judging.pixels_per_degree, "sub_frame_rate_hz": judging.sub_frame_rate_hz,
@@ -209,11 +214,11 @@ fn pupils(
     diameter: [f64; 2],
     depth: [f64; 2],
 ) -> Result<Vec<Pupil>, Failure> {
-    let text = &args.pupils;
+    let text = &args.test_pupils;
     if let Some(count) = text.strip_prefix("random:") {
         let count = count.parse::<usize>().ok().filter(|n| (1..=100_000).contains(n));
         let count = count.ok_or_else(|| {
-            Failure::Arguments(reason!("pupils", "--pupils {text}: expected random:N with N from 1 to 100000"))
+            Failure::Arguments(reason!("pupils", "--test-pupils {text}: expected random:N with N from 1 to 100000"))
         })?;
         let range = PupilRange { eyebox: display.eyebox_min(), diameter, depth, diameters: Diameters::Uniform };
         let regions = color.map_or_else(Vec::new, |color| display.regions(color));

@@ -25,7 +25,7 @@ pub struct Info {
     /// Display that a scene is read for
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Of a scene: all views beside each other, as they are read (PNG)
+    /// Output for a scene: all views beside each other, as they are read (PNG)
     #[arg(help_heading = "Output", short, long, value_name = "OUT.png")]
     pub out: Option<PathBuf>,
     /// One JSON object on standard output
@@ -42,6 +42,10 @@ pub fn run(args: &Info) -> Result<(), Failure> {
     }
     if ends("toml") || PRESETS.contains(&&*args.what) {
         return display::check(&args.what, args.display.force, args.json);
+    }
+    if ends("npy") {
+        // An array may be phases or views. What is neither is refused as a scene, whose readers know more kinds of files.
+        return hologram::run(args, path).or_else(|_| scene::run(args));
     }
     if is_encoded(path) || is_hologram(path) {
         return hologram::run(args, path);

@@ -18,7 +18,7 @@ pub struct Preview {
     /// Pupil to begin with: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, default_value = "0,0,4,0")]
     pub pupil: GivenPupil,
-    /// The scene of the hologram, for its photograph and the PSNR: a folder of views, a picture, or builtin:NAME
+    /// Scene of the hologram, for its target image and the PSNR: a folder of views, a picture, or builtin:NAME
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
     /// How the scene is read
@@ -30,10 +30,10 @@ pub struct Preview {
     /// Pixels of the window for each of the hologram's, along each axis
     #[arg(help_heading = "Window", long, value_name = "FACTOR", value_parser = positive)]
     pub zoom: Option<f64>,
-    /// Holograms a second [default: what the sequence says]
+    /// Holograms per second [default: what the sequence says]
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// Folder for the PNGs of the key s
+    /// Output folder of the PNGs of the key s
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR", default_value = ".")]
     pub out: PathBuf,
     /// Bare phases

@@ -30,7 +30,7 @@ pub struct Render {
     /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// The picture (PNG) or the intensity (.npy, float32, no exposure); with --path NAME.y4m, or a folder for one PNG per frame
+    /// Output: a picture (PNG) or the intensity (.npy, float32, no exposure); with --path NAME.y4m, or a folder for one PNG per frame
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// With --path: pixels along each axis that become one, their mean
@@ -84,7 +84,7 @@ impl Render {
 
 /// Renders a picture or a film.
 pub fn run(args: &Render) -> Result<(), Failure> {
-    if args.how.experiment.printed()? {
+    if args.how.experiment.printed(&[])? {
         return Ok(());
     }
     match (&args.pupil, &args.path) {

@@ -1,6 +1,6 @@
 //! Arguments of `eyebox show`: output and time.
 
-use crate::values::{S, mark, not_negative_in, positive, positive_in, rate};
+use crate::values::{MS, S, mark, not_negative_in, positive, positive_in, rate};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::present::Rate;
 use eyebox::low_level::session::{Output, SessionOptions, SinkFile};
@@ -76,7 +76,7 @@ pub struct OutputArgs {
     /// maps it, as /dev/shm/NAME (docs/playback.md) [default: offscreen]
     #[arg(help_heading = "Display", long, value_name = "OUTPUT", default_value = "offscreen", hide_default_value = true, value_parser = output)]
     pub output: OutputTo,
-    /// Video frames a second; with --output direct, of the mode [default: what the monitor says, else 60]
+    /// Video frames per second; with --output direct, of the mode [default: what the monitor says, else 60]
     #[arg(help_heading = "Display", long, value_name = "HZ", value_parser = rate)]
     pub display_rate: Option<Rate>,
     /// Have Vulkan's use checked, and say what was wrong
@@ -96,12 +96,9 @@ impl OutputArgs {
 /// When holograms are shown.
 #[derive(Args)]
 pub struct StreamArgs {
-    /// Holograms a second [default: what the sequence says]
+    /// Holograms per second [default: what the sequence says]
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
-    /// Speed as a factor
-    #[arg(help_heading = "Time", long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
-    pub speed: f64,
     /// Begin again at the end
     #[arg(help_heading = "Time", long = "loop")]
     pub looped: bool,
@@ -114,6 +111,31 @@ pub struct StreamArgs {
     /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
     #[arg(help_heading = "Time", long, value_name = "UNIX", value_parser = positive_in(S))]
     pub start_at: Option<f64>,
+    /// Clock: real, or simulated (as fast as the machine is) [default: real; simulated with --record]
+    #[arg(help_heading = "Time", long, value_enum)]
+    pub clock: Option<ClockName>,
+}
+
+/// The table `show` of the settings.
+#[derive(Args)]
+pub struct ShowSettings {
+    /// From a video frame's beginning to its light, ms
+    #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
+    pub display_latency: f64,
+    /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
+    #[arg(help_heading = "Steps", long)]
+    pub whole_sets: bool,
+    /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
+    /// where both rest it is as off: for sets that are seen at once
+    #[arg(help_heading = "Steps", long, value_enum, default_value = "on", value_name = "on|off")]
+    pub moments: Moments,
+    /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
+    /// pipe to what drives them
+    #[arg(help_heading = "Display", long, value_name = "OUT")]
+    pub sources_out: Option<PathBuf>,
+    /// Speed as a factor
+    #[arg(help_heading = "Time", long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    pub speed: f64,
     /// Seconds of the sync picture before content: its first sub-frame's light goes aside along x, the others' along y
     #[arg(help_heading = "Time", long, value_name = "S", value_parser = not_negative_in(S), default_value_t = 0.0)]
     pub sync: f64,
@@ -126,7 +148,33 @@ pub struct StreamArgs {
     /// Sets that are encoded ahead
     #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 4)]
     pub ahead: usize,
-    /// Whose time [default: real; simulated with --record]
-    #[arg(help_heading = "Time", long, value_enum)]
-    pub clock: Option<ClockName>,
+    /// On a simulated clock, of what is refined: what a step of one colour takes, ms
+    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
+    pub step_time: Option<f64>,
+    /// what encoding a set takes, ms
+    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS))]
+    pub encode_time: f64,
+    /// What an application is asked for
+    #[arg(help_heading = "Display", long, value_enum, default_value = "views")]
+    pub ask: Ask,
+}
+
+/// Whether sub-frames are refined for their moments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Moments {
+    /// Where something moves
+    On,
+    /// As if all were seen at once
+    Off,
+}
+
+/// What an application is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Ask {
+    /// Views around the pupil; --views says how many along an axis at most [default: 5]
+    Views,
+    /// A picture with the depth of every pixel
+    Depth,
+    /// Layers with opacity
+    Layers,
 }

@@ -3,8 +3,8 @@
 
 use super::args::{ClockName, StreamArgs};
 use super::tracked::LiveOptions;
+use crate::groups::CameraSettings;
 use crate::subject::{self, SubjectOptions};
-use crate::values::{MIN, S, iris, not_negative_in, positive_in};
 use crate::{Failure, common};
 use clap::Args;
 use eyebox::low_level::calibrate::{CameraCommand, Report};
@@ -20,24 +20,15 @@ use std::time::Duration;
 /// How the camera is followed.
 #[derive(Args)]
 pub struct FollowArgs {
-    /// Take pictures of what is shown by this command, and let the display's model follow the bench: docs/calibrate.md
+    /// Command of a camera that takes pictures of the screen. The display's model follows the bench (docs/calibrate.md)
     #[arg(help_heading = "Camera", long, value_name = "COMMAND")]
     pub camera: Option<String>,
-    /// Minutes from one picture to the next
-    #[arg(help_heading = "Camera", long, default_value_t = 30.0, value_name = "MINUTES", value_parser = positive_in(MIN), requires = "camera")]
-    pub camera_every: f64,
     /// Write the display file with the newest model
     #[arg(help_heading = "Camera", long, value_name = "OUT.toml", requires = "camera")]
     pub camera_model: Option<PathBuf>,
     /// Keep the pictures in this folder
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub keep: Option<PathBuf>,
-    /// Place and diameter of an iris that does not move, mm
-    #[arg(help_heading = "Camera", long, value_name = "X,Y,DIAMETER", value_parser = iris, requires = "camera")]
-    pub iris: Option<[f64; 3]>,
-    /// Seconds from when the dots lit up until they stand
-    #[arg(help_heading = "Camera", long, default_value_t = 0.2, value_name = "SECONDS", value_parser = not_negative_in(S), requires = "camera")]
-    pub settle: f64,
 }
 
 /// A scene that is shown, and how.
@@ -79,10 +70,12 @@ pub fn show(
     };
     let newest = NewestHologram::new(solve(&display)?);
     let mut say = |line: &str| eprintln!("{line}");
+    let of_camera: CameraSettings = subject.experiment.table("camera")?;
+    let limit = of_camera.timeout.map(Duration::from_secs_f64);
     let output = live.shown.output.output(false);
-    let camera = CameraCommand { command: camera, keep: follow.keep.as_deref(), limit: None, iris_mm: follow.iris };
-    let settle = Duration::from_secs_f64(follow.settle.min(1e6));
-    let every = Duration::from_secs_f64((follow.camera_every * 60.0).min(1e9));
+    let camera = CameraCommand { command: camera, keep: follow.keep.as_deref(), limit, iris_mm: of_camera.iris };
+    let settle = Duration::from_secs_f64(of_camera.settle.min(1e6));
+    let every = Duration::from_secs_f64((of_camera.every * 60.0).min(1e9));
     let follower = BenchFollower::open((&display, color), (&output, settle), &camera, every, &mut say)?;
     let sequence = Sequence::newest_of(Path::new(scene), &newest);
     thread::scope(|scope| {

@@ -12,11 +12,12 @@ pub use tracked::Stage;
 
 use crate::Failure;
 use crate::common;
+use crate::experiment::{Table, TableOf};
+use crate::groups::CameraSettings;
 use crate::phases::UnfinishedArgs;
 use crate::solve::SolveProgress;
 use crate::subject::{self, Steered, SubjectOptions};
-use crate::values::{MS, positive_in};
-use args::{ClockName, StreamArgs};
+use args::{Ask, ClockName, ShowSettings, StreamArgs};
 use bench_follower::FollowArgs;
 use clap::Args;
 use eyebox::low_level::hologram::{Opening, Phases, Sequence};
@@ -49,21 +50,12 @@ pub struct Show {
     /// What is not finished
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
-    /// On a simulated clock, of what is refined: what a step of one colour takes, ms
-    #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
-    pub step_time: Option<f64>,
-    /// With --step-time: what encoding a set takes, ms
-    #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS), requires = "step_time")]
-    pub encode_time: f64,
     /// A camera that is followed
     #[command(flatten)]
     pub follow: FollowArgs,
     /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
     pub frames: Option<usize>,
-    /// What an application is asked for
-    #[arg(help_heading = "Display", long, value_enum, default_value = "views")]
-    pub ask: Ask,
     /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
     #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "replay")]
     pub journal: Option<PathBuf>,
@@ -80,17 +72,6 @@ impl Show {
     }
 }
 
-/// What an application is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Ask {
-    /// Views around the pupil; --views says how many along an axis at most [default: 5]
-    Views,
-    /// A picture with the depth of every pixel
-    Depth,
-    /// Layers with opacity
-    Layers,
-}
-
 /// What is to be shown.
 enum What {
     /// Phases that were solved before.
@@ -104,10 +85,12 @@ enum What {
 
 /// Shows it, and says what was shown.
 pub fn run(args: &Show) -> Result<(), Failure> {
-    if args.subject.experiment.printed()? {
+    let tables: [TableOf; 2] = [("show", ShowSettings::table), ("camera", CameraSettings::table)];
+    if args.subject.experiment.printed(&tables)? {
         return Ok(());
     }
-    let tracked = args.live.tracker.tracker.is_some();
+    let settings: ShowSettings = args.subject.experiment.table("show")?;
+    let tracked = args.live.tracker().is_some();
     if let Some(sink) = args.live.shown.output.sink() {
         sink.check()?;
     }
@@ -117,7 +100,7 @@ pub fn run(args: &Show) -> Result<(), Failure> {
             What::Scene(scene) if !tracked => {
                 let (Show { subject, live, stream, follow, .. }, frames) = (args, args.frames()?);
                 let shown = bench_follower::SceneToShow { scene: &scene, subject, live, stream, follow, frames };
-                bench_follower::show(shown, camera, |sequence, display| play(args, sequence, display))
+                bench_follower::show(shown, camera, |sequence, display| play(args, &settings, sequence, display))
             }
             _ => Err(Failure::Arguments(reason!(
                 "camera-and-tracker",
@@ -126,21 +109,21 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         };
     }
     match what {
-        What::Application(name) => application(args, &name),
-        What::Phases(path) if tracked => follow(args, &path.display().to_string()),
+        What::Application(name) => application(args, settings, &name),
+        What::Phases(path) if tracked => follow(args, settings, &path.display().to_string()),
         What::Phases(path) => {
             let display = display(args, Some(&path))?;
             let unfinished = args.unfinished.unfinished || args.stream.follow;
             let color = args.subject.display.color.one();
             let opening = Opening { unfinished, ..args.subject.unit.opening(Some(&display), color) };
             let sequence = opening.sequence(&path).map_err(|e| args.unfinished.failure(e))?;
-            play(args, sequence, display)
+            play(args, &settings, sequence, display)
         }
-        What::Scene(scene) if tracked => follow(args, &scene),
+        What::Scene(scene) if tracked => follow(args, settings, &scene),
         What::Scene(scene) => {
             let stage = Stage::open(&args.subject, &args.live)?;
             let (hologram, _, display) = subject::solved(&scene, &args.subject, &stage.engines)?;
-            play(args, Sequence::single(Path::new(&scene), hologram), display)
+            play(args, &settings, Sequence::single(Path::new(&scene), hologram), display)
         }
         What::Scenes(scenes) => {
             let folder = tempfile::tempdir()
@@ -148,9 +131,9 @@ pub fn run(args: &Show) -> Result<(), Failure> {
             let file = folder.path().join("scenes.zarr");
             let display = solve(args, scenes, &file)?;
             if tracked {
-                return follow(args, &file.display().to_string());
+                return follow(args, settings, &file.display().to_string());
             }
-            play(args, Sequence::open(&file)?, display)
+            play(args, &settings, Sequence::open(&file)?, display)
         }
     }
 }
@@ -234,15 +217,14 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
 }
 
 /// Without a tracker: as it was solved.
-fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure> {
+fn play(args: &Show, settings: &ShowSettings, sequence: Sequence, display: Display) -> Result<(), Failure> {
     kept_of_applications(args)?;
     common::say_model_age(&display);
     let refused = [
-        (args.step_time.is_some(), "--step-time"),
-        (args.live.view, "--view"),
+        (settings.step_time.is_some(), "show.step_time"),
         (args.live.unsteered, "--unsteered"),
-        (args.live.whole_sets, "--whole-sets"),
-        (args.live.display_latency > 0.0, "--display-latency"),
+        (settings.whole_sets, "show.whole_sets"),
+        (settings.display_latency > 0.0, "show.display_latency"),
     ];
     if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
         return Err(Failure::Arguments(reason!(
@@ -260,6 +242,7 @@ fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure
         sequence,
         display,
         shown,
+        settings,
         stream,
         engine,
         device,
@@ -269,9 +252,9 @@ fn play(args: &Show, sequence: Sequence, display: Display) -> Result<(), Failure
 }
 
 /// With a tracker: refined for the eye.
-fn follow(args: &Show, what: &str) -> Result<(), Failure> {
+fn follow(args: &Show, settings: ShowSettings, what: &str) -> Result<(), Failure> {
     kept_of_applications(args)?;
-    let cost = refined(args)?;
+    let cost = refined(args, &settings)?;
     if args.stream.rate.is_some() && subject::is_hologram(Path::new(what)) {
         // What a sequence says of its time holds.
         return Err(Failure::Arguments(reason!(
@@ -283,29 +266,41 @@ fn follow(args: &Show, what: &str) -> Result<(), Failure> {
     endless_needs_duration(args, cost, endless)?;
     let stage = Stage::open(&args.subject, &args.live)?;
     let steered = subject::load(what, &args.subject, (None, args.stream.looped), &stage.engines)?;
-    show(args, steered, cost, stage)
+    show(args, settings, steered, cost, stage)
 }
 
-fn show(args: &Show, steered: Steered, cost: Option<Cost>, stage: Stage) -> Result<(), Failure> {
+fn show(
+    args: &Show,
+    settings: ShowSettings,
+    steered: Steered,
+    cost: Option<Cost>,
+    stage: Stage,
+) -> Result<(), Failure> {
     common::say_model_age(steered.encoder.display());
-    let tracker = args.live.tracker.tracker.as_deref();
+    // A journal has its samples in it.
+    let tracker = if args.replay.is_some() { None } else { args.live.tracker() };
     let kept = tracked::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
     let depths = args.subject.options.depth_before(steered.encoder.display());
     let policy = args.subject.experiment.policy()?;
-    tracked::show(steered, &args.live, tracked::ShowOptions { policy, tracker, simulated: cost, depths, kept }, stage)
+    tracked::show(
+        steered,
+        &args.live,
+        tracked::ShowOptions { policy, tracker, simulated: cost, depths, kept, settings },
+        stage,
+    )
 }
 
 /// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
-fn refined(args: &Show) -> Result<Option<Cost>, Failure> {
+fn refined(args: &Show, settings: &ShowSettings) -> Result<Option<Cost>, Failure> {
     let stream = &args.stream;
     let given = [
-        ((stream.speed - 1.0).abs() > 0.0, "--speed"),
+        ((settings.speed - 1.0).abs() > 0.0, "show.speed"),
         (stream.follow, "--follow"),
         (stream.at > 0, "--at"),
         (stream.start_at.is_some(), "--start-at"),
-        (stream.sync > 0.0, "--sync"),
-        (stream.mark > 0, "--mark"),
-        (stream.keep_phase, "--keep-phase"),
+        (settings.sync > 0.0, "show.sync"),
+        (settings.mark > 0, "show.mark"),
+        (settings.keep_phase, "show.keep_phase"),
     ];
     let refuse = |reason| Err(Failure::Arguments(reason));
     if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
@@ -316,12 +311,14 @@ fn refined(args: &Show) -> Result<Option<Cost>, Failure> {
         return refuse(reason!("without-offscreen", "a simulated clock needs --output offscreen"));
     }
     let time = |ms: f64| Duration::from_secs_f64((ms * 1e-3).min(1e3));
-    match (simulated, args.step_time) {
-        (true, Some(step)) => Ok(Some(Cost::Fixed { step: time(step), encode: time(args.encode_time) })),
+    match (simulated, settings.step_time) {
+        (true, Some(step)) => Ok(Some(Cost::Fixed { step: time(step), encode: time(settings.encode_time) })),
         (true, None) => {
-            refuse(reason!("no-step-time", "a simulated clock has to be told what a step takes: --step-time"))
+            refuse(reason!("no-step-time", "a simulated clock needs the time of a step: --set show.step_time=MS"))
         }
-        (false, Some(_)) => refuse(reason!("step-time", "--step-time is for a simulated clock: add --clock simulated")),
+        (false, Some(_)) => {
+            refuse(reason!("step-time", "show.step_time is for a simulated clock: add --clock simulated"))
+        }
         (false, None) => Ok(None),
     }
 }
@@ -345,7 +342,7 @@ fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Res
 
 /// Frames of an application in another process.
 #[cfg(target_os = "linux")]
-fn application(args: &Show, name: &str) -> Result<(), Failure> {
+fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Failure> {
     use eyebox::low_level::encode::Encoder;
     use eyebox::low_level::hologram::{ColorHologram, Hologram};
     use eyebox::low_level::optics::Color;
@@ -360,7 +357,7 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
                 "--replay has its samples in it: leave out --tracker"
             )));
         }
-        None => refined(args)?,
+        None => refined(args, &settings)?,
     };
     if cost.is_some() && args.replay.is_none() {
         let line = "an application lives in real time: leave out --clock simulated";
@@ -370,7 +367,7 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
     let display = display(args, None)?;
     let colors = common::colors(&args.subject.display, &display)?;
     let views = args.subject.options.views.unwrap_or(5).clamp(1, 64) as u32;
-    let kind = match args.ask {
+    let kind = match settings.ask {
         Ask::Views => LiveKind::Views,
         Ask::Depth => LiveKind::ColorAndDepth,
         Ask::Layers => LiveKind::Layers,
@@ -398,15 +395,15 @@ fn application(args: &Show, name: &str) -> Result<(), Failure> {
             tracing::info!("views pass through the host: {reason}");
         }
         steered.scenes = Some(Box::new(input));
-        if args.live.tracker.tracker.is_none() && args.subject.options.depth.is_none() {
+        if args.live.tracker().is_none() && args.subject.options.depth.is_none() {
             eprintln!("note: without a tracker eyes are taken to focus at 0 mm: --depth says where else content lies");
         }
         eprintln!("live:{name} waits for an application");
     }
-    show(args, steered, cost, stage)
+    show(args, settings, steered, cost, stage)
 }
 
 #[cfg(not(target_os = "linux"))]
-fn application(_args: &Show, name: &str) -> Result<(), Failure> {
+fn application(_args: &Show, _settings: ShowSettings, name: &str) -> Result<(), Failure> {
     Err(Failure::Arguments(reason!("live-on-linux", "live:{name}: live content exists on Linux alone")))
 }

@@ -1,6 +1,6 @@
 //! `eyebox show` without a tracker: holograms as they were solved.
 
-use super::args::{ClockName, OutputArgs, StreamArgs};
+use super::args::{ClockName, OutputArgs, ShowSettings, StreamArgs};
 use super::session::{attend, conclude, ended_by, keep_powers};
 use crate::args::{DeviceArgs, EngineName};
 use crate::{Failure, common, progress};
@@ -23,6 +23,8 @@ pub struct Playing<'a> {
     pub shown: &'a OutputArgs,
     /// When.
     pub stream: &'a StreamArgs,
+    /// The table `show` of the settings.
+    pub settings: &'a ShowSettings,
     /// What encodes,
     pub engine: EngineName,
     /// and where.
@@ -35,16 +37,16 @@ pub struct Playing<'a> {
 
 /// Plays it, and says what was shown.
 pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
-    let Playing { sequence, display, shown, stream, engine, device, mut options, stats } = playing;
+    let Playing { sequence, display, shown, stream, settings, engine, device, mut options, stats } = playing;
     let mut play = session::Play::new(sequence, &display)?;
     let what = play.sequence.path().display().to_string();
     let output = output(shown, stream, &options, stream.looped || play.looped)?;
     play.rate = stream.rate.unwrap_or(play.rate);
-    play.speed = stream.speed;
+    play.speed = settings.speed;
     play.looped |= stream.looped;
-    (play.follow, play.first, play.ahead) = (stream.follow, stream.at, stream.ahead);
+    (play.follow, play.first, play.ahead) = (stream.follow, stream.at, settings.ahead);
     play.start_at = stream.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
-    (play.sync_s, play.mark, play.keep_phase) = (stream.sync, stream.mark, stream.keep_phase);
+    (play.sync_s, play.mark, play.keep_phase) = (settings.sync, settings.mark, settings.keep_phase);
     let encodes = matches!(engine, EngineName::Vulkan | EngineName::VulkanFrom(_));
     let shows = shown.output.is_shown();
     let gpu = if encodes || shows { Some(common::display_gpu(device, shown.validation)?) } else { None };
@@ -59,9 +61,13 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     let session = Session::start(play, output, options)?;
     let about = session.about();
     let (sub_frames, sets, set_frames) = (about.sub_frames, about.sets_per_second(), about.set_frames);
-    eprintln!("{what}: {count} holograms of {height}x{width} at {rate} a second, {sub_frames} sub-frames a set");
+    let holograms = match count {
+        1 => "1 hologram".into(),
+        count => format!("{count} holograms at {rate} per second"),
+    };
+    eprintln!("{what}: {holograms}, {height}x{width}, {sub_frames} sub-frames per set");
     eprintln!(
-        "{} on {}: a set takes {set_frames} video frame{}, {sets:.2} sets and {:.0} sub-frames a second",
+        "{} on {}: a set takes {set_frames} video frame{}, {sets:.2} sets and {:.0} sub-frames per second",
         display.name,
         about.presenter,
         if set_frames == 1 { "" } else { "s" },
@@ -116,7 +122,7 @@ fn summary(statistics: &Statistics) {
         plural(a.missed_presents, "missed present"),
     );
     eprintln!(
-        "{:.2} holograms and {:.2} sets a second, {:.0} sub-frames a second; jitter {:.3} ms, at most {:.3} ms",
+        "{:.2} holograms, {:.2} sets and {:.0} sub-frames per second; presents on time had a jitter of {:.3} ms, at most {:.3} ms",
         report.content_fps(),
         report.sets_per_second(),
         report.sets_per_second() * report.planes as f64,

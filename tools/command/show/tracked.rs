@@ -1,15 +1,15 @@
 //! `eyebox show --tracker`. The hologram on the display is refined for the tracked pupil while it is shown.
 
-use super::args::OutputArgs;
+use super::args::{OutputArgs, ShowSettings};
 use super::tracking::{TrackerArgs, tracking};
 use super::viewing::Viewing;
 use crate::common::{self, Engines};
 use crate::progress::JobBar;
 use crate::show::session::{attend, conclude, ended_by, keep_powers};
 use crate::subject::{Steered, SubjectOptions};
-use crate::values::{MS, S, not_negative_in, positive_in};
+use crate::values::{S, positive_in};
 use crate::{Failure, progress};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use eyebox::low_level::encode;
 use eyebox::low_level::gaze::Eyepiece;
 use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
@@ -26,15 +26,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Whether sub-frames are refined for their moments.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Moments {
-    /// Where something moves
-    On,
-    /// As if all were seen at once
-    Off,
-}
-
 /// How a hologram is shown that follows the eye.
 #[derive(Args)]
 pub struct LiveOptions {
@@ -44,29 +35,16 @@ pub struct LiveOptions {
     /// Where
     #[command(flatten)]
     pub shown: OutputArgs,
-    /// From a video frame's beginning to its light, ms
-    #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
-    pub display_latency: f64,
-    /// Seconds to go on for [default: until ctrl-C, or the end of what ends]
+    /// Stop after this time, s [default: on ctrl-C, or at the end of what ends]
     #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
     /// Show the hologram for the whole eyebox: what there is without steering
     #[arg(help_heading = "Steps", long)]
     pub unsteered: bool,
-    /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
-    #[arg(help_heading = "Steps", long)]
-    pub whole_sets: bool,
-    /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
-    /// where both rest it is as off: for sets that are seen at once
-    #[arg(help_heading = "Steps", long, value_enum, default_value = "on", value_name = "on|off")]
-    pub moments: Moments,
-    /// Show in a window what the tracked eye sees; there the key s switches steering off and on
+    /// Show in a window what the tracked eye sees. Without --tracker the mouse in that window is the eye. The key s switches the
+    /// refinement off and on
     #[arg(help_heading = "Window", long)]
     pub view: bool,
-    /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
-    /// pipe to what drives them
-    #[arg(help_heading = "Display", long, value_name = "OUT")]
-    pub sources_out: Option<PathBuf>,
     /// What was shown, and how late, as JSON
     #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
@@ -79,6 +57,13 @@ pub struct LiveOptions {
     pub trace: Option<PathBuf>,
 }
 
+impl LiveOptions {
+    /// Returns the tracker: with `--view` alone the mouse in its window.
+    pub fn tracker(&self) -> Option<&str> {
+        self.tracker.tracker.as_deref().or(self.view.then_some("mouse"))
+    }
+}
+
 /// Where a session is kept, or one that was.
 #[derive(Default)]
 pub struct KeptSession {
@@ -89,7 +74,6 @@ pub struct KeptSession {
 }
 
 /// How what is refined is shown, beside the options that all have.
-#[derive(Default)]
 pub struct ShowOptions<'a> {
     /// How it is refined, and when it begins again.
     pub policy: Policy,
@@ -101,6 +85,8 @@ pub struct ShowOptions<'a> {
     pub depths: Option<[f64; 2]>,
     /// What is kept of it.
     pub kept: KeptSession,
+    /// The table `show` of the settings.
+    pub settings: ShowSettings,
 }
 
 /// The devices that a show takes.
@@ -127,7 +113,7 @@ impl Stage {
 /// Shows what is refined, and says how it went.
 pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
-    let ShowOptions { policy, tracker, simulated, depths, kept } = showing;
+    let ShowOptions { policy, tracker, simulated, depths, kept, settings } = showing;
     let eyepiece = eyepiece(&steered);
     let (mouse, tracking) = match tracker {
         None => (None, None),
@@ -162,10 +148,10 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
     let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
     let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
     (live.policy, live.steered, live.sidecar_window) = (policy, !args.unsteered, sidecar_window);
-    live.switch = args.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
-    live.display_latency = Duration::from_secs_f64((args.display_latency * 1e-3).min(10.0));
-    (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, args.whole_sets);
-    live.moments = args.moments == Moments::On;
+    live.switch = settings.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
+    live.display_latency = Duration::from_secs_f64((settings.display_latency * 1e-3).min(10.0));
+    (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, settings.whole_sets);
+    live.moments = settings.moments == super::args::Moments::On;
     if live.replay.is_some() {
         // As of all whose first scene has still to come.
         live.policy.restart = f64::INFINITY;
@@ -206,7 +192,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
 /// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.
 fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
     let failed =
-        |e: std::io::Error| Failure::Arguments(reason!("sources-out", "--sources-out {}: {e}", file.display()));
+        |e: std::io::Error| Failure::Arguments(reason!("sources-out", "show.sources_out {}: {e}", file.display()));
     let mut out = File::options().write(true).create(true).truncate(true).open(file).map_err(failed)?;
     let (colors, name) = (colors.to_vec(), file.display().to_string());
     let mut told = false;
@@ -218,7 +204,7 @@ fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
         if let Err(error) = writeln!(out, "{line}")
             && !std::mem::replace(&mut told, true)
         {
-            tracing::warn!("--sources-out {name}: {error}; the display goes on");
+            tracing::warn!("sources_out {name}: {error}; the display goes on");
         }
     }))
 }

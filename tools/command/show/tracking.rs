@@ -16,8 +16,8 @@ use std::time::Duration;
 /// The tracker, in every command that follows one.
 #[derive(Args)]
 pub struct TrackerArgs {
-    /// hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: simulated;
-    /// in show, none]
+    /// Tracker: hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: none; with
+    /// --view mouse]
     #[arg(help_heading = "Eye", long, value_name = "SOURCE")]
     pub tracker: Option<String>,
     /// A HID device with a layout of its own, described in a TOML file
@@ -29,10 +29,10 @@ pub struct TrackerArgs {
     /// Samples a second of the simulated tracker
     #[arg(help_heading = "Eye", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive_in(HZ))]
     pub tracker_rate: f64,
-    /// A user's calibration
+    /// Calibration of a user
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub calibration: Option<PathBuf>,
-    /// Whose pupil
+    /// Eye that is followed
     #[arg(help_heading = "Eye", long, value_enum, default_value = "mean")]
     pub eye: EyeName,
     /// Where the eye focuses, where the tracker does not measure it, mm, or dioptres as in 0.5D

@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::display::patterns;
+use crate::groups::CameraSettings;
 use crate::progress::{self, JobBar};
 use crate::request::{Report, SolveRequest};
 use eyebox::low_level::calibrate::{CalibrateError, CameraBench, CameraCommand, CameraGain, CameraJob, Event};
@@ -29,10 +30,11 @@ pub fn open<'a>(
         )));
     }
     progress::catch_interrupt();
-    let limit = args.camera_timeout.map(Duration::from_secs_f64);
-    let command = CameraCommand { command, keep: args.keep.as_deref(), limit, iris_mm: args.iris };
+    let of_camera: CameraSettings = request.options.experiment.table("camera")?;
+    let limit = of_camera.timeout.map(Duration::from_secs_f64);
+    let command = CameraCommand { command, keep: args.keep.as_deref(), limit, iris_mm: of_camera.iris };
     let SolveRequest { display, colors, .. } = request;
-    *output = args.patterns.open(display, colors)?;
+    *output = args.patterns.open(of_camera.settle, display, colors)?;
     Ok(Some(CameraBench::open(display, colors, &command, steps, patterns::shows(output), say)?))
 }
 

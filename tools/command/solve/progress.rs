@@ -105,7 +105,7 @@ impl<'a> SolveProgress<'a> {
         match event {
             SceneEvent::Planned { field, views: [rows, columns], plan, settings } => {
                 let depth = depths_in_words(settings.depth, display.focal_length);
-                eprintln!("{}: {rows} x {columns} views, {height}x{width}, depth {depth}", field.name);
+                eprintln!("{}: {rows} x {columns} views, depth {depth}", field.name);
                 let padded = plan.padding != Padding::default();
                 for choice in plan.choices.iter().filter(|c| c.saves || (c.what == "padding" && padded)) {
                     eprintln!("{}: {} ({})", choice.what, choice.value, in_options(&choice.why));
@@ -113,13 +113,14 @@ impl<'a> SolveProgress<'a> {
             }
             SceneEvent::Sequence { done, count } => {
                 let resumed = if *done > 0 { format!(", resumed after {done}") } else { String::new() };
-                eprintln!("a sequence of {count} holograms, {height}x{width}{resumed}");
+                eprintln!("a sequence of {count} holograms{resumed}");
             }
             SceneEvent::Tiles(plan) => begin_tiles(job, plan),
             _ => {}
         }
-        eprintln!("{} shows {}", display.name, display.reach());
-        eprintln!("engine: {engine}");
+        eprintln!("{}, {height}x{width}, on {engine}", display.name);
+        let reach = format!("{} shows {}", display.name, display.reach());
+        tracing::debug!("{reach}");
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
 

@@ -27,7 +27,7 @@ pub struct Calibrate {
     /// Source
     #[command(flatten)]
     pub source: SourceArgs,
-    /// The user's calibration
+    /// Output: the user's calibration
     #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
     /// Directions of the targets, degrees to the right and down

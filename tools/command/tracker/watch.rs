@@ -61,19 +61,19 @@ pub struct Watch {
     /// simulated tracker without --duration]
     #[arg(help_heading = "Samples", long, value_enum, hide_possible_values = true)]
     pub clock: Option<ClockName>,
-    /// For each sample print its place in the pupil plane, the filter, and the pupil predicted after this time, ms
+    /// Print for each sample its place in the pupil plane, the filter, and the pupil predicted after this time, ms
     #[arg(help_heading = "Samples", long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative_in(MS))]
-    pub pupil: Option<f64>,
-    /// With --pupil: focal length of the display's eyepiece, mm, which makes depths of a focus in dioptres
-    #[arg(help_heading = "Samples", long, value_name = "MM", value_parser = positive_in(MM), requires = "pupil")]
+    pub predict: Option<f64>,
+    /// Focal length, mm, with --predict: of the display's eyepiece, which makes depths of a focus in dioptres
+    #[arg(help_heading = "Samples", long, value_name = "MM", value_parser = positive_in(MM), requires = "predict")]
     pub focal_length: Option<f64>,
-    /// With --pupil: a user's calibration
-    #[arg(help_heading = "Calibration", long, value_name = "FILE.toml", requires = "pupil")]
+    /// Calibration of a user, with --predict
+    #[arg(help_heading = "Calibration", long, value_name = "FILE.toml", requires = "predict")]
     pub calibration: Option<PathBuf>,
-    /// With --pupil: whose pupil
+    /// Eye that is followed, with --predict
     #[arg(help_heading = "Calibration", long, value_enum, default_value = "mean")]
     pub eye: EyeName,
-    /// JSON on standard output: one object per line
+    /// One JSON object per line on standard output
     #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
@@ -81,7 +81,7 @@ pub struct Watch {
 /// `eyebox tracker record`
 #[derive(Args)]
 pub struct Record {
-    /// Recording: FILE.hid (reports of HID sources), or FILE.jsonl (samples)
+    /// Output: FILE.hid (reports of HID sources), or FILE.jsonl (samples)
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// What is watched
@@ -221,7 +221,7 @@ fn run(args: &Watch, record: Option<&Path>) -> Result<(), Failure> {
     }
     let stored = matches!(spec, Spec::Recording(_) | Spec::Lines(_) | Spec::Simulated(_)) && !options.real_time;
     // Says no before a recording begins.
-    let _ = args.pupil.map(|_| estimator(args)).transpose()?;
+    let _ = args.predict.map(|_| estimator(args)).transpose()?;
     let mut feed = if stored { Feed::Direct(source) } else { Feed::Thread(Stream::start(source)?) };
     progress::catch_interrupt();
     let (Some(file), Some(form)) = (record, form) else { return show(args, &mut feed, stored, None) };
@@ -299,7 +299,7 @@ fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
 
 /// Shows samples until the source or the time ends, someone presses ctrl-C, or nobody reads any more.
 fn show(args: &Watch, feed: &mut Feed, stored: bool, mut recorder: Option<&mut Recorder>) -> Result<(), Failure> {
-    let mut estimator = args.pupil.map(|ms| Ok::<_, Failure>((estimator(args)?, ms))).transpose()?;
+    let mut estimator = args.predict.map(|ms| Ok::<_, Failure>((estimator(args)?, ms))).transpose()?;
     let start = Instant::now();
     let duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
     let mut first_ns = None;

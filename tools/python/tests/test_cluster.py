@@ -138,7 +138,7 @@ def test_a_far_fields_regions_are_solved_side_by_side(tmp_path):
             visits = eyebox.cluster.solve_far_field("builtin:plane", out, display, client=client, engine="cpu", **settings)
             thread.join()
     assert visits > 10
-    run = "--display far.toml --frames 2 --steps 2 --passes 2 --picture 32 --memory 600MiB --seed 5 --pupil-diameter 0.2..0.4 --engine cpu"
+    run = "--display far.toml --frames 2 --steps 2 --set tiles.passes=2 --set tiles.picture=32 --memory 600MiB --seed 5 --pupil-diameter 0.2..0.4 --engine cpu"
     command = [program, "solve", "builtin:plane", *run.split(), "-o", "one.zarr"]
     subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
     assert files(out) == files(tmp_path / "one.zarr")

@@ -61,7 +61,7 @@ def test_past_an_obstruction(tmp_path, display, hologram):
         [score] = hologram.score(pupils=[at], engine="cpu", obstructed=name)
         assert np.abs(seen - clear).max() > 0.01 and abs(score.psnr - whole.psnr) > 1e-3
         how = ["--jod", "none", "--engine", "cpu", "--json", "--obstructed", name]
-        [row] = json.loads(command("eval", "score", file, "--pupils", pupils, *how))["pupils"]
+        [row] = json.loads(command("eval", "score", file, "--test-pupils", pupils, *how))["pupils"]
         np.testing.assert_allclose([score.psnr, score.against_clear], [row["psnr_db"], row["against_clear_db"]], rtol=1e-6)
     with coded(eyebox.DisplayError, "optics/unknown-obstruction"):
         hologram.view(*at, obstructed="nose")

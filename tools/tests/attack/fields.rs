@@ -16,14 +16,14 @@ struct Subject {
 pub const HOLOGRAM: &[&str] = &[
     "render {} --pupil=0,0,1,0 --engine cpu -o out/seen.png",
     "render {} --at 1 --pupil=0,0,0.3,0 --engine cpu -o out/seen.png",
-    "eval score {} builtin:plane --pupils random:1 --engine cpu",
+    "eval score {} builtin:plane --test-pupils random:1 --engine cpu",
     "refine {} builtin:plane --pupil=0,0,1,0 --steps 1 --engine cpu -o out/x.zarr",
     "convert {} out/x.npy",
     "encode {} --display grey8 --size 16x16 --engine cpu -o out/frames",
     "show {} --display grey8 --size 16x16 --output offscreen --clock simulated --duration 0.1 --engine cpu",
     "show {} --tracker simulated --display grey8 --size 16x16 --duration 0.05 --engine cpu",
     "eval compare builtin:plane --hologram mine={} --force --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 \
-     --no-speckle --engine cpu -o out/evaluate",
+     --set compare.speckle=false --engine cpu -o out/evaluate",
 ];
 const SCENE: &[&str] = &[
     "info {} --size 16x16 -o out/views.png --json",
@@ -37,15 +37,15 @@ const DISPLAY: &[&str] = &[
     "convert base/phases.npy out/x.zarr --display {} --color green",
 ];
 const FAR: &[&str] = &[
-    "solve builtin:plane --display {} --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1 --engine cpu -o out/x.zarr",
+    "solve builtin:plane --display {} --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --set tiles.picture=32 --set tiles.passes=1 --steps 1 --engine cpu -o out/x.zarr",
     "display check {}",
 ];
 const CALIBRATION: &[&str] = &[
-    "tracker watch base/eye.jsonl --pupil --calibration {}",
+    "tracker watch base/eye.jsonl --predict --calibration {}",
     "show base/h.zarr --tracker simulated --display grey8 --size 16x16 --duration 0.05 --engine cpu --calibration {}",
 ];
 
-const SUBJECTS: [Subject; 21] = [
+const SUBJECTS: [Subject; 22] = [
     Subject { whole: "h.zarr", inside: "zarr.json", runs: HOLOGRAM },
     Subject { whole: "h.zarr", inside: "phases/zarr.json", runs: HOLOGRAM },
     Subject { whole: "rgb.zarr", inside: "zarr.json", runs: HOLOGRAM },
@@ -69,7 +69,7 @@ const SUBJECTS: [Subject; 21] = [
     Subject {
         whole: "pupils.json",
         inside: "",
-        runs: &["eval score base/h.zarr builtin:plane --pupils {} --engine cpu --json"],
+        runs: &["eval score base/h.zarr builtin:plane --test-pupils {} --engine cpu --json"],
     },
     Subject {
         whole: "slm.toml",
@@ -79,9 +79,22 @@ const SUBJECTS: [Subject; 21] = [
         ],
     },
     Subject {
+        whole: "tables.toml",
+        inside: "",
+        runs: &[
+            "eval gaze base/h.zarr --settings {} --display grey8 --size 16x16 --duration 0.1 --engine cpu -o out/study",
+            "eval compare builtin:plane --settings {} --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 --engine cpu \
+             -o out/compare",
+            "eval score base/h.zarr builtin:plane --settings {} --test-pupils random:1 --engine cpu --json",
+            "show base/h.zarr --settings {} --display grey8 --size 16x16 --output offscreen --clock simulated --duration 0.1 --engine cpu",
+            "solve builtin:plane --settings {} --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --steps 1 \
+             --engine cpu -o out/x.zarr",
+        ],
+    },
+    Subject {
         whole: "eye.jsonl",
         inside: "",
-        runs: &["tracker watch {} --pupil", "tracker record {} --json -o out/eye.jsonl"],
+        runs: &["tracker watch {} --predict", "tracker record {} --json -o out/eye.jsonl"],
     },
     Subject { whole: "eye.hid", inside: "", runs: &["tracker record {} -o out/eye.hid", "tracker describe {} --json"] },
     Subject { whole: "descriptor.txt", inside: "", runs: &["tracker describe {} --json"] },

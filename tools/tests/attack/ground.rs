@@ -20,6 +20,12 @@ const PLANES: &str = "resolution = [16, 16]\npitch_um = 10.8\nfocal_length_mm = 
     [encoding]\npacking = \"map\"\nphases_turns = [0.0, 0.25, 0.5, 0.75]\ncodes = [0, 1, 3, 2]\ncells = [[0, 1]]\n\
     [[encoding.map]]\ncolor = \"green\"\nsub_frame = 0\nvideo_frame = 0\nchannel = \"green\"\nbits = [0]\n\
     [[encoding.map]]\ncolor = \"green\"\nsub_frame = 1\nvideo_frame = 0\nchannel = \"rgb\"\nbits = [23]\n";
+/// Tables of the settings of commands.
+const TABLES: &str = "[gaze]\nfixation = '250ms'\nstep_time = 1\ncontent = ['still', 'jumping']\nsets = 4\nsteps_per_set = 1\n\
+                      jumps_every = 2\njumps_to = ['builtin:points']\n[show]\nmoments = 'off'\nsync = 0.01\nahead = 2\nspeed = 2.0\n\
+                      keep_phase = true\n[compare]\nspeckle = false\ncoherence = [0, 0.5]\n[viewing]\nluminance = 100\nblack = 0.5\n\
+                      pixels_per_degree = 20\n[tiles]\npicture = 32\npasses = 1\n[camera]\niris = [0, 0, 6]\nsettle = 0\n";
+
 /// One whose SLM stands in the pupil plane.
 const FAR: &str = "name = \"far\"\nresolution = [128, 128]\npitch_um = 10.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n\
     geometry = \"far-field\"\n";
@@ -54,7 +60,7 @@ impl Ground {
             "solve builtin:plane --size 16x16 --color green --engine cpu --steps 1 --frames 2 -o base/h.zarr",
             "solve builtin:plane --size 16x16 --engine cpu --steps 1 --frames 1 -o base/rgb.zarr",
             "solve builtin:plane builtin:plane?depth=1 --size 16x16 --color green --engine cpu --steps 1 --frames 1 -o base/moving.zarr",
-            "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 \
+            "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --set tiles.picture=32 --set tiles.passes=1 \
              --steps 1 --engine cpu -o base/far.zarr",
             "convert base/h.zarr base/phases.npy",
             "convert base/h.zarr base/pictures",
@@ -244,6 +250,7 @@ fn texts(base: &Path) {
         ),
     );
     write("slm.toml", "levels = [0.0, 1.5, 3.0, 4.5]\noptimizer.momentum = 0.25\nrefine.strategy = 'adam'\n");
+    write("tables.toml", TABLES);
     write("pupils.json", "[[0, 0, 4, 0], [1, -1, 2, \"0.01D\"]]");
     write("numbers.csv", "method,group,psnr_db\nslfh,random,30.0\n");
 }

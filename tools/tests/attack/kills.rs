@@ -42,10 +42,10 @@ fn jobs() -> Vec<Job> {
         "600MiB",
         "--pupil-diameter",
         "0.2..0.4",
-        "--picture",
-        "64",
-        "--passes",
-        "1",
+        "--set",
+        "tiles.picture=64",
+        "--set",
+        "tiles.passes=1",
         "--frames",
         "1",
         "--engine",
@@ -53,8 +53,19 @@ fn jobs() -> Vec<Job> {
         "-o",
         "out.zarr",
     ];
-    let compare =
-        ["eval", "compare", "builtin:plane", "--methods", "slfh,dpac", "--no-speckle", "--steps", "2", "-o", "out"];
+    let compare = [
+        "eval",
+        "compare",
+        "builtin:plane",
+        "--methods",
+        "slfh,dpac",
+        "--set",
+        "compare.speckle=false",
+        "--steps",
+        "2",
+        "-o",
+        "out",
+    ];
     let tune = ["eval", "tune", "builtin:plane", "--duration", "1", "--no-store", "-o", "out"];
     let record = ["tracker", "record", "simulated:3", "--tracker-rate", "500", "-o", "out.jsonl"];
     let all: fn(&str) -> bool = |_| true;

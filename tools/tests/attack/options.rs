@@ -20,13 +20,13 @@ impl Opt {
 }
 
 /// Sound runs of every command, each over in a moment: what an attack changes one thing of.
-pub const SOUND: [&str; 38] = [
+pub const SOUND: [&str; 41] = [
     "demo --size 16 --engine cpu --out out/demo",
     "solve builtin:plane --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr --json",
     "solve base/views --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.npy --order as-named",
     "solve base/photo.png --depth-map base/depth.png --views 2 --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
     "solve base/photo.exr --depth-map base/depth.pfm --near large --views 2 --size 16x16 --steps 1 --frames 1 --engine cpu -o out/x.zarr",
-    "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1 --engine cpu -o out/far.zarr",
+    "solve builtin:plane --display base/far.toml --frames 1 --memory 600MiB --pupil-diameter 0.2..0.4 --set tiles.picture=32 --set tiles.passes=1 --steps 1 --engine cpu -o out/far.zarr",
     "solve builtin:plane builtin:points --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
     "solve builtin:plane --size 16x16 --steps 2 --frames 2 --set optimizer=adam --settings base/slm.toml --color green --engine cpu -o out/x.zarr",
     "solve builtin:plane --dry-run --size 16x16 --color green --engine cpu",
@@ -40,10 +40,12 @@ pub const SOUND: [&str; 38] = [
     "show base/h.zarr --tracker simulated --display grey8 --size 16x16 --duration 0.05 --engine cpu --stats out/stats.json",
     "show base/h.zarr --display grey8 --size 16x16 --duration 0.05 --engine cpu --tracker base/eye.jsonl --trace out/trace.json",
     "eval gaze base/h.zarr --display grey8 --size 16x16 --duration 0.1 --engine cpu -o out/study",
-    "eval score base/h.zarr builtin:plane --pupils base/pupils.json --engine cpu --json",
-    "eval score base/rgb.zarr builtin:plane --pupils random:2 --engine cpu",
+    "eval gaze base/h.zarr --display grey8 --size 16x16 --set gaze.content=still --set gaze.sets=2 --engine cpu -o out/study",
+    "eval score base/h.zarr builtin:plane --test-pupils base/pupils.json --engine cpu --json",
+    "eval score base/rgb.zarr builtin:plane --test-pupils random:2 --engine cpu",
+    "eval score base/h.zarr builtin:plane --test-pupils random:1 --settings base/tables.toml --set viewing.black=1 --engine cpu",
     "eval tune builtin:plane --size 16x16 --color green --frames 1 --duration 0.01 --no-store --engine cpu -o out/tune",
-    "eval compare builtin:plane --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/compare",
+    "eval compare builtin:plane --size 16x16 --color green --frames 1 --steps 1 --methods dpac --views 2 --set compare.speckle=false --engine cpu -o out/compare",
     "convert base/moving.zarr out/phases.npy --at 1",
     "convert base/pictures out/x.zarr --display base/bench/bench.toml --color green",
     "encode base/rgb.zarr --display base/bench/bench.toml --engine cpu -o out/frames",
@@ -51,12 +53,13 @@ pub const SOUND: [&str; 38] = [
     "show base/moving.zarr --display grey8 --size 16x16 --output offscreen --clock simulated --engine cpu --stats out/played.json",
     "show base/h.zarr --display grey8 --size 16x16 --output offscreen --duration 0.05 --engine cpu --record out/shown --trace out/trace.json",
     "show base/h.zarr --display grey8 --size 16x16 --output raw:out/frames.raw --duration 0.05 --engine cpu",
+    "show base/moving.zarr --display grey8 --size 16x16 --output offscreen --clock simulated --set show.sync=0.01 --set show.speed=3 --engine cpu",
     "preview base/h.zarr",
     "display monitors",
     "bench builtin:plane --size 16x16 --color green --frames 1 --steps 1 --rounds 1 --engine cpu",
     "display check base/bench/bench.toml",
-    "tracker watch base/eye.jsonl --pupil",
-    "tracker record simulated:3 --duration 0.1 -o out/eye.jsonl --calibration base/ada.toml --pupil 20",
+    "tracker watch base/eye.jsonl --predict",
+    "tracker record simulated:3 --duration 0.1 -o out/eye.jsonl --calibration base/ada.toml --predict 20",
     "tracker watch base/eye.hid --device-file base/device.toml",
     "tracker describe base/descriptor.txt --json",
 ];
@@ -114,6 +117,81 @@ const ODD: [&str; 51] = [
     "-3..3mm",
     "-1mm,0,4mm,2m",
     "4k",
+];
+
+/// Keys of the settings' tables: the form of their values as help texts have them, and a good value. No key whose value is written to.
+const KEYS: [(&str, &str, &str); 42] = [
+    ("camera.every", "MINUTES", "1e-3"),
+    ("camera.iris", "X,Y,DIAMETER", "0.6,-0.4,9"),
+    ("camera.pictures", "N", "20"),
+    ("camera.settle", "SECONDS", "0"),
+    ("camera.timeout", "SECONDS", "500ms"),
+    ("compare.coherence", "LIST", "0,0.5"),
+    ("compare.etendue", "LIST", "1,2d"),
+    ("compare.reference", "CSV", "base/numbers.csv"),
+    ("compare.sources", "true|false", "true"),
+    ("compare.speckle", "true|false", "true"),
+    ("gaze.blinks", "N", "20"),
+    ("gaze.content", "LIST", "still,moving"),
+    ("gaze.encode_time", "MS", "1"),
+    ("gaze.eye_seed", "S", "7"),
+    ("gaze.fixation", "MS", "0.25s"),
+    ("gaze.jumps_every", "N", "2"),
+    ("gaze.jumps_from", "table|last|random", "last"),
+    ("gaze.jumps_to", "SCENE,...", "builtin:points,builtin:plane"),
+    ("gaze.moves", "PX", "8px"),
+    ("gaze.pursuit", "SHARE", "0.5"),
+    ("gaze.sets", "N", "3"),
+    ("gaze.step_time", "MS", "2"),
+    ("gaze.steps_per_set", "N", "1"),
+    ("gaze.tracker_delay", "MS", "8ms"),
+    ("gaze.tracker_noise", "MM", "0.02"),
+    ("gaze.whole_sets", "true|false", "true"),
+    ("show.ahead", "N", "2"),
+    ("show.ask", "views|depth|layers", "depth"),
+    ("show.display_latency", "MS", "5"),
+    ("show.encode_time", "MS", "1"),
+    ("show.keep_phase", "true|false", "true"),
+    ("show.mark", "PX", "4"),
+    ("show.moments", "on|off", "off"),
+    ("show.speed", "FACTOR", "2"),
+    ("show.step_time", "MS", "3"),
+    ("show.sync", "S", "0.01"),
+    ("show.whole_sets", "true|false", "true"),
+    ("tiles.passes", "N", "1"),
+    ("tiles.picture", "N", "32"),
+    ("viewing.black", "CD/M2", "0.5"),
+    ("viewing.luminance", "CD/M2", "100"),
+    ("viewing.pixels_per_degree", "N", "20"),
+];
+
+/// The tables that commands read. In other commands they are stored and have no effect.
+const TABLES: [(&str, &[&str]); 7] = [
+    ("bench", &["camera.", "tiles.", "viewing."]),
+    ("eval compare", &["compare.", "viewing."]),
+    ("eval gaze", &["gaze.", "viewing."]),
+    ("eval score", &["viewing."]),
+    ("eval tune", &["viewing."]),
+    ("show", &["show.", "camera."]),
+    ("solve", &["camera.", "tiles.", "viewing."]),
+];
+
+/// What TOML can say that no key takes, and keys that do not exist.
+const NO_SETTINGS: [&str; 14] = [
+    "gaze=1",
+    "gaze.fixation.ms=1",
+    "gaze.fixations=1",
+    "gaze.=1",
+    ".fixation=1",
+    "gaze",
+    "show.speed",
+    "show.speed=",
+    "show.speed='2",
+    "show.speed={ a = 1 }",
+    "viewing.black=[]",
+    "viewing.black=[[1], [2]]",
+    "tiles.picture=1979-05-27",
+    "camera.iris=[true, 'x', 1]",
 ];
 
 /// The options of every command that take a value, by its help.
@@ -210,7 +288,22 @@ pub fn value(hint: &str, rng: &mut fastrand::Rng) -> String {
     }
 }
 
-/// A sound run with one to three options of odd values.
+/// A key of a table with a good value, an odd one of its form or any odd one; mostly of a table that the command reads.
+fn setting(command: &str, rng: &mut fastrand::Rng) -> String {
+    if rng.u8(..8) == 0 {
+        return NO_SETTINGS[rng.usize(..NO_SETTINGS.len())].into();
+    }
+    let tables = TABLES.iter().find(|(name, _)| *name == command).filter(|_| rng.u8(..8) > 0);
+    let is_read = |key: &str| tables.is_none_or(|(_, tables)| tables.iter().any(|table| key.starts_with(table)));
+    let keys: Vec<_> = KEYS.into_iter().filter(|(key, ..)| is_read(key)).collect();
+    let (key, hint, good) = keys[rng.usize(..keys.len())];
+    match rng.u8(..4) {
+        0 => format!("{key}={good}"),
+        _ => format!("{key}={}", value(hint, rng)),
+    }
+}
+
+/// A sound run with one to three options of odd values, or with settings of its tables.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let mut args = sound(rng).into_iter().map(String::from).collect::<Vec<_>>();
     let options = &ground.options[&command(&args)];
@@ -232,6 +325,10 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
             args.drain(at..=at + usize::from(own_value));
         }
         args.push(format!("{flag}={value}"));
+    }
+    if options.iter().any(|opt| opt.name == "set") && rng.u8(..3) == 0 {
+        let name = command(&args);
+        args.extend((0..rng.usize(1..3)).map(|_| format!("--set={}", setting(&name, rng))));
     }
     if rng.u8(..8) == 0 {
         args.push("--force".into());

@@ -42,10 +42,10 @@ const RUNS: [&str; 12] = [
     "solve base/views --size 16x{} --steps 1 --frames 2 --engine cpu -o out/x.zarr",
     "render builtin:plane --size {}x{} --color green --pupil=0,0,1,0 --engine cpu -o out/x.png",
     "solve builtin:plane --dry-run --size {}x{} --color green --engine cpu",
-    "eval compare builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --no-speckle --engine cpu -o out/e",
+    "eval compare builtin:plane --size {s}x{s} --color green --frames 1 --steps 1 --methods dpac --views 2 --set compare.speckle=false --engine cpu -o out/e",
     "eval tune builtin:plane --size {s}x{s} --color green --frames {f} --duration 0.01 --no-store --engine cpu -o out/t",
-    "eval score base/h.zarr builtin:plane --pupils random:{} --engine cpu",
-    "solve builtin:plane --display base/far.toml --size {}x{} --frames 1 --memory 300MiB --picture {} --passes 1 --steps 1 --engine cpu -o out/x.zarr",
+    "eval score base/h.zarr builtin:plane --test-pupils random:{} --engine cpu",
+    "solve builtin:plane --display base/far.toml --size {}x{} --frames 1 --memory 300MiB --set tiles.picture={} --set tiles.passes=1 --steps 1 --engine cpu -o out/x.zarr",
     "demo --size {} --engine cpu --out out/demo",
 ];
 

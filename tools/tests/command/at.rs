@@ -50,13 +50,13 @@ fn every_command_takes_the_hologram_that_is_named() {
         run(at, &format!("refine s.zarr --at {i} --pupil=0,0,4,0 --steps 1 --engine cpu -o refined{i}.zarr"));
         let group: Value = serde_json::from_slice(&read(&format!("refined{i}.zarr/zarr.json"))).expect("JSON");
         assert_eq!(group["attributes"]["eyebox"]["scene"], scene);
-        let how = "--duration 0.1 --display-rate 20 --step-time 10 --encode-time 1 --jod none --engine cpu";
+        let how = "--duration 0.1 --set gaze.set_rate=20 --set gaze.step_time=10 --set gaze.encode_time=1 --jod none --engine cpu";
         run(at, &format!("eval gaze s.zarr --at {i} {how} -o study{i}"));
         let study: Value = serde_json::from_slice(&read(&format!("study{i}/study.json"))).expect("JSON");
         assert_eq!(study["scene"], scene);
     }
     let psnr = |words: &str| {
-        let said = run(at, &format!("eval score {words} --pupils random:4 --jod none --engine cpu --json"));
+        let said = run(at, &format!("eval score {words} --test-pupils random:4 --jod none --engine cpu --json"));
         serde_json::from_str::<Value>(&said).expect("JSON")["psnr_db"]["mean"].as_f64().expect("a number")
     };
     let own = [0, 1].map(|i| psnr(&format!("s.zarr --at {i}")));

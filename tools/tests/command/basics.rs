@@ -280,18 +280,18 @@ fn from_a_scene_to_a_score_in_three_colours() {
     done(at, &["render", "builtin:still-life", "--size", "40x48", "--pupil=2,1,5,0.3", "-o", "t.npy"]);
     let score: serde_json::Value = serde_json::from_str(&done(
         at,
-        &["eval", "score", "h.zarr", "builtin:still-life", "--pupils", "random:3", "--json"],
+        &["eval", "score", "h.zarr", "builtin:still-life", "--test-pupils", "random:3", "--json"],
     ))
     .unwrap();
     assert!(score["psnr_db"]["mean"].as_f64().unwrap() > 10.0 && score["pupils"].as_array().unwrap().len() == 3);
     std::fs::write(at.join("pupils.json"), "[[0, 0, 4, 0], [2, -1, 6, 0.2]]").unwrap();
-    let score = ["eval", "score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"];
+    let score = ["eval", "score", "h.zarr", "builtin:still-life", "--test-pupils", "pupils.json"];
     assert_eq!(json(at, &[&score[..], &["--json"]].concat())["pupils"].as_array().map(Vec::len), Some(2));
     assert!(done(at, &score).has("2"));
     std::fs::write(at.join("pupils.json"), "[[0, 0, 4]]").unwrap();
     refused(
         at,
-        &["eval", "score", "h.zarr", "builtin:still-life", "--pupils", "pupils.json"],
+        &["eval", "score", "h.zarr", "builtin:still-life", "--test-pupils", "pupils.json"],
         "x",
         "arguments/pupils pupils.json",
     );
@@ -334,7 +334,7 @@ fn a_score_makes_the_scene_as_it_was_solved() {
     let temp = folder();
     let at = temp.path();
     let score = |hologram: &str, scene: &[&str], more: &[&str]| {
-        done(at, &[&["eval", "score", hologram][..], scene, &["--pupils", "random:4", "--json"], more].concat())
+        done(at, &[&["eval", "score", hologram][..], scene, &["--test-pupils", "random:4", "--json"], more].concat())
     };
     let still_life = ["builtin:still-life"];
     done(at, &solve("builtin:still-life", "h.zarr", &["--views", "4"]));

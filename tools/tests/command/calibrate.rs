@@ -54,12 +54,12 @@ fn a_command_that_is_lost_three_times_ends_the_calibration_with_what_it_did() {
 #[test]
 fn one_that_hangs_is_ended_and_one_that_asks_for_time_gets_it() {
     let here = bench(HELLO, "sleep 100");
-    let (code, refusal, _) = failed(here.path(), &["--camera-timeout", "0.2"]);
+    let (code, refusal, _) = failed(here.path(), &["--set", "camera.timeout=0.2"]);
     assert_eq!(code, Some(3));
     refusal.is("calibrate/lost/no-answer");
     let wait = "echo \"{\\\"id\\\": $id, \\\"wait_s\\\": 20}\"; sleep 0.5; echo \"{\\\"id\\\": $id, \\\"error\\\": \\\"the shutter is stuck\\\"}\"";
     let here = bench(HELLO, wait);
-    let (code, refusal, _) = failed(here.path(), &["--camera-timeout", "0.3"]);
+    let (code, refusal, _) = failed(here.path(), &["--set", "camera.timeout=0.3"]);
     assert_eq!((code, &refusal.fields["text"]), (Some(3), &"the shutter is stuck".into()));
     refusal.is("calibrate/refused");
 }
@@ -108,7 +108,7 @@ fn what_cannot_be_asked_for_is_one_line() {
     for (more, what) in [
         (&["--camera", "'unclosed"][..], "calibrate/words"),
         (&["--camera", "no-such-program-here"], "calibrate/start"),
-        (&["--camera", "sh camera.sh", "--captures-max", "3"], "arguments/captures-max"),
+        (&["--camera", "sh camera.sh", "--set", "camera.pictures=3"], "arguments/captures-max"),
         (&["--captures", "nowhere"], "file/read captures.json"),
         (&[], "usage/missing-required-argument --camera"),
         (&["--captures", "x", "--camera", "y"], "usage/argument-conflict"),

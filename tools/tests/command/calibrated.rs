@@ -168,7 +168,7 @@ fn directions_and_figures_are_the_bench_s(report: &Value, truth: &simulated::Ben
 fn a_perfect_bench_stays_as_it_is() {
     let here = common::folder();
     let at = here.path();
-    let args = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
+    let args = [&KEEP[..], &["--set", "camera.pictures=20", "-o", "out.toml"]].concat();
     let (first, _) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1")]));
     let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
     assert!(!read("out.toml").contains("[model"), "{first}");
@@ -195,7 +195,7 @@ fn a_fault_that_no_term_describes_is_named_with_its_size_and_place() {
     let here = common::folder();
     let at = here.path();
     let bench = [("BENCH_IDEAL", "1"), ("BENCH_GHOST", "0.1")];
-    let (report, said) = report(&mut calibrate(at, &["--captures-max", "20", "-o", "out.toml"], &bench));
+    let (report, said) = report(&mut calibrate(at, &["--set", "camera.pictures=20", "-o", "out.toml"], &bench));
     assert_eq!(report["verdict"], "with-faults", "{said}");
     let tiles = report["map"]["squares"].as_array().expect("a map");
     let most = tiles.iter().filter_map(Value::as_f64).fold(0.0, f64::max);
@@ -206,7 +206,7 @@ fn a_fault_that_no_term_describes_is_named_with_its_size_and_place() {
 
 #[test]
 fn a_phase_of_the_other_sign_is_named_and_no_calibration() {
-    for more in [&["--quick"][..], &["--captures-max", "20"]] {
+    for more in [&["--quick"][..], &["--set", "camera.pictures=20"]] {
         let here = common::folder();
         let at = here.path();
         let bench = [("BENCH_IDEAL", "1"), ("BENCH_SIGN", "-1")];
@@ -230,7 +230,7 @@ fn pictures_that_are_black_or_stay_saturated_end_it_with_a_line() {
     {
         let here = common::folder();
         let at = here.path();
-        let args = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
+        let args = [&KEEP[..], &["--set", "camera.pictures=20", "-o", "out.toml"]].concat();
         let mut command = calibrate(at, &args, &[("BENCH_LIGHT", light)]);
         let answer = with_json_errors(&mut command).output().expect("it starts");
         let said = text(&answer.stderr);
@@ -246,10 +246,10 @@ fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     let here = common::folder();
     let at = here.path();
     let bench = [("BENCH_STILL", "0.6,-0.4,9")];
-    let asks = [&KEEP[..], &["--captures-max", "20", "-o", "out.toml"]].concat();
-    refusal_of(&mut calibrate(at, &asks, &bench)).is("calibrate/bench/no-iris --iris");
+    let asks = [&KEEP[..], &["--set", "camera.pictures=20", "-o", "out.toml"]].concat();
+    refusal_of(&mut calibrate(at, &asks, &bench)).is("calibrate/bench/no-iris camera.iris");
     assert!(!at.join("out.toml").exists());
-    let args = [&KEEP[..], &["--iris=0.6,-0.4,9", "--captures-max", "20", "-o", "out.toml"]].concat();
+    let args = [&KEEP[..], &["--set=camera.iris=0.6,-0.4,9", "--set", "camera.pictures=20", "-o", "out.toml"]].concat();
     let (report, said) = report(&mut calibrate(at, &args, &bench));
     let number = |key: &str| report[key].as_f64().expect("a number");
     assert!(number("before") > 0.1, "{}", number("before"));
@@ -273,7 +273,7 @@ fn a_picture_is_registered_colour_by_colour() {
     let mut from = "rgb.toml".to_string();
     for (color, lens) in lenses {
         let out = format!("{color}.toml");
-        let args = ["--color", color, "--register", "--captures-max", "20", "-o", &out];
+        let args = ["--color", color, "--register", "--set", "camera.pictures=20", "-o", &out];
         let lens = lens.map(|v| v.to_string()).join(",");
         let (_, said) =
             report(&mut calibrate_display(at, &from, &args, &[("BENCH_IDEAL", "1"), ("BENCH_LENS", &lens)]));
@@ -310,8 +310,8 @@ fn a_picture_is_registered_colour_by_colour() {
 fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     let here = common::folder();
     let at = here.path();
-    let shows = ["--output", "shared:video", "--settle", "0"];
-    let args = [&KEEP[..], &shows, &["--captures-max", "20", "-o", "out.toml"]].concat();
+    let shows = ["--output", "shared:video", "--set", "camera.settle=0"];
+    let args = [&KEEP[..], &shows, &["--set", "camera.pictures=20", "-o", "out.toml"]].concat();
     let (first, _) = report(&mut calibrate(at, &args, &[("BENCH_IDEAL", "1"), ("BENCH_SHARED", "video")]));
     assert_eq!(first["calibrated"], true);
     assert!(first["unexplained"].as_f64() < first["noise"].as_f64(), "{first}");
@@ -336,13 +336,13 @@ fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
     let run = |more: &[&str]| {
         let solve = ["solve", "builtin:still-life", "--display", "bench.toml", "--frames", "2", "--steps", "6"];
         let with = ["--camera", &camera, "--camera-steps", "1", "--engine", "cpu", "--json", "-o", "h.zarr"];
-        let shows = ["--output", "shared:video", "--settle", "0"];
+        let shows = ["--output", "shared:video", "--set", "camera.settle=0"];
         let mut command = common::command(at, &[&solve[..], &with, &shows, more].concat());
         command.envs([("BENCH_IDEAL", "1"), ("BENCH_STILL", "0.6,-0.4,9"), ("BENCH_SHARED", "video")]);
         command
     };
-    refusal_of(&mut run(&[])).is("calibrate/captures/no-iris --iris");
-    let answer = run(&["--iris=0.6,-0.4,9", "--keep", "kept"]).output().expect("it starts");
+    refusal_of(&mut run(&[])).is("calibrate/captures/no-iris camera.iris");
+    let answer = run(&["--set=camera.iris=0.6,-0.4,9", "--keep", "kept"]).output().expect("it starts");
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     let said: Value = serde_json::from_slice(&answer.stdout).expect("JSON");
     let camera = &said["camera"][0];
@@ -364,8 +364,8 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     let exe = std::env::current_exe().expect("this program");
     let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
     let show = ["show", "builtin:still-life", "--display", "bench.toml", "--frames", "1", "--engine", "cpu"];
-    let shows = ["--output", "shared:video", "--settle", "0", "--keep", "kept"];
-    let follows = ["--camera", &camera, "--camera-every", "1e-6", "--camera-model", "followed.toml"];
+    let shows = ["--output", "shared:video", "--set", "camera.settle=0", "--keep", "kept"];
+    let follows = ["--camera", &camera, "--set", "camera.every=1e-6", "--camera-model", "followed.toml"];
     let mut command = common::command(at, &[&show[..], &shows, &follows].concat());
     command.envs([("BENCH_IDEAL", "1"), ("BENCH_IRIS_X", "0.3"), ("BENCH_SHARED", "video")]);
     command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped());

@@ -27,7 +27,8 @@ fn what_is_near_is_said_and_remembered() {
     assert!(answer.status.success() && said.lines_with("maps/a.png bright") == 1, "{said}");
     done(at, &solve("dark.zarr", &["--depth-map", "maps/a.png", "--near", "dark"]));
     let score = |hologram, more: &[&'static str]| {
-        let words = ["eval", "score", hologram, "a.png", "--depth-map", "maps/a.png", "--pupils", "random:4", "--json"];
+        let words =
+            ["eval", "score", hologram, "a.png", "--depth-map", "maps/a.png", "--test-pupils", "random:4", "--json"];
         done(at, &[&words[..], more].concat())
     };
     let remembered = score("dark.zarr", &[]);
@@ -80,7 +81,8 @@ fn each_picture_of_a_sequence_has_its_own_map() {
             maps,
             "--methods",
             "dpac",
-            "--no-speckle",
+            "--set",
+            "compare.speckle=false",
         ];
         [&words[..], &["--size", "40x48", "--views", "3", "--frames", "1", "--color", "green", "--engine", "cpu"]]
             .concat()

@@ -49,7 +49,8 @@ fn what_was_encoded_is_seen_as_the_hologram_is_or_as_the_slm_shows_it() {
     }
     assert_eq!(frames, seen(at, &["mine", "--encoded", "--display", "bench.toml", "--color", "green"]));
     let score = |what: &str| -> f64 {
-        let args = ["eval", "score", what, "builtin:still-life", "--pupils", "random:2", "--engine", "cpu", "--json"];
+        let args =
+            ["eval", "score", what, "builtin:still-life", "--test-pupils", "random:2", "--engine", "cpu", "--json"];
         let found: serde_json::Value = serde_json::from_str(&done(at, &args)).expect("JSON");
         found["psnr_db"]["mean"].as_f64().expect("a PSNR")
     };

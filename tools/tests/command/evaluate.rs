@@ -42,7 +42,17 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     let published =
         "method,category,n,mean,median,q25,q75,min,max,std\nslfh,Random pupils,70,28.6,29.4,24.8,30.9,22.9,37.7,3.8\n";
     std::fs::write(at.join("paper.csv"), published).unwrap();
-    let more = ["--methods", "slfh,dpac", "--frames", "1,2", "--reference", "paper.csv", "--no-speckle", "--json"];
+    let more = [
+        "--methods",
+        "slfh,dpac",
+        "--frames",
+        "1,2",
+        "--set",
+        "compare.reference=paper.csv",
+        "--set",
+        "compare.speckle=false",
+        "--json",
+    ];
     let said = done(at, &evaluate(&["builtin:still-life", "builtin:plane?depth=0.05"], &more));
     let report: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
     assert_eq!(report, serde_json::from_str::<serde_json::Value>(&read(at, "report.json")).unwrap());
@@ -100,7 +110,7 @@ fn what_is_done_is_not_done_again() {
             at,
             &evaluate(
                 &["builtin:plane"],
-                &[&["--color", "green", "--methods", "slfh,lf2fs", "--no-speckle"], more].concat(),
+                &[&["--color", "green", "--methods", "slfh,lf2fs", "--set", "compare.speckle=false"], more].concat(),
             ),
         )
     };
@@ -160,7 +170,7 @@ fn an_interrupted_evaluation_goes_on_where_it_was() {
     let before = warnings();
     assert!(report["missing"].as_u64().unwrap() > 0 && before > 0);
     let kept = written(at, "results/still-life-dpac-4.json");
-    done(at, &[&args[..], &["--no-speckle"]].concat());
+    done(at, &[&args[..], &["--set", "compare.speckle=false"]].concat());
     let report: serde_json::Value = serde_json::from_str(&read(at, "report.json")).unwrap();
     assert_eq!((report["missing"].as_u64(), report["runs"].as_array().unwrap().len()), (Some(0), 10));
     assert!(warnings() < before, "the page warns while results are missing");
@@ -246,9 +256,13 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &evaluate(&["builtin:plane"], &["--pupil-diameter", "0..2"]), "usage/value-validation");
     refused(at, &evaluate(&["builtin:plane"], &["--display", "none"]), "optics/unknown-display");
     refused(at, &evaluate(&["builtin:plane", "builtin:chart"], &["--depth-map", "d.png"]), "scene/maps");
-    refused(at, &evaluate(&["builtin:plane"], &["--reference", "none.csv"]), "quality/input none.csv");
+    refused(at, &evaluate(&["builtin:plane"], &["--set", "compare.reference=none.csv"]), "quality/input none.csv");
     std::fs::write(at.join("bad.csv"), "method,mean\nslfh,1\n").unwrap();
-    refused(at, &evaluate(&["builtin:plane"], &["--reference", "bad.csv"]), "quality/input/columns bad.csv");
+    refused(
+        at,
+        &evaluate(&["builtin:plane"], &["--set", "compare.reference=bad.csv"]),
+        "quality/input/columns bad.csv",
+    );
     let mut zero = evaluate(&["builtin:plane"], &[]);
     zero[6] = "0";
     refused(at, &zero, "arguments/steps --steps");

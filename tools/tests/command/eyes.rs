@@ -21,7 +21,8 @@ fn a_score_says_what_an_obstruction_costs() {
     let solve = ["solve", "builtin:still-life", "--size", "96x96", "--color", "green", "--steps", "10", "-o", "h.zarr"];
     done(at, &[&solve[..], &["--engine", "cpu"]].concat());
     let score = |more: &[&str]| {
-        let how = ["eval", "score", "h.zarr", "--pupils", "pupils.json", "--engine", "cpu", "--json", "--jod", "none"];
+        let how =
+            ["eval", "score", "h.zarr", "--test-pupils", "pupils.json", "--engine", "cpu", "--json", "--jod", "none"];
         serde_json::from_str::<serde_json::Value>(&done(at, &[&how[..], more].concat())).unwrap()
     };
     let clear = score(&[]);
@@ -36,8 +37,10 @@ fn a_score_says_what_an_obstruction_costs() {
     let [lashes, floaters, opacity, scratches] = ["lashes", "floaters", "opacity", "scratches"].map(of);
     assert!(lashes > 18.0 && lashes < opacity && opacity > 24.0, "{lashes} {opacity}");
     assert!(floaters > opacity - 3.0 && scratches > opacity - 3.0, "{floaters} {scratches}");
-    let said =
-        done(at, &["eval", "score", "h.zarr", "--pupils", "pupils.json", "--jod", "none", "--obstructed", "lashes"]);
+    let said = done(
+        at,
+        &["eval", "score", "h.zarr", "--test-pupils", "pupils.json", "--jod", "none", "--obstructed", "lashes"],
+    );
     assert!(said.has(&format!("{lashes:.2}")), "{said}");
     refused(at, &["eval", "score", "h.zarr", "--obstructed", "nose"], "x", "usage/invalid-value");
 }
@@ -80,7 +83,8 @@ fn a_hologram_keeps_its_eye() {
     assert!(view("near.zarr", "said.npy", &["--prescription", "-0.1"]).0 == own);
     assert!(view("file.zarr", "file.npy", &[]).0 == own);
     // A pair of spectacles is weaker at the eye.
-    assert!(view("near.zarr", "far.npy", &["--prescription", "-0.1", "--vertex-distance", "14"]).0 != own);
+    std::fs::write(at.join("spectacles.toml"), "sphere = -0.1\nvertex_mm = 14\n").unwrap();
+    assert!(view("near.zarr", "far.npy", &["--eye-file", "spectacles.toml"]).0 != own);
     let (plain, _) = view("plain.zarr", "plain.npy", &[]);
     assert!(view("plain.zarr", "none.npy", &["--prescription", "none"]).0 == plain);
     let score = |hologram: &str, more: &[&str]| {
@@ -120,7 +124,17 @@ fn a_plan_and_a_comparison_have_an_eye() {
     let evaluate = |out: &str, more: &[&str]| {
         let settings =
             ["--methods", "slfh", "--steps", "3", "--frames", "2", "--engine", "cpu", "--pupil-diameter", "2..5"];
-        let evaluate = ["eval", "compare", "builtin:still-life", "--display", "bench.toml", "--no-speckle", "-o", out];
+        let evaluate = [
+            "eval",
+            "compare",
+            "builtin:still-life",
+            "--display",
+            "bench.toml",
+            "--set",
+            "compare.speckle=false",
+            "-o",
+            out,
+        ];
         done(at, &[&evaluate[..], &settings, more].concat())
     };
     let own = evaluate("out", &[]);
@@ -145,8 +159,8 @@ fn a_study_follows_an_eye_with_its_prescription() {
             "planes8",
             "--duration",
             "0.5",
-            "--step-time",
-            "4",
+            "--set",
+            "gaze.step_time=4",
             "--engine",
             "cpu",
         ];

@@ -30,7 +30,9 @@ fn a_path_is_fed_as_it_is_loaded() {
     let mut frame = display.frame();
     let args = ["feed", "builtin:plane?brightness=0.5", "--name", "show", "--rate", "200", "--move=depth=-1..1"];
     let mut command = common::command(temp.path(), &args);
-    command.args(["--display", "small", "--steps", "3", "--frames", "9", "--json"]).env("XDG_RUNTIME_DIR", temp.path());
+    command
+        .args(["--display", "small", "--move-frames", "3", "--count", "9", "--json"])
+        .env("XDG_RUNTIME_DIR", temp.path());
     let mut feed = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let optics = Optics { height: 16, width: 24, ..Optics::preset("small").unwrap() };
     let request = Request { views: 3, ..Request::new(&optics, &[Color::Green, Color::Blue]) };

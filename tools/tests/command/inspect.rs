@@ -43,7 +43,7 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     assert_eq!(sheet, (3 * 66 - 2, 3 * 66 - 2));
     // A hologram remembers what was said.
     done(at, &[&solve[..], &["--order", "flip-rows"]].concat());
-    done(at, &["eval", "score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
+    done(at, &["eval", "score", "x.zarr", "views", "--test-pupils", "random:1", "--engine", "cpu"]);
     // Stated in the folder, it needs no flag.
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
     assert_eq!(read(&info(&["--json"]))["order"], "flip-rows");
@@ -59,7 +59,7 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     let settings = std::fs::read_to_string(at.join("x.zarr/zarr.json")).unwrap();
     let settings = &read(&settings)["attributes"]["eyebox"]["settings"];
     assert_eq!((&settings["photographs"], &settings["views"]), (&"layers".into(), &Value::from(vec![3, 3])));
-    done(at, &["eval", "score", "x.zarr", "views", "--pupils", "random:1", "--engine", "cpu"]);
+    done(at, &["eval", "score", "x.zarr", "views", "--test-pupils", "random:1", "--engine", "cpu"]);
     for command in ["solve", "eval compare", "eval gaze", "show", "preview", "render"] {
         let words: Vec<_> = command.split(' ').chain(["views", "--order", "backwards"]).collect();
         refused(at, &words, "none", "usage/value-validation as-named");

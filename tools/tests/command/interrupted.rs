@@ -42,8 +42,8 @@ fn a_command_that_has_nothing_to_save_ends_and_leaves_nothing() {
         "render builtin:still-life --size 384x384 --views 17 --pupil=0,0,4,0 -o out/x.png --engine cpu",
         "info builtin:still-life --size 384x384 --views 17 -o out/x.png",
         "solve builtin:still-life --size 384x384 --views 17 --dry-run",
-        "eval score h.zarr --pupils random:40000 --engine cpu",
-        "eval score h.zarr builtin:still-life --pupils random:40000 --json --engine cpu",
+        "eval score h.zarr --test-pupils random:40000 --engine cpu",
+        "eval score h.zarr builtin:still-life --test-pupils random:40000 --json --engine cpu",
         "eval gaze builtin:still-life --size 384x384 --views 17 -o out/x --engine cpu",
     ];
     for line in lines {

@@ -116,8 +116,9 @@ fn it_is_shown_and_follows_the_eye() {
     done(at, &[&["show", "joint.zarr", "--stats", "played.json"][..], &brief, &["played"], &display].concat());
     let played = json(&std::fs::read_to_string(at.join("played.json")).unwrap());
     assert!(powers("played") == powers("frames") && played["joint_color"]["lasers"]["blue"].is_object(), "{played}");
-    let eye = ["--tracker", "simulated", "--step-time", "1", "--views", "3"];
-    for (name, more) in [("rolls", &[][..]), ("again", &[]), ("whole", &["--whole-sets"]), ("still", &["--unsteered"])]
+    let eye = ["--tracker", "simulated", "--set", "show.step_time=1", "--views", "3"];
+    for (name, more) in
+        [("rolls", &[][..]), ("again", &[]), ("whole", &["--set", "show.whole_sets=true"]), ("still", &["--unsteered"])]
     {
         let stats = format!("{name}.json");
         let show = ["show", "joint.zarr", "--stats", &stats];
@@ -151,13 +152,22 @@ fn a_study_says_what_steering_gains() {
     let at = dir.path();
     solved(at, "6");
     let study = ["eval", "gaze", "joint.zarr", "--display", "grey8", "--views", "3", "--engine", "cpu", "--json"];
-    let eye = ["--duration", "1", "--step-time", "1", "--jod", "none", "-o", "out"];
+    let eye = ["--duration", "1", "--set", "gaze.step_time=1", "--jod", "none", "-o", "out"];
     let said = json(&done(at, &[&study[..], &eye].concat()));
     let gain = said["summary"]["end_of_fixation_db"]["mean"].as_f64().unwrap();
     let steps = said["summary"]["steps"].as_u64().unwrap();
     assert!(gain > 0.5 && steps.is_multiple_of(3), "{said}");
-    let content = ["--content", "still,moving", "--sets", "12", "--steps-per-set", "2", "--moves", "4"];
-    let eye = ["--fixation", "100000", "--tracker-noise", "0.02", "-o", "moving"];
+    let content = [
+        "--set",
+        "gaze.content=still,moving",
+        "--set",
+        "gaze.sets=12",
+        "--set",
+        "gaze.steps_per_set=2",
+        "--set",
+        "gaze.moves=4",
+    ];
+    let eye = ["--set", "gaze.fixation=100000", "--set", "gaze.tracker_noise=0.02", "-o", "moving"];
     let said = json(&done(at, &[&study[..], &content, &eye].concat()));
     let mean = |content: &str, eye: &str, steered: bool| {
         let is = |run: &&serde_json::Value| {
@@ -167,9 +177,19 @@ fn a_study_says_what_steering_gains() {
     };
     let gain = |content: &str, eye: &str| mean(content, eye, true) - mean(content, eye, false);
     assert!(gain("still", "rests") > 2.0 && gain("moving", "follows") > 2.0, "{said}");
-    let jumps = ["--content", "jumping", "--sets", "4", "--jumps-every", "2", "--steps-per-set", "1"];
+    let jumps = [
+        "--set",
+        "gaze.content=jumping",
+        "--set",
+        "gaze.sets=4",
+        "--set",
+        "gaze.jumps_every=2",
+        "--set",
+        "gaze.steps_per_set=1",
+    ];
     let second = |from: &str| {
-        let said = json(&done(at, &[&study[..], &jumps, &["--jumps-from", from, "-o", from]].concat()));
+        let said =
+            json(&done(at, &[&study[..], &jumps, &["--set", &format!("gaze.jumps_from={from}"), "-o", from]].concat()));
         said["summary"][2]["after_jumps_db"][1].as_f64().unwrap()
     };
     // An SLM as small as this one has no table: there the last drives are gone on with.
@@ -231,7 +251,8 @@ fn the_report_compares_it_with_one_colour_after_another() {
         "small",
         "--size",
         "48x64",
-        "--no-speckle",
+        "--set",
+        "compare.speckle=false",
         "--jod",
         "none",
         "--engine",

@@ -222,7 +222,7 @@ fn every_look_at_unfinished_tiles_says_how_far_they_are() {
     let (_, said) = told(at, &["render", "h.zarr", pupil, "-o", "x.png", "--engine", "cpu"]);
     assert_eq!(said.lines_with(how_far), 1, "{said}");
     let still = ["h.zarr", "builtin:still-life", "--json", "--engine", "cpu"];
-    let some = ["--pupils", "random:1", "--pupil-diameter", "0.3..0.3"];
+    let some = ["--test-pupils", "random:1", "--pupil-diameter", "0.3..0.3"];
     for args in [
         &[&["eval", "score"], &still[..], &some].concat(),
         &[&["refine"], &still[..], &[pupil, "--steps", "1"]].concat(),

@@ -28,7 +28,7 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     solved(at);
     let study = ["eval", "gaze", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json"];
     // As if the picture were seen so large that its grain is seen.
-    let large = ["--step-time", "4", "--pixels-per-degree", "20", "-o", "out"];
+    let large = ["--set", "gaze.step_time=4", "--set", "viewing.pixels_per_degree=20", "-o", "out"];
     let said: Value = serde_json::from_str(&done(at, &[&study[..], &large].concat())).expect("one object");
     let all = json(&at.join("out/study.json"));
     let moments = all["study"]["moments"].as_array().unwrap();
@@ -65,12 +65,14 @@ fn a_study_of_content_says_what_moments_gain() {
         "planes8",
         "--engine",
         "cpu",
-        "--fixation",
-        "100000",
-        "--tracker-noise",
-        "0.02",
+        "--set",
+        "gaze.fixation=100000",
+        "--set",
+        "gaze.tracker_noise=0.02",
     ];
-    let content = ["--content", "still,moving", "--sets", "16", "--steps-per-set", "2", "--moves", "8"];
+    let content = "[gaze]\ncontent = ['still', 'moving']\nsets = 16\nsteps_per_set = 2\nmoves = '8px'\n";
+    std::fs::write(at.join("content.toml"), content).unwrap();
+    let content = ["--settings", "content.toml"];
     let said: Value = serde_json::from_str(&done(at, &[&study[..], &content, &["--json", "-o", "out"]].concat()))
         .expect("one object");
     let all = json(&at.join("out/study.json"));
@@ -91,23 +93,32 @@ fn a_study_of_content_says_what_moments_gain() {
     common::figures_of(&at.join("out"), "study.html");
     // Content that jumps to other scenes: the first jump is to points, and not to the still life's mirror image.
     let jumps = |more: &[&str], out: &str| {
-        let how = ["--content", "jumping", "--jumps-every", "2", "--sets", "6", "--steps-per-set", "1", "--json"];
+        let how = [
+            "--set",
+            "gaze.content=jumping",
+            "--set",
+            "gaze.jumps_every=2",
+            "--set",
+            "gaze.sets=6",
+            "--set",
+            "gaze.steps_per_set=1",
+            "--json",
+        ];
         done(at, &[&study[..], &how, more, &["-o", out]].concat());
         json(&at.join(out).join("study.json"))
     };
-    let [mirrored, slides] = [jumps(&[], "mirrored"), jumps(&["--jumps-to", "builtin:points,builtin:plane"], "slides")];
+    let [mirrored, slides] =
+        [jumps(&[], "mirrored"), jumps(&["--set", "gaze.jumps_to=builtin:points,builtin:plane"], "slides")];
     assert_eq!(slides["jumps_to"], serde_json::json!(["builtin:points", "builtin:plane"]));
     let db = |of: &Value, set: usize| of["runs"][0]["samples"][set]["db"].as_f64().unwrap();
     assert_eq!(db(&slides, 1), db(&mirrored, 1));
     assert!((db(&slides, 2) - db(&mirrored, 2)).abs() > 1.0, "{} dB, {} dB", db(&slides, 2), db(&mirrored, 2));
     refused(
         at,
-        &[&study[..], &["--jumps-to", "builtin:plane", "-o", "x"]].concat(),
+        &[&study[..], &["--set", "gaze.content=flying", "-o", "x"]].concat(),
         "x",
-        "usage/missing-required-argument --content",
+        "arguments/settings-value gaze.content flying",
     );
-    refused(at, &[&study[..], &["--sets", "3", "-o", "x"]].concat(), "x", "usage/missing-required-argument --content");
-    refused(at, &[&study[..], &["--content", "flying", "-o", "x"]].concat(), "x", "usage/invalid-value flying");
 }
 
 #[test]
@@ -178,7 +189,7 @@ fn the_hologram_follows_a_focus_that_changes() {
         let psnr = |focus: f64| {
             std::fs::write(at.join("pupils.json"), format!("[[0, 0, 4, {focus}]]")).unwrap();
             let picture = format!("kept/{picture}");
-            let score = ["eval", "score", "--encoded", &picture, scene, "--pupils", "pupils.json", "--json"];
+            let score = ["eval", "score", "--encoded", &picture, scene, "--test-pupils", "pupils.json", "--json"];
             let said: Value = serde_json::from_str(&done(at, &[&score[..], &optics].concat())).expect("JSON");
             said["psnr_db"]["mean"].as_f64().unwrap_or_else(|| panic!("{said}"))
         };

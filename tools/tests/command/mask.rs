@@ -65,7 +65,7 @@ fn a_hologram_keeps_its_mask() {
     assert!(value.has_sequence(&[2.0, 2.0]) && why.has("52 26 mm"), "{choice}");
     assert!(done(at, &plan).lines_with("52 26 mm") > 0);
     let devices = ["display", "check", "mask.toml"];
-    let reach = &json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"];
+    let reach = &json(at, &[&devices[..], &["--json"]].concat())["reach"];
     let [own, plain] = [&reach["eyebox_mm"], &reach["without_mask"]["eyebox_mm"]].map(|mm| mm.as_f64().unwrap());
     assert!((own - 52.0).abs() < 1e-6 && (plain - 26.0).abs() < 1e-6, "{reach}");
     assert_eq!(done(at, &devices).lines_with("52 26 mm"), 1);
@@ -97,9 +97,21 @@ fn the_report_compares_masks() {
     let dir = folder();
     let at = dir.path();
     let small = ["--views", "3", "--steps", "4", "--pupils", "4", "--display", "small", "--size", "48x48"];
-    let rest = ["--frames", "1", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--jod", "none", "--engine", "cpu"];
+    let rest = [
+        "--frames",
+        "1",
+        "--pupil-diameter",
+        "3.5..4.5",
+        "--set",
+        "compare.speckle=false",
+        "--jod",
+        "none",
+        "--engine",
+        "cpu",
+    ];
     let line =
-        [&["eval", "compare", "builtin:still-life", "--etendue=3,1,2d", "-o", "report"][..], &small, &rest].concat();
+        [&["eval", "compare", "builtin:still-life", "--set=compare.etendue=3,1,2d", "-o", "report"][..], &small, &rest]
+            .concat();
     let said = done(at, &line);
     // The factors of the masks, and their eyeboxes in mm.
     let rows = document(&at.join("report/report.json"))["etendue"].clone();
@@ -120,8 +132,8 @@ fn the_report_compares_masks() {
     let json = done(at, &[&line[..], &["--json"]].concat());
     let rows = serde_json::from_str::<serde_json::Value>(&json).unwrap()["etendue"].as_array().unwrap().len();
     assert_eq!(rows, 3);
-    let wrong = ["eval", "compare", "builtin:still-life", "--etendue=5", "-o", "other"];
-    refused(at, &wrong, "other/report.html", "usage/value-validation");
+    let wrong = ["eval", "compare", "builtin:still-life", "--set=compare.etendue=5", "-o", "other"];
+    refused(at, &wrong, "other/report.html", "arguments/settings-value compare.etendue");
 }
 
 /// Behind a mask the default methods are those that know of it, and another mask's results are not taken for its own.
@@ -135,7 +147,7 @@ fn a_masked_display_is_evaluated() {
     };
     let line = ["eval", "compare", "builtin:still-life", "--display", "mask.toml", "-o", "report", "--json"];
     let small = ["--views", "3", "--steps", "2", "--pupils", "2", "--frames", "1"];
-    let rest = ["--no-speckle", "--jod", "none", "--engine", "cpu"];
+    let rest = ["--set", "compare.speckle=false", "--jod", "none", "--engine", "cpu"];
     let evaluate = || {
         let said = done(at, &[&line[..], &small, &rest].concat());
         serde_json::from_str::<serde_json::Value>(&said).unwrap()["over_scenes"].clone()

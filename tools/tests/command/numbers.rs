@@ -82,7 +82,7 @@ fn a_black_scene_has_no_psnr() {
     let said = done(at, &[&words[..], &SMALL, &more].concat());
     let no_number = |said: &str| ["dB", "inf", "NaN", "nan"].iter().all(|word| !said.has(word));
     assert!(said.has("h.zarr green") && no_number(&said), "{said}");
-    let score = ["eval", "score", "h.zarr", "black", "--pupils", "random:3"];
+    let score = ["eval", "score", "h.zarr", "black", "--test-pupils", "random:3"];
     let scores = json(at, &[&score[..], &["--json"]].concat());
     assert!(scores["psnr_db"].is_null() && scores["pupils"][0]["psnr_db"].is_null(), "{scores}");
     let said = done(at, &score);

@@ -15,7 +15,7 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
         ["show", "h.zarr", "--display", "grey8", "--size", "16x16", "--engine", "cpu", "--output", "raw:out.zarr"];
     let steer =
         ["show", "h.zarr", "--tracker", "simulated", "--display", "grey8", "--size", "16x16", "--duration", "0.1"];
-    let cases: [(&[&str], &str, &str); 19] = [
+    let cases: [(&[&str], &str, &str); 23] = [
         (&solve, "--psnr=nan", "usage/value-validation -100 1000"),
         (&solve, "--psnr=inf", "usage/value-validation -100 1000"),
         (&solve, "--duration=1e308", "usage/value-validation 1e12"),
@@ -34,7 +34,11 @@ fn options_of_impossible_values_are_refused_with_what_is_possible() {
         (&show, "--start-at=1", "session/setting/start-at"),
         (&show, "--at=9223372036854775808", "session/setting/first"),
         (&show, "--display-rate=0.1", "session/setting/display-rate 100000"),
-        (&show, "--ahead=1000000", "session/setting/ahead 64"),
+        (&show, "--set=show.ahead=1000000", "session/setting/ahead 64"),
+        (&show, "--set=show.ahead=-1", "arguments/settings-value show.ahead"),
+        (&show, "--set=show.sync=nan", "produce/job/not-finite"),
+        (&steer, "--set=show.display_latency=-1ms", "arguments/settings-value show.display_latency"),
+        (&solve, "--set=viewing.luminance=1e308", "arguments/settings-value viewing.luminance 1e12"),
     ];
     for (command, option, what) in cases {
         refused(at, &[command, &[option]].concat(), "out.zarr", what);

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 const SMALL: [&str; 10] = ["--size", "40x40", "--steps", "3", "--frames", "1", "--color", "green", "--engine", "cpu"];
-const PUPILS: [&str; 7] = ["--pupils", "random:3", "--jod", "none", "--engine", "cpu", "--json"];
+const PUPILS: [&str; 7] = ["--test-pupils", "random:3", "--jod", "none", "--engine", "cpu", "--json"];
 
 /// Solves `scene` in a folder into `out` there.
 fn solve(at: &Path, scene: &str, out: &str, more: &[&str]) {
@@ -131,8 +131,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     solve(&at, "builtin:plane?depth=0.5", "plane.zarr", &["--views", "3"]);
     solve(&at, "views", "order.zarr", &["--order", "flip-rows,flip-columns", "--depth=-1..1"]);
     fs::write(at.join("far.toml"), FAR).unwrap();
-    let tiled =
-        "--display far.toml --frames 1 --memory 200MiB --pupil-diameter 0.2..0.4 --picture 32 --passes 1 --steps 1";
+    let tiled = "--display far.toml --frames 1 --memory 200MiB --pupil-diameter 0.2..0.4 --set tiles.picture=32 --set tiles.passes=1 --steps 1";
     let words: Vec<&str> = tiled.split_whitespace().collect();
     done(&at, &[&["solve", "views", "-o", "tiles.zarr", "--engine", "cpu", "--depth=-1..1"][..], &words].concat());
     for (hologram, named) in [
@@ -181,8 +180,7 @@ fn a_sequence_knows_the_scene_of_each_hologram() {
     let solve = [&solve[..], &SMALL].concat();
     done(&at, &solve);
     let show = |from: &Path, what: &str| {
-        let words =
-            "--tracker simulated --output offscreen --clock simulated --step-time 2 --duration 0.2 --engine cpu";
+        let words = "--tracker simulated --output offscreen --clock simulated --set show.step_time=2 --duration 0.2 --engine cpu";
         let words: Vec<&str> = words.split_whitespace().collect();
         with_json_errors(&mut command(from, &[&["show", what][..], &words].concat())).output().expect("it starts")
     };
@@ -210,7 +208,7 @@ fn refine_writes_the_best_state() {
     fs::write(at.join("pupil.json"), "[[4, 0, 4, 1]]").unwrap();
     let json = |words: &[&str]| -> Value { serde_json::from_str(&done(at, words)).expect("JSON") };
     let score = |file: &str| {
-        let said = json(&["eval", "score", file, "--pupils", "pupil.json", "--engine", "cpu", "--json"]);
+        let said = json(&["eval", "score", file, "--test-pupils", "pupil.json", "--engine", "cpu", "--json"]);
         said["psnr_db"]["mean"].as_f64().unwrap()
     };
     let (mut before, mut fell) = (score("h.zarr"), 0.0f64);

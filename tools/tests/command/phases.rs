@@ -190,7 +190,7 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
 
     both(&["render", "IN", "--pupil=1,0,5,0", "--engine", "cpu", "-o", "IN.view.npy"], &GREEN);
     assert_eq!(read("h.zarr.view.npy"), read("p.npy.view.npy"));
-    let scene = ["--views", "3", "--depth=-0.1..0.1", "--pupils", "random:3", "--engine", "cpu", "--json"];
+    let scene = ["--views", "3", "--depth=-0.1..0.1", "--test-pupils", "random:3", "--engine", "cpu", "--json"];
     let [own, bare] = both(&[&["eval", "score", "IN", "builtin:plane"], &scene[..]].concat(), &GREEN);
     assert_eq!(own, bare);
     let encode = ["encode", "IN", "--display", "grey8", "--size", "36x48", "-o", "IN.frames"];
@@ -215,7 +215,17 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
         [0, 1].map(|row: usize| said["rows"][row]["eye_db"].as_f64().unwrap())
     });
     assert!((gains[0][0] - gains[1][0]).abs() < 0.01 && gains[1][1] > 10.0, "{gains:?} dB");
-    let compare = ["eval", "compare", "builtin:plane", "--views", "3", "--no-speckle", "--hologram", "mine=p.npy"];
+    let compare = [
+        "eval",
+        "compare",
+        "builtin:plane",
+        "--views",
+        "3",
+        "--set",
+        "compare.speckle=false",
+        "--hologram",
+        "mine=p.npy",
+    ];
     done(at, &[&compare[..], &GREEN, &["--size", "36x48", "--engine", "cpu", "-o", "report"]].concat());
     assert!(at.join("report/report.html").exists());
     let steer = ["show", "p.npy", "--tracker", "simulated", "--scene", "builtin:plane", "--display", "grey8"];
@@ -282,10 +292,13 @@ fn a_hologram_is_not_measured_against_another_scene() {
     let at = here.path();
     solved(at);
     let shows = "arguments/other-scene 'builtin:plane' 'builtin:points'";
-    let score = ["eval", "score", "h.zarr", "builtin:points", "--pupils", "random:1", "--engine", "cpu"];
+    let score = ["eval", "score", "h.zarr", "builtin:points", "--test-pupils", "random:1", "--engine", "cpu"];
     refused(at, &score, "x", shows);
     done(at, &[&score[..], &["--force"]].concat());
-    done(at, &["eval", "score", "h.zarr", "builtin:plane?brightness=1", "--pupils", "random:1", "--engine", "cpu"]);
+    done(
+        at,
+        &["eval", "score", "h.zarr", "builtin:plane?brightness=1", "--test-pupils", "random:1", "--engine", "cpu"],
+    );
     refused(at, &["refine", "h.zarr", "builtin:points", "--pupil=0,0,5,0", "-o", "x.zarr"], "x.zarr", shows);
     refused(
         at,
@@ -326,7 +339,7 @@ fn the_documents_python_writes_a_hologram() {
     assert!(values.iter().enumerate().all(|(i, v)| (v - wrapped(0.1 * (i % 64) as f32)).abs() < 1e-5));
     // Seen, scored, encoded, made a hologram of this program.
     done(at, &["render", "grating.zarr", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
-    done(at, &["eval", "score", "grating.zarr", "builtin:plane", "--pupils", "random:2", "--engine", "cpu"]);
+    done(at, &["eval", "score", "grating.zarr", "builtin:plane", "--test-pupils", "random:2", "--engine", "cpu"]);
     done(at, &["encode", "grating.zarr", "--display", "grey8", "--size", "48x64", "-o", "frames"]);
 
     // What is wrong in it is said.

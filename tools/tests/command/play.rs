@@ -122,7 +122,7 @@ fn what_is_recorded_is_what_encode_writes() {
     sequence(at);
     let played =
         ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--record", "shown", "--stats", "s.json"];
-    done(at, &[&played[..], &["--trace", "t.json", "--sync", "0.1"]].concat());
+    done(at, &[&played[..], &["--trace", "t.json", "--set", "show.sync=0.1"]].concat());
     let stats = json(&at.join("s.json"));
     // 20 a second on 60 Hz: each three times.
     assert_eq!((&stats["content_shown"], dropped(&stats)), (&3.into(), 0));
@@ -277,7 +277,7 @@ fn what_cannot_be_shown_is_refused_in_one_sentence() {
         &["show", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"],
         "arguments/record-in-real-time --record",
     );
-    let before = eyebox(at, &["show", "s.zarr", "--size", "48x64", "--speed", "5000"]);
+    let before = eyebox(at, &["show", "s.zarr", "--size", "48x64", "--set", "show.speed=5000"]);
     assert_eq!(before.status.code(), Some(2));
 }
 

@@ -215,7 +215,18 @@ fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
                    wavelengths_nm = { green = 520, blue = 440 }\ngeometry = \"far-field\"\n";
     std::fs::write(folder.join("far.toml"), display).expect("written");
     let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--frames", "2", "--memory", "600MiB"];
-    let few = ["--pupil-diameter", "0.2..0.4", "--picture", "96", "--passes", "1", "--engine", "cpu", "-o", "h.zarr"];
+    let few = [
+        "--pupil-diameter",
+        "0.2..0.4",
+        "--set",
+        "tiles.picture=96",
+        "--set",
+        "tiles.passes=1",
+        "--engine",
+        "cpu",
+        "-o",
+        "h.zarr",
+    ];
     done(folder, &[&solve[..], &few].concat());
     // A tile that no pupil of this test covers is damaged: nobody who does not look there notices.
     let far = folder.join("h.zarr/phases/c/1/0/7/7");

@@ -9,7 +9,7 @@ fn the_eye_sees_better_and_the_file_says_how() {
     let at = temp.path();
     let solve =
         ["solve", "builtin:still-life", "--size", "96x96", "--steps", "20", "--color", "green", "--engine", "cpu"];
-    done(at, &[&solve[..], &["--pixels-per-degree", "20", "-o", "h.zarr"]].concat());
+    done(at, &[&solve[..], &["--set", "viewing.pixels_per_degree=20", "-o", "h.zarr"]].concat());
     let refine = |more: &[&str]| -> Value {
         let fixed = ["refine", "h.zarr", "builtin:still-life", "--pupil=4,-2,4,0.2", "--engine", "cpu", "--json"];
         serde_json::from_str(&done(at, &[&fixed[..], more].concat())).expect("one JSON object")
@@ -55,7 +55,18 @@ fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
                    wavelengths_nm = { green = 520, blue = 440 }\ngeometry = \"far-field\"\n";
     std::fs::write(at.join("far.toml"), display).unwrap();
     let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--frames", "2", "--memory", "600MiB"];
-    let few = ["--pupil-diameter", "0.2..0.4", "--picture", "96", "--passes", "1", "--engine", "cpu", "-o", "h.zarr"];
+    let few = [
+        "--pupil-diameter",
+        "0.2..0.4",
+        "--set",
+        "tiles.picture=96",
+        "--set",
+        "tiles.passes=1",
+        "--engine",
+        "cpu",
+        "-o",
+        "h.zarr",
+    ];
     done(at, &[&solve[..], &few].concat());
     let refine = |file: &str, more: &[&str]| -> Value {
         let place = ["--pupil=-0.3,0.25,0.3,0", "--spread", "0.02", "--pupil-diameter", "0.25..0.35"];

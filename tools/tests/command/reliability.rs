@@ -46,7 +46,7 @@ fn files_that_are_no_files_are_refused_at_once() {
     mkfifo(&at.join("views/lightfield.toml"));
     for file in ["pipe", "/dev/zero"] {
         refused(at, &["solve", "builtin:plane", "--display", file, "-o", "x"], "x", "optics/unknown-display");
-        refused(at, &["eval", "score", "h.zarr", "builtin:plane", "--pupils", file], "x", "arguments/pupils");
+        refused(at, &["eval", "score", "h.zarr", "builtin:plane", "--test-pupils", file], "x", "arguments/pupils");
         refused(at, &solve(&["builtin:plane"], "x.zarr", &["--settings", file]), "x.zarr", "produce/job/unreadable");
     }
     #[cfg(target_os = "linux")]

@@ -16,24 +16,26 @@ fn a_score_says_what_people_see_and_where() {
     let solve = ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "3", "--frames", "2"];
     done(at, &[&solve[..], &["--engine", "cpu"]].concat());
     let mean = |score: &Value| score["jod"]["mean"].as_f64().expect("a JOD");
-    let coarse = scored(at, &["--pupils", "random:3", "--pixels-per-degree", "20", "--jod-maps", "lost"]);
+    let coarse =
+        scored(at, &["--test-pupils", "random:3", "--set", "viewing.pixels_per_degree=20", "--jod-maps", "lost"]);
     let judged = |score: &Value| score["pupils"].as_array().unwrap().iter().filter(|p| !p["jod"].is_null()).count();
     assert_eq!((judged(&coarse), coarse["viewing"]["pixels_per_degree"].as_f64()), (3, Some(20.0)));
     assert!((0..3).all(|i| at.join(format!("lost/pupil-{i:04}.png")).is_file()));
     // Finer pixels show less, and the optics' own, 873 a degree, nearly nothing.
-    let fine = scored(at, &["--pupils", "random:3", "--pixels-per-degree", "80"]);
-    let own = scored(at, &["--pupils", "random:3"]);
+    let fine = scored(at, &["--test-pupils", "random:3", "--set", "viewing.pixels_per_degree=80"]);
+    let own = scored(at, &["--test-pupils", "random:3"]);
     assert!(mean(&coarse) < mean(&fine) && mean(&fine) < mean(&own) && mean(&own) > 9.0, "{coarse} {fine} {own}");
     // Sub-frames that flicker are worse than their mean.
-    let flicker = scored(at, &["--pupils", "random:3", "--pixels-per-degree", "20", "--sub-frame-rate", "60"]);
+    let flicker =
+        scored(at, &["--test-pupils", "random:3", "--set", "viewing.pixels_per_degree=20", "--sub-frame-rate", "60"]);
     assert!(mean(&flicker) < mean(&coarse), "{flicker} {coarse}");
     // Some of many, all of them, none.
-    assert_eq!(judged(&scored(at, &["--pupils", "random:20"])), 16);
-    assert_eq!(judged(&scored(at, &["--pupils", "random:20", "--jod", "all"])), 20);
-    let none = scored(at, &["--pupils", "random:2", "--jod", "none"]);
+    assert_eq!(judged(&scored(at, &["--test-pupils", "random:20"])), 16);
+    assert_eq!(judged(&scored(at, &["--test-pupils", "random:20", "--jod", "all"])), 20);
+    let none = scored(at, &["--test-pupils", "random:2", "--jod", "none"]);
     assert!(judged(&none) == 0 && none["jod"].is_null() && none["pupils"][0]["psnr_db"].is_number());
     let score = ["eval", "score", "h.zarr", "builtin:still-life"];
-    refused(at, &[&score[..], &["--black", "300"]].concat(), "x", "optics/viewing/range cd/m2 300 200");
+    refused(at, &[&score[..], &["--set", "viewing.black=300"]].concat(), "x", "optics/viewing/range cd/m2 300 200");
     refused(at, &[&score[..], &["--jod", "none", "--jod-maps", "x"]].concat(), "x", "arguments/jod-none");
 }
 
@@ -45,13 +47,22 @@ fn the_part_that_the_eye_looks_at_has_a_score() {
     let solve =
         ["solve", "builtin:still-life", "--size", "96x96", "--color", "green", "--steps", "24", "--frames", "2"];
     done(at, &[&solve[..], &["--pupil-diameter", "6..20", "--engine", "cpu", "-o", "h.zarr"]].concat());
-    let looks = ["--pupils", "random:4", "--pupil-diameter", "8..20", "--pixels-per-degree", "8", "--gaze=-3,-2"];
+    let looks = [
+        "--test-pupils",
+        "random:4",
+        "--pupil-diameter",
+        "8..20",
+        "--set",
+        "viewing.pixels_per_degree=8",
+        "--gaze=-3,-2",
+    ];
     let scores = scored(at, &looks);
     assert!(scores["jod_there"]["mean"].as_f64() > Some(0.0), "{scores}");
-    let score = ["eval", "score", "h.zarr", "builtin:still-life", "--pixels-per-degree", "8", "--engine", "cpu"];
-    let past = [&score[..], &["--pupils", "random:1", "--gaze", "30,0"]].concat();
+    let score =
+        ["eval", "score", "h.zarr", "builtin:still-life", "--set", "viewing.pixels_per_degree=8", "--engine", "cpu"];
+    let past = [&score[..], &["--test-pupils", "random:1", "--gaze", "30,0"]].concat();
     refused(at, &past, "x", "evaluate/jod/gaze-at-the-edge 12.0");
-    let said = done(at, &[&score[..], &["--pupils", "random:1", "--gaze", "2,-1.5"]].concat());
+    let said = done(at, &[&score[..], &["--test-pupils", "random:1", "--gaze", "2,-1.5"]].concat());
     assert!(said.has_sequence(&[2.0, -1.5]), "{said}");
 }
 

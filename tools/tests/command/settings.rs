@@ -1,6 +1,6 @@
 //! `--settings` and `--set`, in every command that takes them.
 
-use crate::common::{done, folder, json, refused, text};
+use crate::common::{done, folder, json, refusal, refused, text};
 
 const SMALL: [&str; 8] = ["--size", "16x16", "--color", "green", "--steps", "2", "--frames", "2"];
 
@@ -43,6 +43,63 @@ fn every_command_with_settings_prints_them_and_writes_nothing() {
         let table: toml::Table = printed.parse().unwrap_or_else(|e| panic!("{command}: {e}"));
         assert_eq!(table["refine"]["pupils"].as_integer(), Some(5), "{command}");
     }
+    assert!(std::fs::read_dir(at).unwrap().next().is_none());
+}
+
+/// The tables that a command reads are printed with the defaults and with what is given.
+#[test]
+fn commands_print_their_tables() {
+    let temp = folder();
+    let at = temp.path();
+    for (command, key, value) in [
+        ("solve builtin:plane --dry-run --engine cpu", "tiles.passes", "2"),
+        ("bench builtin:plane --engine cpu", "camera.settle", "0"),
+        ("show h.zarr", "show.keep_phase", "true"),
+        ("show h.zarr --tracker simulated", "camera.every", "5"),
+        ("eval gaze h.zarr -o out", "gaze.fixation", "'250ms'"),
+        ("eval tune builtin:plane -o out", "viewing.black", "1"),
+        ("eval score h.zarr", "viewing.luminance", "100"),
+        ("eval compare builtin:plane -o out", "compare.speckle", "false"),
+        ("display calibrate small --camera true -o out.toml", "camera.pictures", "20"),
+    ] {
+        let words: Vec<&str> = command.split(' ').collect();
+        let set = format!("{key}={value}");
+        let printed = done(at, &[&words[..], &["--set", &set, "--settings", "-"]].concat());
+        let printed: toml::Table = printed.parse().unwrap_or_else(|e| panic!("{command}: {e}"));
+        let (table, key) = key.split_once('.').unwrap();
+        let wanted: toml::Table = format!("{key} = {value}").parse().unwrap();
+        assert_eq!(printed[table].get(key), wanted.get(key), "{command}: {printed}");
+    }
+    assert!(std::fs::read_dir(at).unwrap().next().is_none());
+    let printed: toml::Table = done(at, &["eval", "gaze", "h.zarr", "-o", "out", "--settings", "-"]).parse().unwrap();
+    assert_eq!(printed["gaze"]["tracker_delay"].as_integer(), Some(8));
+}
+
+#[test]
+fn keys_of_tables_are_refused_by_name() {
+    let temp = folder();
+    let at = temp.path();
+    for (command, set, code) in [
+        ("eval gaze h.zarr -o x", "gaze.fixation=-1", "settings-value"),
+        ("eval gaze h.zarr -o x", "gaze.fixation=3mm", "settings-value"),
+        ("eval gaze h.zarr -o x", "gaze.content=flying", "settings-value"),
+        ("eval gaze h.zarr -o x", "gaze.fixations=1", "no-such-setting"),
+        ("show h.zarr", "show.keep_phase=1", "settings-value"),
+        ("show h.zarr", "show.sync={ a = 1 }", "settings-value"),
+        ("show h.zarr", "show.iris=0,0,6", "no-such-setting"),
+        ("eval compare builtin:plane -o x", "compare.speckle=maybe", "settings-value"),
+        ("eval compare builtin:plane -o x", "compare.etendue=5", "settings-value"),
+        ("display calibrate small --camera true -o x.toml", "camera.iris=1,2", "settings-value"),
+        ("solve builtin:plane --size 16x16 --engine cpu -o x.zarr", "tiles.passes=0", "settings-value"),
+        ("solve builtin:plane --size 16x16 --engine cpu -o x.zarr", "viewing.luminance=-1", "settings-value"),
+    ] {
+        let words: Vec<&str> = command.split(' ').collect();
+        let refusal = refusal(at, &[&words[..], &["--set", set]].concat());
+        let (key, _) = set.split_once('=').unwrap();
+        refusal.is(&format!("arguments/{code} {key}"));
+        assert_eq!(refusal.fields["setting"], key, "{refusal:?}");
+    }
+    refused(at, &["show", "h.zarr", "--set", "show=1"], "x", "produce/job/value show");
     assert!(std::fs::read_dir(at).unwrap().next().is_none());
 }
 

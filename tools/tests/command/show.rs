@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 const SIZE: [&str; 6] = ["--size", "32x32", "--color", "green", "--engine", "cpu"];
-const SIMULATED: [&str; 6] = ["--tracker", "simulated", "--clock", "simulated", "--step-time", "3"];
+const SIMULATED: [&str; 6] = ["--tracker", "simulated", "--clock", "simulated", "--set", "show.step_time=3"];
 
 fn json(file: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(file).expect("a file")).expect("JSON")
@@ -68,10 +68,12 @@ fn a_far_field_in_tiles_is_shown() {
     let far = "name = \"far\"\nresolution = [96, 96]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
                wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
     std::fs::write(at.join("far.toml"), far).unwrap();
-    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "600MiB", "--picture", "64"];
+    let solve =
+        ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "600MiB", "--set", "tiles.picture=64"];
     done(
         at,
-        &[&solve[..], &["--passes", "1", "--steps", "1", "--frames", "1", "--engine", "cpu", "-o", "f.zarr"]].concat(),
+        &[&solve[..], &["--set", "tiles.passes=1", "--steps", "1", "--frames", "1", "--engine", "cpu", "-o", "f.zarr"]]
+            .concat(),
     );
     let show = ["show", "f.zarr", "--display", "far.toml", "--color", "green", "--duration", "0.1", "--record", "r"];
     run(at, &[&show, &["--engine", "cpu"]]);
@@ -86,12 +88,14 @@ fn a_far_field_in_tiles_is_shown_and_steered() {
     let far = "name = \"far\"\nresolution = [1024, 1024]\npitch_um = 16.0\nfocal_length_mm = 400.0\n\
                wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
     std::fs::write(at.join("far.toml"), far).unwrap();
-    let solve = ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "1GiB", "--picture", "64"];
-    let quick = ["--passes", "1", "--steps", "1", "--frames", "1", "--pupil-diameter", "2..4", "--engine", "cpu"];
+    let solve =
+        ["solve", "builtin:still-life", "--display", "far.toml", "--memory", "1GiB", "--set", "tiles.picture=64"];
+    let quick =
+        ["--set", "tiles.passes=1", "--steps", "1", "--frames", "1", "--pupil-diameter", "2..4", "--engine", "cpu"];
     done(at, &[&solve[..], &quick, &["-o", "f.zarr"]].concat());
     let show =
         ["show", "f.zarr", "--display", "far.toml", "--color", "green", "--engine", "cpu", "--tracker", "simulated:3"];
-    let time = ["--clock", "simulated", "--step-time", "5", "--duration", "0.8"];
+    let time = ["--clock", "simulated", "--set", "show.step_time=5", "--duration", "0.8"];
     let said = run(at, &[&show, &time, &["--stats", "s.json", "--output", "raw:one.raw"]]);
     // The size, and that of the tiles.
     assert!(said.lines().any(|line| line.has_sequence(&[1024.0, 1024.0, 64.0])), "{said}");
@@ -171,8 +175,17 @@ fn an_application_is_shown_killed_and_shown_again() {
     let kept = ["--journal", "kept", "--output", "raw:live.raw"];
     let mut display = start(at, &[&show, &SIZE, &kept, &["--trace", "t.json"]]);
     wait_for("its socket", || at.join("eyebox/demo.sock").exists());
-    let feed =
-        ["feed", "builtin:still-life", "--name", "demo", "--rate", "20", "--move=shift=-0.1..0.1", "--steps", "3"];
+    let feed = [
+        "feed",
+        "builtin:still-life",
+        "--name",
+        "demo",
+        "--rate",
+        "20",
+        "--move=shift=-0.1..0.1",
+        "--move-frames",
+        "3",
+    ];
     let gives = [&feed[..], &["--per-pupil", "--json", "--display", "planes8"]].concat();
     let shown = |least: u64| {
         let trace = std::fs::read_to_string(at.join("t.json")).unwrap_or_default();
@@ -234,7 +247,7 @@ fn content_that_moves_is_refined_for_its_moments() {
         run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--output", raw]]);
         assert!(count("sets_moving") >= 5 && count("phases_moved") >= 5, "{}", json(&at.join("s.json")));
     }
-    run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--output", "raw:off.raw", "--moments", "off"]]);
+    run(at, &[&show, &SIMULATED, &["--stats", "s.json", "--output", "raw:off.raw", "--set", "show.moments=off"]]);
     assert_eq!((count("sets_moving"), count("phases_moved")), (0, 0));
     let read = |file: &str| std::fs::read(at.join(file)).unwrap();
     assert!(read("one.raw") == read("two.raw") && read("one.raw") != read("off.raw"));
@@ -247,18 +260,28 @@ fn what_does_not_go_together_is_one_line() {
     sequence(at);
     let show = |what: &'static str, more: &[&'static str]| [&["show", what, "--display", "planes8"][..], more].concat();
     refused(at, &show("missing.zarr", &[]), "x", "file/read missing.zarr");
-    refused(at, &show("s.zarr", &["--step-time", "3"]), "x", "arguments/without-tracker --tracker");
+    refused(at, &show("s.zarr", &["--set", "show.step_time=3"]), "x", "arguments/without-tracker --tracker");
     refused(
         at,
         &show("s.zarr", &["--tracker", "simulated", "--clock", "simulated"]),
         "x",
-        "arguments/no-step-time --step-time",
+        "arguments/no-step-time show.step_time",
     );
-    refused(at, &show("s.zarr", &["--tracker", "simulated", "--step-time", "3"]), "x", "arguments/step-time --clock");
-    refused(at, &show("s.zarr", &["--tracker", "simulated", "--speed", "2"]), "x", "arguments/with-tracker --speed");
+    refused(
+        at,
+        &show("s.zarr", &["--tracker", "simulated", "--set", "show.step_time=3"]),
+        "x",
+        "arguments/step-time --clock",
+    );
+    refused(
+        at,
+        &show("s.zarr", &["--tracker", "simulated", "--set", "show.speed=2"]),
+        "x",
+        "arguments/with-tracker show.speed",
+    );
     refused(at, &show("s.zarr", &["builtin:plane"]), "x", "arguments/shown-alone");
     refused(at, &show("live:../x", &SIZE), "x", "session/live-input");
-    refused(at, &show("live:x", &["--clock", "simulated", "--step-time", "3"]), "x", "arguments/live");
+    refused(at, &show("live:x", &["--clock", "simulated", "--set", "show.step_time=3"]), "x", "arguments/live");
     refused(at, &show("s.zarr", &["--journal", "x"]), "x", "arguments/journal-without-live");
     common::refusal(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat()).is("file/read decisions");
     // Before anything is computed: there is no such scene.

@@ -97,9 +97,21 @@ fn the_report_compares_sources() {
     let dir = folder();
     let at = dir.path();
     let small = ["--views", "3", "--steps", "4", "--pupils", "4", "--display", "small", "--size", "48x64"];
-    let rest = ["--frames", "1,2", "--pupil-diameter", "3.5..4.5", "--no-speckle", "--jod", "none", "--engine", "cpu"];
+    let rest = [
+        "--frames",
+        "1,2",
+        "--pupil-diameter",
+        "3.5..4.5",
+        "--set",
+        "compare.speckle=false",
+        "--jod",
+        "none",
+        "--engine",
+        "cpu",
+    ];
     let line =
-        [&["eval", "compare", "builtin:still-life", "--coherence=0,2", "-o", "report"][..], &small, &rest].concat();
+        [&["eval", "compare", "builtin:still-life", "--set=compare.coherence=0,2", "-o", "report"][..], &small, &rest]
+            .concat();
     let said = done(at, &line);
     let rows = document(&at.join("report/report.json"))["coherence"].clone();
     let wide = |row: &&serde_json::Value| row["frames"] == 1 && row["image_mm"] == 2.0;
@@ -113,6 +125,6 @@ fn the_report_compares_sources() {
     assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,1,1,1,"), "{table}");
     // Nothing is solved again.
     assert_eq!(done(at, &line), said);
-    let wrong = ["eval", "compare", "builtin:still-life", "--coherence=99", "-o", "other"];
-    refused(at, &wrong, "other/report.html", "arguments/coherence --coherence 99");
+    let wrong = ["eval", "compare", "builtin:still-life", "--set=compare.coherence=99", "-o", "other"];
+    refused(at, &wrong, "other/report.html", "arguments/coherence compare.coherence 99");
 }

@@ -35,7 +35,7 @@ fn view(at: &Path, hologram: &str, pupil: &str) -> Vec<f32> {
 /// Eyebox of a display with its sources, and the text of `eyebox display check`.
 fn reach(at: &Path, display: &str) -> (Value, String) {
     let devices = ["display", "check", display];
-    let all = json(at, &[&devices[..], &["--json"]].concat())["display"]["reach"]["sources"].clone();
+    let all = json(at, &[&devices[..], &["--json"]].concat())["reach"]["sources"].clone();
     (all, done(at, &devices))
 }
 
@@ -142,12 +142,13 @@ fn live_sets_say_their_sources() {
     std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
     solve(at, "nine.toml", "base.zarr");
     let line = ["show", "base.zarr", "--tracker", "simulated", "--display", "nine.toml", "--output", "offscreen"];
-    done(at, &[&line[..], &["--duration", "1.5", "--engine", "cpu", "--sources-out", "lit.jsonl"]].concat());
+    done(at, &[&line[..], &["--duration", "1.5", "--engine", "cpu", "--set", "show.sources_out=lit.jsonl"]].concat());
     let lit = std::fs::read_to_string(at.join("lit.jsonl")).unwrap();
     let sets: Vec<Value> = lit.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!(sets.len() > 2 && sets.iter().all(|set| set["sources"]["green"] == serde_json::json!([5])), "{lit}");
     let line = ["eval", "gaze", "base.zarr", "--display", "nine.toml", "--duration", "2", "--jod", "none"];
-    let said = done(at, &[&line[..], &["--step-time", "2", "--engine", "cpu", "--json", "-o", "study"]].concat());
+    let said =
+        done(at, &[&line[..], &["--set", "gaze.step_time=2", "--engine", "cpu", "--json", "-o", "study"]].concat());
     let said: Value = serde_json::from_str(&said).unwrap();
     assert_eq!(said["summary"]["dark_sets"], serde_json::json!({ "eye_moves": 0, "eye_rests": 0 }));
     assert_eq!(said["summary"]["most_sources"], 1);
@@ -160,7 +161,19 @@ fn sources_are_compared_across_the_eyebox() {
     let at = dir.path();
     std::fs::write(at.join("nine.toml"), nine("steered")).unwrap();
     std::fs::write(at.join("plain.toml"), format!("{BENCH}{GREEN}")).unwrap();
-    let line = ["eval", "compare", "builtin:still-life", "--sources", "--frames", "9", "--steps", "3", "--no-speckle"];
+    let line = [
+        "eval",
+        "compare",
+        "builtin:still-life",
+        "--set",
+        "compare.sources=true",
+        "--frames",
+        "9",
+        "--steps",
+        "3",
+        "--set",
+        "compare.speckle=false",
+    ];
     done(at, &[&line[..], &["--display", "nine.toml", "--engine", "cpu", "-o", "report"]].concat());
     let report: Value = serde_json::from_slice(&std::fs::read(at.join("report/report.json")).unwrap()).unwrap();
     let places = report["sources"].as_array().unwrap();
@@ -170,7 +183,17 @@ fn sources_are_compared_across_the_eyebox() {
     assert!(steered.iter().all(|place| (1..=4).contains(&place["lit"].as_u64().unwrap())), "{steered:?}");
     let page = std::fs::read_to_string(at.join("report/report.html")).unwrap();
     assert!(page.contains("id=\"sources\"") && page.matches("data:image/").count() >= 3);
-    let line = ["eval", "compare", "builtin:still-life", "--sources", "--display", "plain.toml", "-o", "other"];
+    let line = [
+        "eval",
+        "compare",
+        "builtin:still-life",
+        "--set",
+        "compare.sources=true",
+        "--display",
+        "plain.toml",
+        "-o",
+        "other",
+    ];
     refused(at, &line, "other/report.html", "arguments/no-sources");
 }
 

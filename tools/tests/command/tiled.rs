@@ -25,10 +25,10 @@ fn solve<'a>(out: &'a str, frames: &'a str) -> Vec<&'a str> {
         "600MiB",
         "--pupil-diameter",
         "0.2..0.4",
-        "--picture",
-        "96",
-        "--passes",
-        "2",
+        "--set",
+        "tiles.picture=96",
+        "--set",
+        "tiles.passes=2",
         "--engine",
         "cpu",
         "--json",
@@ -161,7 +161,7 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     std::fs::write(&far, &tile).unwrap();
     let scored = done(
         at,
-        &["eval", "score", "h.zarr", "builtin:still-life", "--pupils", "random:4", "--engine", "cpu", "--json"],
+        &["eval", "score", "h.zarr", "builtin:still-life", "--test-pupils", "random:4", "--engine", "cpu", "--json"],
     );
     let scored: Value = serde_json::from_str(&scored).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 15.0, "{scored}");
@@ -187,7 +187,8 @@ fn a_display_as_it_is_is_solved_for_in_tiles() {
         serde_json::from_str(&done(at, &words)).unwrap()
     };
     let score = |file: &str, more: &[&str]| -> f64 {
-        let words = ["eval", "score", file, "builtin:still-life", "--pupils", "random:6", "--engine", "cpu", "--json"];
+        let words =
+            ["eval", "score", file, "builtin:still-life", "--test-pupils", "random:6", "--engine", "cpu", "--json"];
         let said: Value = serde_json::from_str(&done(at, &[&words, more].concat())).unwrap();
         said["psnr_db"]["mean"].as_f64().unwrap()
     };
@@ -242,8 +243,8 @@ fn a_sparse_light_field_is_solved_from_between_its_views() {
     let words = |out: &'static str| -> Vec<&'static str> {
         let mut words = solve(out, "2");
         words[1] = "views";
-        let picture = words.iter().position(|w| *w == "--picture").unwrap();
-        words[picture + 1] = "160";
+        let picture = words.iter().position(|w| w.starts_with("tiles.picture=")).unwrap();
+        words[picture] = "tiles.picture=160";
         words
     };
     let said: Value = serde_json::from_str(&done(at, &words("whole.zarr"))).unwrap();
@@ -264,7 +265,7 @@ fn a_sparse_light_field_is_solved_from_between_its_views() {
     assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
     let score = |scene: &str| -> f64 {
         let words =
-            ["eval", "score", "whole.zarr", scene, "--force", "--pupils", "random:6", "--engine", "cpu", "--json"];
+            ["eval", "score", "whole.zarr", scene, "--force", "--test-pupils", "random:6", "--engine", "cpu", "--json"];
         let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
         said["psnr_db"]["mean"].as_f64().unwrap()
     };
@@ -290,7 +291,7 @@ fn a_picture_with_depths_is_solved() {
     let said: Value = serde_json::from_str(&done(at, &words)).unwrap();
     assert!(said["psnr_mean_db"].as_f64().unwrap() > 14.0, "{said}");
     let score =
-        ["eval", "score", "h.zarr", "picture.png", "--depth-map", "depth.png", "--pupils", "random:4", "--json"];
+        ["eval", "score", "h.zarr", "picture.png", "--depth-map", "depth.png", "--test-pupils", "random:4", "--json"];
     let scored: Value = serde_json::from_str(&done(at, &score)).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 13.0, "{scored}");
 }
@@ -326,8 +327,8 @@ fn vulkan_solves_the_same() {
     std::fs::write(at.join("far.toml"), DISPLAY).unwrap();
     let quality = |engine: &'static str| {
         let mut words = solve("h.zarr", "2");
-        let passes = words.iter().position(|w| *w == "--passes").unwrap();
-        words[passes + 1] = "1";
+        let passes = words.iter().position(|w| w.starts_with("tiles.passes=")).unwrap();
+        words[passes] = "tiles.passes=1";
         let chosen = words.iter().position(|w| *w == "--engine").unwrap();
         words[chosen + 1] = engine;
         let said: Value = serde_json::from_str(&done(at, &words)).unwrap();

@@ -163,7 +163,7 @@ fn recordings_of_other_trackers_are_placed() {
     for (name, line, placed, end) in kinds {
         let text: String = (0..60).map(|i| format!("{{{}}}\n", line(i))).collect();
         std::fs::write(at.join("a.jsonl"), text).unwrap();
-        let shown = done(at, &["watch", "a.jsonl", "--pupil", "0", "--json"]);
+        let shown = done(at, &["watch", "a.jsonl", "--predict", "0", "--json"]);
         let values: Vec<serde_json::Value> = shown.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
         let found: Vec<f64> =
             values.iter().filter_map(|v| v["stages"]["placed"]["Ok"]["position"][0].as_f64()).collect();
@@ -203,11 +203,11 @@ fn a_simulated_eye_is_watched_and_its_pupil_found() {
     let args = ["watch", "simulated:7", "--tracker-rate", "500", "--duration", "2"];
     let shown = done(at, &args);
     assert!((990..=1001).contains(&shown.lines().count()), "{}", shown.lines().count());
-    let stages = done(at, &[&args[..], &["--pupil", "20", "--json"]].concat());
+    let stages = done(at, &[&args[..], &["--predict", "20", "--json"]].concat());
     let last: serde_json::Value = serde_json::from_str(stages.lines().last().unwrap()).unwrap();
     assert!(last["pupil"]["spread"].as_f64().unwrap() < 5e-3 && last["stages"]["phase"].is_string(), "{last}");
     // The text has its place with the spread, its diameter, and the share of pupils anywhere.
-    let said = done(at, &[&args[..], &["--pupil"]].concat());
+    let said = done(at, &[&args[..], &["--predict"]].concat());
     let last = said.lines().last().unwrap();
     assert!(last.has("mm %") && last.numbers().len() >= 8, "{last}");
 }
@@ -289,7 +289,7 @@ fn a_calibration_made_with_another_tracker_is_reported() {
     std::fs::write(at.join("r.hid"), recording(TRACKER)).unwrap();
     let said = |tracker: &str| {
         std::fs::write(at.join("me.toml"), format!("user = \"ada\"\n{tracker}{map}")).unwrap();
-        let answer = eyebox(at, &["watch", "r.hid", "--pupil", "--calibration", "me.toml"]);
+        let answer = eyebox(at, &["watch", "r.hid", "--predict", "--calibration", "me.toml"]);
         assert!(answer.status.success());
         String::from_utf8_lossy(&answer.stderr).into_owned()
     };
@@ -323,7 +323,7 @@ fn senders_are_heard_and_the_focus_reaches_the_pupil() {
     for (sender, focus_mm) in [("tobii.py", 90.0), ("openxr.py", 90.0)] {
         let free = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a free port");
         let source = format!("udp://:{}", free.port());
-        let watch = ["watch", &source, "--pupil", "--focal-length", "300", "--json", "--duration", "60"];
+        let watch = ["watch", &source, "--predict", "--focal-length", "300", "--json", "--duration", "60"];
         let mut watched = trackers(at, &watch).stdout(Stdio::piped()).spawn().expect("it starts");
         let to = free.to_string();
         let mut sending = Command::new("python3")
@@ -368,7 +368,7 @@ fn mistakes_are_one_line() {
     refused(at, &["record", "a.hid", "-o", "b.txt"], "arguments/ending");
     refused(at, &["record", "simulated", "-o", "b.hid", "--duration", "1"], "arguments/not-hid");
     refused(at, &["watch", "a.hid", "--device-file", "bad.toml"], "tracker/file/toml bad.toml");
-    refused(at, &["watch", "a.hid", "--pupil", "--calibration", "bad.toml"], "gaze/file/toml bad.toml");
+    refused(at, &["watch", "a.hid", "--predict", "--calibration", "bad.toml"], "gaze/file/toml bad.toml");
     refused(at, &["watch", "simulated", "--tracker-rate", "1e9", "--duration", "1"], "tracker/setting/simulated 20000");
     refused(at, &["watch", "a.hid", "--duration=-1"], "usage/value-validation --duration");
     refused(at, &["calibrate", "simulated", "-o", "x.toml", "--targets", "0,0;1,1"], "usage/value-validation 64");

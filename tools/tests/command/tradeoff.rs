@@ -337,8 +337,11 @@ fn compare_and_bench_know_qualities() {
     let at = temp.path();
     let recipe = |steps| Settings { steps, pupils: 3, views: 2, repeats: 2, ..Settings::default() };
     keep(at, [trial(recipe(2), 10.0, 20.0), trial(recipe(3), 100.0, 25.0), trial(recipe(4), 1000.0, 26.0)]);
-    let run =
-        [&["eval", "compare", "builtin:plane", "-o", "out", "--methods", "slfh", "--no-speckle"][..], &SMALL].concat();
+    let run = [
+        &["eval", "compare", "builtin:plane", "-o", "out", "--methods", "slfh", "--set", "compare.speckle=false"][..],
+        &SMALL,
+    ]
+    .concat();
     done(at, &[&run[..], &["--quality", "balanced"]].concat());
     let report: Value = serde_json::from_str(&read(at, "report.json")).unwrap();
     assert_eq!((&report["about"]["steps"], &report["about"]["pupils"]), (&3.into(), &3.into()));

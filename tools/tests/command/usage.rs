@@ -51,12 +51,12 @@ fn each_mistake_is_one_line_with_what_would_be_right() {
 fn errors_are_sentences_or_json() {
     let here = folder();
     let of = |args: &[&str]| eyebox(here.path(), args);
-    let said = text(&of(&["info", "absent.zarr"]).stderr);
-    assert!(said.starts_with("eyebox: ") && said.contains("absent.zarr"), "{said}");
-    let asked = Refusal::of(&of(&["info", "absent.zarr", "--json"]));
+    let said = text(&of(&["info", "absent.png"]).stderr);
+    assert!(said.starts_with("eyebox: ") && said.contains("absent.png"), "{said}");
+    let asked = Refusal::of(&of(&["info", "absent.png", "--json"]));
     assert_eq!(format!("eyebox: {}\n", asked.message), said);
     asked.is("scene/not-found");
-    let unknown = Refusal::of(&of(&["info", "absent.zarr", "--json", "--nonsense"]));
+    let unknown = Refusal::of(&of(&["info", "absent.png", "--json", "--nonsense"]));
     unknown.is("usage/unknown-argument");
     assert_eq!(unknown.fields["argument"], "--nonsense");
 }

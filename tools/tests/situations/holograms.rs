@@ -74,7 +74,7 @@ fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), Str
     let own = *OWN.get_or_init(|| {
         let temp = crate::common::folder();
         solved(temp.path());
-        psnr(&run(temp.path(), "eval score a/h.zarr --pupils pupils.json --jod none --engine cpu --json"))
+        psnr(&run(temp.path(), "eval score a/h.zarr --test-pupils pupils.json --jod none --engine cpu --json"))
             .expect("a score")
     });
     match psnr(&outcome.stdout) {
@@ -89,7 +89,7 @@ fn score(have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -
 }
 
 fn from(make: fn(&Path), have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -> Case {
-    case(have, format!("eval score {words} --pupils pupils.json --jod none --engine cpu --json"), move |at| {
+    case(have, format!("eval score {words} --test-pupils pupils.json --jod none --engine cpu --json"), move |at| {
         make(at);
         how(at);
     })
@@ -298,8 +298,7 @@ fn old() -> Vec<Situation> {
     ]
 }
 
-const STUDY: &str =
-    "eval gaze s.zarr --duration 0.1 --display-rate 20 --step-time 10 --encode-time 1 --jod none --engine cpu -o study";
+const STUDY: &str = "eval gaze s.zarr --duration 0.1 --set gaze.set_rate=20 --set gaze.step_time=10 --set gaze.encode_time=1 --jod none --engine cpu -o study";
 
 pub fn chapter() -> Chapter {
     let mut situations = moved();

@@ -1,6 +1,7 @@
 //! The arguments of `eyebox eval compare`.
 
 use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OverwriteArgs, SceneArgs, SceneOptions};
+use crate::experiment::ExperimentArgs;
 use crate::jod::JodArgs;
 use crate::phases::PhaseUnitArgs;
 use crate::quality::QualityArgs;
@@ -15,13 +16,13 @@ pub struct Compare {
     /// Scenes: folders of views, a picture (with --depth-map), or builtin:NAME
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<String>,
-    /// The report and everything that it is made from; what is there already is not computed again
+    /// Output folder of the report and everything that it is made from. Results that exist are not computed again
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
-    /// Solve for and look at an ideal display, whatever the display's model says
+    /// Look past the display's model, as if the display were ideal, and solve for that
     #[arg(help_heading = "Display", long)]
     pub ideal: bool,
     /// The eye that looks
@@ -33,28 +34,13 @@ pub struct Compare {
     /// Sub-frames; several numbers compare them
     #[arg(help_heading = "Quality", long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
-    /// Compare all colours at once with one colour after another, too, with as many sub-frames in all (--frames) and the same
+    /// All colors at once are compared with one color after another, too, with as many sub-frames in all (--frames) and the same
     /// lasers: white so many times brighter, several numbers with commas between [alone: 1,3; methods are then none by default]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
     pub joint_color: Option<Vec<f64>>,
-    /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
-    /// 0 for a point, several numbers with commas between [alone: 0,0.5,1,2,3; methods are then none by default]
-    #[arg(help_heading = "Quality", long, value_name = "MM", value_parser = number_in(MM), value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "0,0.5,1,2,3")]
-    pub coherence: Option<Vec<f64>>,
-    /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
-    /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between [alone: 1,2,3,4; methods are then none by default]
-    #[arg(help_heading = "Quality", long, value_name = "FACTOR", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,2,3,4")]
-    pub etendue: Option<Vec<MaskKind>>,
-    /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
-    /// then none by default
-    #[arg(help_heading = "Quality", long)]
-    pub sources: bool,
     /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
     #[arg(help_heading = "Scene", long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,
-    /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
-    #[arg(help_heading = "Scene", long, value_name = "CSV")]
-    pub reference: Option<PathBuf>,
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
@@ -71,7 +57,7 @@ pub struct Compare {
     /// Steps of every iterative method [default: 60]
     #[arg(help_heading = "Steps", long, value_name = "N")]
     pub steps: Option<usize>,
-    /// Pupils a step of every iterative method [default: 16]
+    /// Pupils per step of every iterative method [default: 16]
     #[arg(help_heading = "Pupils", long, value_name = "B")]
     pub pupils: Option<usize>,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
@@ -83,15 +69,38 @@ pub struct Compare {
     /// What people see
     #[command(flatten)]
     pub seen: JodArgs,
-    /// Leave out the speckle of an even plane
-    #[arg(help_heading = "Quality", long)]
-    pub no_speckle: bool,
+    /// Settings of the comparison
+    #[command(flatten)]
+    pub experiment: ExperimentArgs,
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// The report's numbers as one JSON object on standard output, no progress bar
+    /// One JSON object on standard output, no progress bar
     #[arg(help_heading = "Output", long)]
     pub json: bool,
+}
+
+/// The table `compare` of the settings.
+#[derive(Args)]
+pub struct CompareSettings {
+    /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
+    /// 0 for a point, several numbers with commas between; methods are then none by default
+    #[arg(help_heading = "Quality", long, value_name = "MM", value_parser = number_in(MM), value_delimiter = ',')]
+    pub coherence: Option<Vec<f64>>,
+    /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
+    /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between; methods are then none by default
+    #[arg(help_heading = "Quality", long, value_name = "FACTOR", value_delimiter = ',')]
+    pub etendue: Option<Vec<MaskKind>>,
+    /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
+    /// then none by default
+    #[arg(help_heading = "Quality", long)]
+    pub sources: bool,
+    /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
+    #[arg(help_heading = "Scene", long, value_name = "CSV")]
+    pub reference: Option<PathBuf>,
+    /// Measure the speckle of an even plane
+    #[arg(long, default_value_t = true, action = clap::ArgAction::Set, value_name = "true|false")]
+    pub speckle: bool,
 }
 
 impl Compare {

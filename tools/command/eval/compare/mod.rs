@@ -4,6 +4,10 @@ pub mod args;
 
 pub use args::Compare;
 
+use crate::experiment::{Table, TableOf};
+use crate::jod::ViewingArgs;
+use args::CompareSettings;
+
 use crate::Failure;
 use crate::common;
 use crate::eval::score::decibels as db;
@@ -28,10 +32,15 @@ const MASKED: [Method; 3] = [Method::Slfh, Method::Lf2fs, Method::Smooth];
 
 /// Solves, measures, reports.
 pub fn run(args: &Compare) -> Result<(), Failure> {
+    let tables: [TableOf; 2] = [("compare", CompareSettings::table), ("viewing", ViewingArgs::table)];
+    if args.experiment.printed_tables(&tables)? {
+        return Ok(());
+    }
+    let settings: CompareSettings = args.experiment.table("compare")?;
     let mut own = ManagedDir::open(&args.out, &report::COMPARISON, args.overwrite.overwrite)?;
-    let mut job = job(args)?;
+    let mut job = job(args, &settings)?;
     let maps = scene::depth_maps(&args.scenes, &args.options.depth_map)?;
-    let published = args.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
+    let published = settings.reference.as_deref().map(Published::read).transpose()?.unwrap_or_default();
     let mut engine = common::engine(&args.engine)?;
     let chosen = with_quality(&mut job, args, engine.as_ref())?;
     for scene in &args.scenes {
@@ -145,7 +154,7 @@ fn print_table(results: &Results) {
 }
 
 /// What the arguments ask for; nothing is computed or written yet.
-fn job(args: &Compare) -> Result<Comparison, Failure> {
+fn job(args: &Compare, compared: &CompareSettings) -> Result<Comparison, Failure> {
     if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
         return Err(Failure::Arguments(reason!("frames", "--frames: the numbers of sub-frames must be 1 to 4096")));
     }
@@ -156,7 +165,7 @@ fn job(args: &Compare) -> Result<Comparison, Failure> {
     }
     let mut methods = match &args.methods {
         Some(names) => methods(names)?,
-        None if args.hologram.is_empty() && !compares_light(args) => DEFAULT.to_vec(),
+        None if args.hologram.is_empty() && !compares_light(args, compared) => DEFAULT.to_vec(),
         None => Vec::new(),
     };
     let opening = args.unit.chosen(&args.display)?;
@@ -168,7 +177,7 @@ fn job(args: &Compare) -> Result<Comparison, Failure> {
     let given: Vec<ExistingHologram> = args.hologram.iter().map(read).collect::<Result<_, _>>()?;
     let (mut display, colors) = optics(args, methods.is_empty().then_some(()).and(given.first()))?;
     args.eye.replace(&mut display.prescription)?;
-    display.viewing = args.seen.viewing.over(display.viewing)?;
+    display.viewing = args.experiment.table::<ViewingArgs>("viewing")?.over(display.viewing)?;
     if args.ideal {
         display.model.clear();
         display.mask = None;
@@ -198,12 +207,12 @@ fn job(args: &Compare) -> Result<Comparison, Failure> {
         ..defaults
     };
     settings.check()?;
-    let (speckle, judged) = (!args.no_speckle, args.seen.pupils(JUDGED));
+    let (speckle, judged) = (compared.speckle, args.seen.pupils(JUDGED));
     let joint = joint(args, &colors, &frames)?;
-    let coherence = coherence(args, &display)?;
-    let (scenes, masks) = (labels(&args.scenes), masks(args, &display)?);
-    let sources = sources(args, &display)?;
-    let compared = Comparison {
+    let coherence = coherence(compared, &display)?;
+    let (scenes, masks) = (labels(&args.scenes), masks(compared, &display)?);
+    let sources = sources(compared, &display)?;
+    let comparison = Comparison {
         scenes,
         candidates,
         frames,
@@ -217,19 +226,19 @@ fn job(args: &Compare) -> Result<Comparison, Failure> {
         sources,
         judged,
     };
-    Ok(compared)
+    Ok(comparison)
 }
 
 /// Whether ways of lighting are compared, beside methods or without any.
-fn compares_light(args: &Compare) -> bool {
-    args.joint_color.is_some() || args.coherence.is_some() || args.etendue.is_some() || args.sources
+fn compares_light(args: &Compare, compared: &CompareSettings) -> bool {
+    args.joint_color.is_some() || compared.coherence.is_some() || compared.etendue.is_some() || compared.sources
 }
 
 /// Masks that are compared: the display has to go with them.
-fn masks(args: &Compare, display: &Display) -> Result<Vec<MaskKind>, Failure> {
+fn masks(args: &CompareSettings, display: &Display) -> Result<Vec<MaskKind>, Failure> {
     let mut masks = args.etendue.clone().unwrap_or_default();
     for kind in &masks {
-        kind.before(display).map_err(|why| Failure::Arguments(reason!("etendue", "--etendue, {kind}: {why}")))?;
+        kind.before(display).map_err(|why| Failure::Arguments(reason!("etendue", "compare.etendue, {kind}: {why}")))?;
     }
     masks.sort_unstable();
     masks.dedup();
@@ -237,11 +246,11 @@ fn masks(args: &Compare, display: &Display) -> Result<Vec<MaskKind>, Failure> {
 }
 
 /// Whether the display's switchable sources are measured: it has to have some.
-fn sources(args: &Compare, display: &Display) -> Result<bool, Failure> {
+fn sources(args: &CompareSettings, display: &Display) -> Result<bool, Failure> {
     if args.sources && display.sources.is_empty() {
         return Err(Failure::Arguments(reason!(
             "no-sources",
-            "--sources: the display {} has no [[sources]]",
+            "compare.sources: the display {} has no [[sources]]",
             display.name
         )));
     }
@@ -268,19 +277,19 @@ fn joint(args: &Compare, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>,
 }
 
 /// Sizes of the sources that are compared, mm.
-fn coherence(args: &Compare, display: &Display) -> Result<Vec<f64>, Failure> {
+fn coherence(args: &CompareSettings, display: &Display) -> Result<Vec<f64>, Failure> {
     let mut sizes = args.coherence.clone().unwrap_or_default();
     let most = display.eyebox_min() * 0.5e3;
     if let Some(wrong) = sizes.iter().find(|mm| !(0.0..=most).contains(*mm)) {
         return Err(Failure::Arguments(reason!(
             "coherence",
-            "--coherence {wrong}: it must be 0 to {most:.1} mm, half of the eyebox"
+            "compare.coherence {wrong}: it must be 0 to {most:.1} mm, half of the eyebox"
         )));
     }
     if !sizes.is_empty() && display.geometry == Geometry::FarField {
         return Err(Failure::Arguments(reason!(
             "coherence-far-field",
-            "--coherence: a source is for an SLM behind a relay"
+            "compare.coherence: a source is for an SLM behind a relay"
         )));
     }
     sizes.sort_by(f64::total_cmp);

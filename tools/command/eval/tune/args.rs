@@ -13,7 +13,7 @@ pub struct Tune {
     /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The page, the numbers, and what a run that was stopped goes on from
+    /// Output folder of the page, the numbers, and the state that an interrupted run continues from
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
     /// Files of others
@@ -49,7 +49,7 @@ pub struct Tune {
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// The numbers as one JSON object on standard output, no progress bar
+    /// One JSON object on standard output, no progress bar
     #[arg(help_heading = "Output", long)]
     pub json: bool,
 }

@@ -7,6 +7,8 @@ pub use args::Tune;
 
 use crate::Failure;
 use crate::common;
+use crate::experiment::Table;
+use crate::jod::ViewingArgs;
 use crate::progress::{self, JobBar};
 use eyebox::low_level::files::{ManagedDir, cache_folder};
 use eyebox::low_level::optics::Color;
@@ -24,14 +26,14 @@ const JUDGED: usize = 2;
 
 /// Measures, reports, and keeps what is recommended.
 pub fn run(args: &Tune) -> Result<(), Failure> {
-    if args.experiment.printed()? {
+    if args.experiment.printed(&[("viewing", ViewingArgs::table)])? {
         return Ok(());
     }
     let begun = Instant::now();
     let mut own = ManagedDir::open(&args.out, &report::TUNED, args.overwrite.overwrite)?;
     let check = args.check.as_deref().map(read_check).transpose()?.unwrap_or_default();
     let mut display = common::display(&args.display)?;
-    display.viewing = args.seen.viewing.over(display.viewing)?;
+    display.viewing = args.experiment.table::<ViewingArgs>("viewing")?.over(display.viewing)?;
     let color = leading(&common::colors(&args.display, &display)?);
     let mut given = args.experiment.given()?.before(display.focal_length)?;
     given.insert("frames", args.frames);
@@ -76,7 +78,7 @@ pub fn run(args: &Tune) -> Result<(), Failure> {
     } else {
         print(&tuned, &args.out);
         if let Some(path) = stored {
-            println!("kept for --quality and --deadline on this device: {}", path.display());
+            println!("kept for --quality on this device: {}", path.display());
         }
     }
     match tuned.check.iter().find(|c| !c.holds()) {
@@ -120,7 +122,7 @@ fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
 fn store(tuned: &Tuned) -> Option<std::path::PathBuf> {
     let Some(measured) = tuned.measured() else {
         eprintln!(
-            "eyebox: not kept for --quality: a setting is not what its name promises; give it more time with --budget"
+            "eyebox: not kept for --quality: a setting is not what its name promises; give it more time with --duration"
         );
         return None;
     };
