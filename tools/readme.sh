@@ -19,6 +19,9 @@ run_in() { # FOLDER: the commands that come by standard input
 }
 run_in "$work/readme" < <(grep -hE '^(cargo run --release --|eyebox) ' "$root/README.md"; grep -h '^cargo run --release -- ' "$root/docs/guide.md")
 for page in "$root"/docs/start/*.md; do
+    # The path of the eye of the film.
+    mkdir -p "$work/$(basename "$page" .md)"
+    echo '{"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 1, "x_mm": 4}]}' >"$work/$(basename "$page" .md)/path.json"
     run_in "$work/$(basename "$page" .md)" < <(grep -h '^eyebox ' "$page")
 done
 if ((count < 40)); then

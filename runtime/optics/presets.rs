@@ -6,8 +6,9 @@ use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
 
 /// The built-in displays, by name; the first is the default.
-pub const PRESETS: [&str; 21] = [
+pub const PRESETS: [&str; 22] = [
     "paper",
+    "headset",
     "plm",
     "small",
     "grey8",
@@ -34,8 +35,8 @@ pub const PRESETS: [&str; 21] = [
 macro_rules! devices {
     ($($name:literal)*) => { [$(($name, include_str!(concat!("presets/", $name, ".toml")))),*] };
 }
-const DEVICES: [(&str, &str); 13] = devices! {
-    "plm" "holoeye-pluto-2.1" "holoeye-leto-3" "holoeye-gaea-2" "thorlabs-exulus-hd1" "thorlabs-exulus-hd2"
+const DEVICES: [(&str, &str); 14] = devices! {
+    "headset" "plm" "holoeye-pluto-2.1" "holoeye-leto-3" "holoeye-gaea-2" "thorlabs-exulus-hd1" "thorlabs-exulus-hd2"
     "thorlabs-exulus-4k1" "hamamatsu-x13138" "hamamatsu-x15213" "meadowlark-1920x1152" "meadowlark-e19x12"
     "santec-slm-200" "ti-plm-0.47"
 };

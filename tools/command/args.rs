@@ -1,4 +1,4 @@
-//! The arguments of commands: millimetres, micrometres and nanometres in, metres out.
+//! The arguments of commands: millimeters, micrometers and nanometers in, meters out.
 
 use crate::display::patterns::PatternArgs;
 use crate::experiment::ExperimentArgs;
@@ -39,6 +39,9 @@ pub struct Demo {
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// One JSON object on standard output
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
 }
 
 fn warm(text: &str) -> Result<Start, String> {
@@ -107,8 +110,8 @@ pub struct SettingsArgs {
     #[arg(help_heading = "Quality", long, value_name = "F")]
     pub frames: Option<usize>,
     /// All colors at once: every laser lights every sub-frame, with a power of its own, and phases and powers are solved for all
-    /// colours together; white is so many times brighter than of one colour after another by the same lasers, 1 to the number
-    /// of colours [alone: 1]
+    /// colors together; white is so many times brighter than of one color after another by the same lasers, 1 to the number
+    /// of colors [alone: 1]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
     pub joint_color: Option<f64>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware [default: slfh]
@@ -238,7 +241,7 @@ pub struct Score {
     pub obstructions: ObstructedArgs,
     /// Pupils that the hologram is measured through: random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus
     /// as "0.5D"
-    #[arg(help_heading = "Pupils", long, default_value = "random:16", value_name = "random:N|FILE.json")]
+    #[arg(help_heading = "Pupils", long, default_value = "random:16", value_name = "PUPILS")]
     pub test_pupils: String,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
@@ -277,7 +280,7 @@ pub struct Score {
 }
 
 impl Colors {
-    /// The single colour, or none for all.
+    /// The single color, or none for all.
     pub fn one(self) -> Option<Color> {
         match self {
             Self::Red => Some(Color::Red),

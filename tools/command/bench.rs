@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::Bench;
 use crate::request::SolveRequest;
+use crate::talk::print_report;
 use crate::{common, dry};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::quality::{ColorJob, Prepared};
@@ -34,7 +35,12 @@ fn look_up_ms(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -
     Ok(Some(times[LOOKS / 2]))
 }
 
-/// Times steps; three rounds, in turn with the other program.
+/// Prints a line, on standard error beside a report in JSON.
+macro_rules! say_beside {
+    ($json:expr, $($text:tt)*) => { if $json { eprintln!($($text)*) } else { println!($($text)*) } };
+}
+
+/// Times steps in rounds, in turn with the other program.
 pub fn run(args: &Bench) -> Result<(), Failure> {
     let mut request = SolveRequest::at_once(&args.solve)?;
     if request.printed()? {
@@ -57,7 +63,8 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     if args.solve.dry_run {
         return dry::run(args, problem, &settings);
     }
-    println!(
+    say_beside!(
+        args.solve.json,
         "{}; {} {}x{}, {} sub-frames, {} pupils a step",
         engine.describe(),
         color,
@@ -66,13 +73,13 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
         settings.frames,
         settings.pupils
     );
-    chosen.iter().for_each(|about| println!("{about}"));
-    println!("scene loaded in {loading:.2} s");
+    chosen.iter().for_each(|about| say_beside!(args.solve.json, "{about}"));
+    say_beside!(args.solve.json, "scene loaded in {loading:.2} s");
     let mut steps = Vec::new();
     let mut totals = Vec::new();
     for round in 1..=args.rounds.max(1) {
         if let Some(other) = &args.beside {
-            println!("round {round}, beside: {other}");
+            say_beside!(args.solve.json, "round {round}, beside: {other}");
             let status = Command::new("sh")
                 .args(["-c", other])
                 .status()
@@ -96,7 +103,8 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
         times.sort_by(f64::total_cmp);
         let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
         let total = begun.elapsed().as_secs_f64();
-        println!(
+        say_beside!(
+            args.solve.json,
             "round {round}: step median {median:.2} ms; solve {total:.2} s in all for {} steps, {:.2} dB mean, {:.2} dB worst of the validation pupils",
             solution.steps,
             solution.validation.mean(),
@@ -107,23 +115,30 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     }
     let look_up = look_up_ms(&problem, &settings, engine.as_mut())?;
     if let Some(ms) = look_up {
-        println!("first phases looked up in {ms:.2} ms");
+        say_beside!(args.solve.json, "first phases looked up in {ms:.2} ms");
     }
-    println!("{:16} {:>10} {:>12} {:>10}", "kernel", "calls", "ms in all", "share");
+    say_beside!(args.solve.json, "{:16} {:>10} {:>12} {:>10}", "kernel", "calls", "ms in all", "share");
     let timings = engine.timings();
     let sum: f64 = timings.iter().map(|t| t.seconds).sum();
     for t in &timings {
-        println!("{:16} {:10} {:12.2} {:9.1} %", t.kernel.name(), t.calls, t.seconds * 1e3, 100.0 * t.seconds / sum);
-    }
-    if args.solve.json {
-        println!(
-            "{}",
-            json!({ "step_ms": steps, "look_up_ms": look_up, "solve_s": totals, "load_s": loading, "peak_memory_mib": common::peak_memory_mib() })
+        say_beside!(
+            args.solve.json,
+            "{:16} {:10} {:12.2} {:9.1} %",
+            t.kernel.name(),
+            t.calls,
+            t.seconds * 1e3,
+            100.0 * t.seconds / sum
         );
     }
+    if args.solve.json {
+        print_report(json!({
+            "step_ms": steps, "look_up_ms": look_up, "solve_s": totals, "load_s": loading,
+            "peak_memory_mib": common::peak_memory_mib(),
+        }));
+    }
     match common::peak_memory_mib() {
-        Some(mib) => println!("peak memory {mib} MiB"),
-        None => println!("peak memory is not told by this system"),
+        Some(mib) => say_beside!(args.solve.json, "peak memory {mib} MiB"),
+        None => say_beside!(args.solve.json, "peak memory is not told by this system"),
     }
     Ok(())
 }

@@ -96,7 +96,7 @@ pub enum Command {
         after_help = "Examples:\n  eyebox info lightfield/ -o views.png\n  eyebox info lightfield/ --order flip-rows --json\n  eyebox info still-life.zarr\n  eyebox info session.hid"
     )]
     Info(Box<crate::info::Info>),
-    /// Convert phases between holograms, arrays, grey pictures and video frames
+    /// Convert phases between holograms, arrays, gray pictures and video frames
     #[command(
         after_help = "Examples:\n  eyebox convert still-life.zarr phases.npy\n  eyebox convert still-life.zarr pictures\n  eyebox convert phases.npy mine.zarr --display bench.toml --color green\n  eyebox convert phases.npy mine.zarr --display bench.toml --color green --scene lightfield/\n  eyebox convert frames phases.npy\n\nA .npy is (row, column), (sub-frame, row, column) or (color, sub-frame, row, column). Colors are in the order red, green, blue."
     )]

@@ -105,7 +105,7 @@ pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failur
     }
 }
 
-/// A pupil as it is given, before a display of this focal length (metres), checked as [`usual`] says.
+/// A pupil as it is given, before a display of this focal length (meters), checked as [`usual`] says.
 pub fn pupil(
     given: &GivenPupil,
     focal_length: f64,
@@ -122,7 +122,7 @@ pub fn pupil_of(given: &GivenPupil, hologram: &Hologram, force: bool) -> Result<
     pupil(given, hologram.focal_length, |pupil| hologram.check_pupil(pupil), force)
 }
 
-/// The colours asked for, that the display has.
+/// The colors asked for, that the display has.
 pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failure> {
     match args.color.one() {
         None => Ok(display.wavelengths.iter().map(|w| w.color).collect()),
@@ -161,7 +161,7 @@ pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<
     Ok(scene::inspect(&args.scene, &request(args, &maps, display, colors))?)
 }
 
-/// The scene for a far field larger than memory, colour by colour, as what an eye sees is compared with it.
+/// The scene for a far field larger than memory, color by color, as what an eye sees is compared with it.
 pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
     let maps = maps_of(args)?;
     Ok(Views::of_colors(&args.scene, &request(args, &maps, display, colors), TilesRequest::default().picture)?)
@@ -282,7 +282,7 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
     }
 }
 
-/// Writes one plane per colour: `.npy` as it is, `.png` with each plane times its exposure, encoded as sRGB.
+/// Writes one plane per color: `.npy` as it is, `.png` with each plane times its exposure, encoded as sRGB.
 pub fn write_image(
     out: &Path,
     form: Form,
@@ -303,7 +303,7 @@ pub fn write_image(
         files::write_png(out, height, width, &[one])?;
         return Ok(());
     }
-    // Colours without a name are red, green, blue in their order; a missing one is black.
+    // Colors without a name are red, green, blue in their order; a missing one is black.
     let black = vec![0.0; height * width];
     let mut rgb: [&[f32]; 3] = [&black; 3];
     for (i, (plane, color)) in light.iter().zip(colors).enumerate() {

@@ -1,15 +1,17 @@
-//! `eyebox convert`: phases between holograms, arrays, grey pictures and video frames.
+//! `eyebox convert`: phases between holograms, arrays, gray pictures and video frames.
 
 use crate::Failure;
 use crate::args::{EngineArgs, SceneArgs, SceneOptions};
 use crate::common::{self, Form};
 use crate::eval::score;
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, UnfinishedArgs};
+use crate::talk::print_report;
 use crate::values::positive;
 use clap::Args;
 use eyebox::low_level::encoded::is_encoded;
 use eyebox::low_level::hologram::{self, Hologram, Opening, PhaseSource, Phases, SceneRecord};
 use eyebox::low_level::reason;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// `eyebox convert`
@@ -18,7 +20,7 @@ pub struct Convert {
     /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or video frames: the folder of encode
     #[arg(value_name = "IN")]
     pub file: PathBuf,
-    /// NAME.zarr (a hologram), NAME.npy (float32 radians), or a folder for one 8-bit grey PNG per color and sub-frame
+    /// NAME.zarr (a hologram), NAME.npy (float32 radians), or a folder for one 8-bit gray PNG per color and sub-frame
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
     /// Of a sequence
@@ -45,6 +47,9 @@ pub struct Convert {
     /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
+    /// One JSON object on standard output
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
 }
 
 /// Converts.
@@ -81,18 +86,35 @@ fn opened(args: &Convert) -> Result<Hologram, Failure> {
     opening.hologram(&args.file).map_err(|e| args.unfinished.failure(e))
 }
 
-/// Writes the phases as one array, or as a folder of grey pictures.
+/// Writes the phases as one array, or as a folder of gray pictures.
 fn export(args: &Convert, hologram: &Hologram) -> Result<(), Failure> {
     let count = hologram.colors.len() * hologram.frames;
-    let (height, width, out) = (hologram.height, hologram.width, args.out.display());
+    let (height, width) = (hologram.height, hologram.width);
     if args.out.extension().is_some() {
         hologram::save_phases(hologram, &args.out)?;
-        eprintln!("wrote {out}: {count} sub-frames of {height}x{width}, radians");
+        report(args, hologram, &format!("{count} sub-frames of {height}x{width}, radians"));
     } else {
         hologram.save_pngs(&args.out)?;
-        eprintln!("wrote {out}: {count} pictures of {height}x{width}, 256 levels per turn");
+        report(args, hologram, &format!("{count} pictures of {height}x{width}, 256 levels per turn"));
     }
     Ok(())
+}
+
+/// Prints what was written.
+fn report(args: &Convert, hologram: &Hologram, about: &str) {
+    let out = args.out.display().to_string();
+    if !args.json {
+        eprintln!("wrote {out}: {about}");
+        return;
+    }
+    let known = !hologram.metadata.exposure_assumed;
+    let colors: Vec<Value> = hologram
+        .colors
+        .iter()
+        .map(|c| json!({ "color": c.color, "wavelength_nm": c.wavelength * 1e9, "exposure": known.then_some(c.exposure) }))
+        .collect();
+    let size = [hologram.height, hologram.width];
+    print_report(json!({ "out": out, "size": size, "frames": hologram.frames, "colors": colors }));
 }
 
 /// Writes a hologram.
@@ -131,13 +153,10 @@ fn import(args: &Convert) -> Result<(), Failure> {
         "not known"
     };
     hologram.save(&args.out)?;
-    let (colors, frames, h, w) = (hologram.colors.len(), hologram.frames, hologram.height, hologram.width);
     let each: Vec<String> = hologram.colors.iter().map(|c| format!("{:.4}", c.exposure)).collect();
     let each = if hologram.metadata.exposure_assumed { String::new() } else { format!(" ({})", each.join(", ")) };
-    eprintln!(
-        "wrote {}: {colors} colour{}, {frames} sub-frames of {h}x{w}; exposure {exposures}{each}",
-        args.out.display(),
-        if colors == 1 { "" } else { "s" }
-    );
+    let (colors, frames) = (common::counted(hologram.colors.len(), "color"), hologram.frames);
+    let size = format!("{}x{}", hologram.height, hologram.width);
+    report(args, &hologram, &format!("{colors}, {frames} sub-frames of {size}; exposure {exposures}{each}"));
     Ok(())
 }

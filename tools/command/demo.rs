@@ -7,6 +7,7 @@ use crate::eval::score::decibels;
 use crate::progress;
 use crate::quality::Chosen;
 use crate::solve::SolveProgress;
+use crate::talk::print_report;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::files::{self, FileError, ManagedDir, linear_to_srgb};
@@ -17,9 +18,10 @@ use eyebox::low_level::preview::{Overlay, Picture, draw_overlay};
 use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
-use eyebox::low_level::reconstruction::SceneSource;
+use eyebox::low_level::reconstruction::{HologramScores, SceneSource};
 use eyebox::low_level::scene::{self, LightField};
 use eyebox::low_level::solve::{FirstPhases, Flow, Levels, RefineSettings, Settings};
+use serde_json::json;
 use std::time::Instant;
 
 const SCENE: &str = "builtin:still-life";
@@ -31,7 +33,7 @@ const MADE: [&str; 3] = [HOLOGRAM, REFINED, PICTURE];
 /// The pupil of the picture: x, y and diameter, mm, focused on the display.
 const PUPIL: [f64; 4] = [3.0, 1.0, 5.0, 0.0];
 /// Steps for the whole eyebox, and for the pupil. On two cores, all takes less than a minute with 512 x 512 pixels.
-const STEPS: [usize; 2] = [16, 16];
+const STEPS: [usize; 2] = [24, 16];
 /// Pixels of a panel's side, at least.
 const PANEL: usize = 384;
 /// Rows below a panel, for its label.
@@ -64,7 +66,10 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
 
     let scene = SceneSource::new(field, &display)?;
     let [before, after] = [&hologram, &refined].map(|hologram| hologram.score(&scene, &[pupil], engine.as_mut()));
-    let [before, after] = [before?, after?].map(|scores| (decibels(scores.pupils[0].psnr), scores.exposures));
+    let psnr = |scores: &HologramScores| scores.pupils[0].psnr;
+    let (before, after) = (before?, after?);
+    let [psnr_db, refined_psnr_db] = [psnr(&before), psnr(&after)];
+    let [before, after] = [before, after].map(|scores| (decibels(psnr(&scores)), scores.exposures));
     let seen = [hologram.look(&pupil, engine.as_mut())?, refined.look(&pupil, engine.as_mut())?];
     let target = scene.photograph(&pupil, engine.as_mut())?;
     let ones = vec![1.0; colors.len()];
@@ -74,19 +79,22 @@ pub fn run(args: &Demo) -> Result<(), Failure> {
         panel(&target, &ones, &colors, "target image"),
     ];
     save(&mut own, &beside(&panels))?;
+    let path = |name| args.out.join(name).display().to_string();
+    let seconds = start.elapsed().as_secs_f64();
+    if args.json {
+        print_report(json!({
+            "picture": path(PICTURE), "hologram": path(HOLOGRAM), "refined": path(REFINED), "pupil_mm": PUPIL,
+            "psnr_db": psnr_db, "refined_psnr_db": refined_psnr_db, "seconds": seconds,
+        }));
+        return Ok(());
+    }
     let [x, y, d, _] = PUPIL;
     println!(
         "through a pupil of {d} mm at ({x}, {y}) mm: {} dB for the whole eyebox, {} dB refined",
         before.0, after.0
     );
     let path = |name| args.out.join(name).display().to_string();
-    println!(
-        "wrote {} ({}, {}) in {:.0} s",
-        path(PICTURE),
-        path(HOLOGRAM),
-        path(REFINED),
-        start.elapsed().as_secs_f64()
-    );
+    println!("wrote {} ({}, {}) in {:.0} s", path(PICTURE), path(HOLOGRAM), path(REFINED), seconds);
     Ok(())
 }
 
@@ -113,7 +121,7 @@ fn solve(
     let levels = Levels::of(display);
     let color_job = ColorJob { field, color: colors[0], display, base, levels };
     let padding = color_job.padding(&settings)?;
-    let mut watch = SolveProgress::new(false);
+    let mut watch = SolveProgress::new(args.json);
     let solved = solve_colors(&color_job, colors, &settings, engine, &mut |event| watch.see(event))?;
     Ok(Hologram::from_solutions(field, display, &color_job.settings(&settings), padding, &solved)?)
 }

@@ -2,13 +2,14 @@
 
 use crate::Failure;
 use crate::args::Bench;
+use crate::talk::print_report;
 use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::optics::PupilDistribution;
 use eyebox::low_level::plan::DEVICES;
 use eyebox::low_level::solve::{DryRun, Problem, RefineSettings, Settings};
 use serde_json::{Value, json};
 
-/// How well the place of an eye is known, metres.
+/// How well the place of an eye is known, meters.
 const SPREAD: f64 = 0.3e-3;
 
 /// Records steps of a solve, or of a refinement for a pupil where one is given.
@@ -28,7 +29,7 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
         None => DryRun::of_solve(&problem, settings, &gpu, count)?,
     };
     if args.solve.json {
-        println!("{}", as_json(&dry_run));
+        print_report(as_json(&dry_run));
     } else {
         print(&dry_run);
     }

@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::args::{DisplayArgs, Encode, EngineName};
 use crate::common;
+use crate::talk::print_report;
 use eyebox::low_level::encode::{self, Encoder, PhaseSet, VideoFrames};
 use eyebox::low_level::engine::vulkan::VulkanEncoder;
 use eyebox::low_level::gpu::{Gpu, Options};
@@ -58,7 +59,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     input.notes.iter().for_each(|note| tracing::warn!("{note}"));
     slow.iter().for_each(|slow| tracing::debug!("{slow}"));
     if args.json {
-        println!("{}", report(args, &encoder, &frames, &notes));
+        print_report(report(args, &encoder, &frames, &notes));
     }
     let (count, height, width) = (frames.count(), frames.height, frames.width);
     let kind = if frames.channels == 1 { "grey" } else { "RGB" };
@@ -66,7 +67,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The hologram's colours that were asked for, each with its name.
+/// The hologram's colors that were asked for, each with its name.
 fn load(args: &Encode) -> Result<(Input, Display), Failure> {
     let display = Phases::are_at(&args.hologram).then(|| common::display(&args.display)).transpose()?;
     let opening = args.unit.opening(display.as_ref(), args.display.color.one());
@@ -78,7 +79,7 @@ fn load(args: &Encode) -> Result<(Input, Display), Failure> {
     let notes = differences(&hologram, &display);
     let named = |c: &ColorHologram| {
         c.color.ok_or_else(|| {
-            Failure::Arguments(reason!("colors-not-named", "{}: its colours are not named", args.hologram.display()))
+            Failure::Arguments(reason!("colors-not-named", "{}: its colors are not named", args.hologram.display()))
         })
     };
     let (frames, size) = (hologram.frames, [hologram.height, hologram.width]);

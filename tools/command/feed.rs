@@ -4,6 +4,7 @@ use crate::Failure;
 use crate::common;
 use crate::groups::DisplayArgs;
 use crate::signals;
+use crate::talk::print_report;
 use crate::values::{MM, rate};
 use clap::Args;
 #[cfg(target_os = "linux")]
@@ -107,8 +108,8 @@ pub fn run(args: &Feed) -> Result<(), Failure> {
     let writer = if args.on_device { device_of(&mut application)? } else { None };
     let account = give(args, &mut application, &frames, writer)?;
     if args.json {
-        let text = serde_json::to_string(&account).map_err(|e| Failure::Arguments(reason!("json", "no JSON: {e}")))?;
-        println!("{text}");
+        let report = serde_json::to_value(&account).map_err(|e| Failure::Arguments(reason!("json", "no JSON: {e}")))?;
+        print_report(report);
     } else {
         let Account { asked, given, on_device, late, seconds, ended } = account;
         let stayed = if args.on_device { format!(", {on_device} on the device") } else { String::new() };
@@ -232,7 +233,7 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
     sources.iter().map(ready).collect()
 }
 
-/// (view, row, column, colour), float32, of views colour by colour.
+/// (view, row, column, color), float32, of views color by color.
 fn interleaved(planes: &[Vec<Vec<f32>>]) -> Vec<u8> {
     let views = planes.first().map_or(0, Vec::len);
     let pixels = planes.first().and_then(|views| views.first()).map_or(0, Vec::len);

@@ -1,4 +1,4 @@
-//! Groups of arguments that commands share: the engine, the display, the scene. Millimetres in, metres out.
+//! Groups of arguments that commands share: the engine, the display, the scene. Millimeters in, meters out.
 
 use crate::Failure;
 use crate::values::{MIN, MM, Names, S, depths, iris, not_negative_in, one_of, positive_in, prescription, size};
@@ -38,7 +38,7 @@ fn engine(text: &str) -> Result<EngineName, String> {
     }
 }
 
-/// Which colours.
+/// Which colors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Colors {
     /// The longest wavelength
@@ -189,11 +189,11 @@ pub struct SceneOptions {
     /// Which values of the depth map are near [default: bright in 8 bits, else by the file's name]
     #[arg(help_heading = "Scene", long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
-    /// Distance of neighbouring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
+    /// Distance of neighboring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
     #[arg(help_heading = "Scene", long, value_name = "MM", value_parser = positive_in(MM))]
     pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected [default: 9, of a depth map as many as its depths need; in
-    /// score, what the hologram was solved for]
+    /// Views per axis of scenes that are rendered or reprojected [default: 9, or what the depths of a depth map need; of a hologram's
+    /// scene what the hologram was solved with]
     #[arg(help_heading = "Scene", long, value_name = "N")]
     pub views: Option<usize>,
     /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
@@ -204,7 +204,8 @@ pub struct SceneOptions {
     /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
     #[arg(help_heading = "Scene", long, value_name = "ORDER")]
     pub order: Option<Order>,
-    /// Of which views of a folder photographs are made [default: auto; in score, what the hologram was solved for]
+    /// Of which views of a folder photographs are made [default: auto; of a hologram's scene
+    /// what the hologram was solved with]
     #[arg(help_heading = "Scene", long, value_parser = one_of(&PHOTOGRAPHS), value_name = "WHICH")]
     pub photographs: Option<ViewSynthesis>,
 }
@@ -248,12 +249,12 @@ impl SceneArgs {
 }
 
 impl SceneOptions {
-    /// The depths that matter, metres.
+    /// The depths that matter, meters.
     pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
         self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
     }
 
-    /// The same for the library, before a display of this focal length, metres.
+    /// The same for the library, before a display of this focal length, meters.
     pub fn reading(&self, focal_length: f64) -> SceneReading {
         SceneReading {
             views: self.views,

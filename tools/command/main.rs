@@ -51,7 +51,7 @@ mod units_tests;
 mod usage;
 mod values;
 
-use clap::FromArgMatches;
+use clap::{ArgMatches, FromArgMatches};
 use commands::{Cli, Command};
 use failure::Failure;
 use std::process::ExitCode;
@@ -61,6 +61,7 @@ fn main() -> ExitCode {
     let command = if short_help::is_asked(&given) { short_help::command(command) } else { command };
     let arguments = usage::arguments(given, &command);
     let parsed = command.try_get_matches_from(arguments);
+    parsed.iter().for_each(|matches| talk::set_command(&path(matches)));
     let cli = match parsed.and_then(|m| Cli::from_arg_matches(&m)) {
         Ok(cli) => cli,
         Err(error) => return usage::print(&error),
@@ -93,5 +94,13 @@ fn main() -> ExitCode {
         Ok(()) if talk::finish() => ExitCode::SUCCESS,
         Ok(()) => ExitCode::from(2),
         Err(failure) => failure::print(&failure),
+    }
+}
+
+/// Returns the name of the command that was parsed, such as `eval score`.
+fn path(matches: &ArgMatches) -> String {
+    match matches.subcommand() {
+        Some((name, below)) => format!("{name} {}", path(below)).trim_end().to_owned(),
+        None => String::new(),
     }
 }

@@ -8,7 +8,7 @@ use eyebox::low_level::quality::{ColorJob, ModelWorth};
 use eyebox::low_level::solve::{Levels, Settings};
 use std::time::Duration;
 
-/// What measuring what a colour's terms are worth may take.
+/// What measuring what a color's terms are worth may take.
 const LIMIT: Duration = Duration::from_secs(12);
 
 impl SolveRequest<'_> {

@@ -82,7 +82,7 @@ fn time(seconds: f64) -> String {
     }
 }
 
-/// A bar for one colour's solve; where there is no terminal, lines.
+/// A bar for one color's solve; where there is no terminal, lines.
 pub struct Bar {
     bar: Option<ProgressBar>,
     lines: Option<Lines>,

@@ -7,6 +7,7 @@ use crate::eval::score;
 use crate::experiment::ExperimentArgs;
 use crate::phases::{AtArgs, PhaseArgs, tell_unfinished};
 use crate::progress::{self, JobBar};
+use crate::talk::print_report;
 use crate::values::{GivenPupil, MM, diameters, not_negative_in, pupil};
 use clap::Args;
 use eyebox::low_level::evaluate::Sums;
@@ -75,7 +76,7 @@ const WIDE_PUPILS: usize = 12;
 struct Row {
     steps: usize,
     ms: f64,
-    /// At the pupil, as `eyebox score` finds it.
+    /// At the pupil, as `eyebox eval score` finds it.
     eye: Option<f64>,
     /// The mean over the whole eyebox, or all of the piece that was refined, at one exposure.
     wide: Option<f64>,
@@ -133,7 +134,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Refines each colour's own phases: what each step gained, colour by colour, and the engine's name.
+/// Refines each color's own phases: what each step gained, color by color, and the engine's name.
 fn apart(
     (args, steering): (&Refine, RefineSettings),
     hologram: &mut Hologram,
@@ -159,7 +160,7 @@ fn apart(
     Ok((all, described, bests))
 }
 
-/// Refines the drives that all colours share, in the light of their lasers as it is: the same.
+/// Refines the drives that all colors share, in the light of their lasers as it is: the same.
 fn together(
     (args, steering): (&Refine, RefineSettings),
     hologram: &mut Hologram,
@@ -172,7 +173,7 @@ fn together(
     let (Some(first), Some(parts)) = (problems.first(), hologram.joint_parts(problems.clone())) else {
         return Err(Failure::Arguments(reason!(
             "colors-of-lasers",
-            "{}: its colours are not those of its lasers",
+            "{}: its colors are not those of its lasers",
             args.hologram.display()
         )));
     };
@@ -264,7 +265,7 @@ fn refined(aim: PupilDistribution, steering: RefineSettings, best: &[Best]) -> R
     Refined { aim, steering, steps: best.iter().map(|(step, _)| *step).max().unwrap_or(0) }
 }
 
-/// One colour, refined.
+/// One color, refined.
 struct RefinedColor {
     rows: Vec<Row>,
     best: BestState,
@@ -274,7 +275,7 @@ struct RefinedColor {
     sources: Vec<usize>,
 }
 
-/// Refines one colour. `anywhere` is around the middle of what is refined.
+/// Refines one color. `anywhere` is around the middle of what is refined.
 fn steps(
     (args, steering): (&Refine, RefineSettings),
     problem: Problem,
@@ -344,7 +345,7 @@ fn mean(each: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }
 
-/// Says what each step gained, over all colours; `place`: the piece that was refined, and of what.
+/// Says what each step gained, over all colors; `place`: the piece that was refined, and of what.
 fn report(
     (args, steering): (&Refine, RefineSettings),
     (all, best): (&[Vec<Row>], &[Best]),
@@ -353,7 +354,7 @@ fn report(
     [key, words]: [&str; 2],
     place: &Value,
 ) {
-    // Colours, side by side: an interruption may have left some with fewer rows.
+    // Colors, side by side: an interruption may have left some with fewer rows.
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
     let f = about.focal_length;
     let focus = args.pupil.before(f).depth;
@@ -379,7 +380,7 @@ fn report(
             said["unfinished"] = place["unfinished"].clone();
             said["peak_memory_mib"] = json!(common::peak_memory_mib());
         }
-        println!("{said}");
+        print_report(said);
         return;
     }
     let (frames, colors) = (common::counted(about.frames, "sub-frame"), common::counted(all.len(), "color"));

@@ -45,7 +45,7 @@ const OF_COMMANDS: [(&str, &[&str]); 9] = [
     ("convert", &["at", "exposure", "focal-length", "phase-unit", "pitch", "wavelength"]),
     ("eval compare", &["frames", "hologram", "jod", "methods", "pupils", "steps"]),
     ("eval gaze", &["duration"]),
-    ("eval score", &["at", "encoded", "jod", "pupils"]),
+    ("eval score", &["at", "encoded", "jod", "test-pupils"]),
     ("preview", &["at", "encoded", "zoom"]),
     ("refine", &["at", "pupil-diameter", "spread", "steps"]),
     ("render", &["at", "binning", "encoded", "exposure", "path", "what"]),

@@ -7,6 +7,7 @@ use crate::args::Solve;
 use crate::common::{self, Form};
 use crate::eval::score::decibels;
 use crate::request::{Report, SolveRequest};
+use crate::talk::print_report;
 use crate::{Failure, plan};
 use eyebox::low_level::calibrate::CameraGain;
 use eyebox::low_level::engine::Engine;
@@ -97,7 +98,7 @@ fn say_hologram(
         if let Some(gains) = gains {
             out["camera"] = gains.iter().map(camera::as_json).collect();
         }
-        println!("{out}");
+        print_report(out);
         return;
     }
     for (color, s) in &solved.solutions {
@@ -123,7 +124,7 @@ fn say_hologram(
     if let Some(joint) = &solved.hologram.metadata.joint_color {
         let times = joint.brightness();
         println!(
-            "all colours at once: white is {times:.2} times brighter than of one colour after another by the same lasers"
+            "all colors at once: white is {times:.2} times brighter than of one color after another by the same lasers"
         );
     }
     gains.into_iter().flatten().for_each(|gain| println!("{}", camera::in_words(gain)));
@@ -153,9 +154,8 @@ fn say_sequence(
     if solved == 0 {
         println!("{out} is complete: {count} holograms");
     } else if report.json {
-        println!(
-            "{}",
-            json!({ "out": report.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "frames": frames })
+        print_report(
+            json!({ "out": report.out.display().to_string(), "engine": engine.describe(), "seconds": seconds, "frames": frames }),
         );
     } else {
         println!("wrote {out}: {count} holograms after {seconds:.1} s");
@@ -185,7 +185,7 @@ fn say_tiles(report: Report<'_>, solved: &SolvedTiles, job: &SceneJob, engine: &
             "depth_mm": plan.settings.depth.map(|z| z * 1e3),
             "depth_dioptres": plan.settings.depth.map(|z| dioptres(z, display.focal_length)),
         });
-        println!("{out}");
+        print_report(out);
         return;
     }
     for score in &scores.pupils {

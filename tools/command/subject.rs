@@ -65,7 +65,7 @@ pub struct SubjectOptions {
 pub struct Steered {
     /// The hologram for the whole eyebox.
     pub hologram: Hologram,
-    /// Its colours.
+    /// Its colors.
     pub colors: Vec<Color>,
     /// What is refined.
     pub parts: Vec<LiveColor>,
@@ -121,7 +121,7 @@ pub fn load(
 
 /// Whether a hologram or bare phases stand there, and no scene.
 pub fn is_hologram(path: &Path) -> bool {
-    let phases = Phases::are_named_at(path) && !scene::is_array_of_views(path);
+    let phases = Phases::are_named_at(path) && (!path.is_file() || scene::may_be_phases(path));
     phases || (!Phases::are_at(path) && !path.join("views").exists())
 }
 
@@ -198,7 +198,7 @@ fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -
     Ok(Steered { scenes: Some(Box::new(scenes)), ..steered })
 }
 
-/// As wide as a pupil usually is, metres: the first piece is for one in the middle.
+/// As wide as a pupil usually is, meters: the first piece is for one in the middle.
 const USUAL_PUPIL: f64 = 4e-3;
 
 /// A far field in tiles, whose piece around the eye is refined.

@@ -4,9 +4,10 @@
 //! The macros take the places of the standard ones, which panic where nobody reads.
 
 use eyebox::low_level::error::ErrorData;
-use serde_json::json;
+use serde_json::{Map, Value, json};
 use std::fmt::Arguments;
 use std::io::{self, Write};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 macro_rules! println {
@@ -20,6 +21,8 @@ macro_rules! eprint {
     ($($text:tt)*) => { $crate::talk::write_note(format_args!($($text)*)) };
 }
 
+/// Version of the keys of reports.
+const SCHEMA_VERSION: u32 = 1;
 /// Environment variable that asks for errors as JSON.
 const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 
@@ -38,6 +41,26 @@ pub fn print_line(text: Arguments<'_>) {
         drop(out);
         close(&error);
     }
+}
+
+/// The command that runs, such as `eval-score`.
+static COMMAND: OnceLock<String> = OnceLock::new();
+
+/// Sets the name of the command that runs.
+pub fn set_command(name: &str) {
+    let _ = COMMAND.set(name.replace(' ', "-"));
+}
+
+/// Prints the report of a command as one JSON object. Its first key, `schema`, has the command and the version of its keys. The version
+/// rises when a key goes or changes its meaning; new keys do not change it.
+pub fn print_report(report: Value) {
+    let schema = format!("{}/{SCHEMA_VERSION}", COMMAND.get().map_or("eyebox", String::as_str));
+    let mut all = Map::from_iter([("schema".to_owned(), Value::from(schema))]);
+    match report {
+        Value::Object(report) => all.extend(report),
+        other => drop(all.insert("value".into(), other)),
+    }
+    print_line(format_args!("{}", Value::Object(all)));
 }
 
 /// A line on standard error; nothing where nobody reads it.

@@ -73,7 +73,7 @@ pub struct GivenPupil {
 }
 
 impl GivenPupil {
-    /// The pupil before a display of this focal length (metres).
+    /// The pupil before a display of this focal length (meters).
     pub fn before(&self, focal_length: f64) -> Pupil {
         Pupil { depth: self.focus.metres(focal_length), ..self.place }
     }
@@ -149,7 +149,7 @@ pub fn memory(text: &str) -> Result<u64, Wrong> {
     in_range(bytes, 1.0, 1e18, form).map(|bytes| bytes as u64)
 }
 
-/// Diameters of pupils, metres, given in millimetres.
+/// Diameters of pupils, meters, given in millimeters.
 pub fn diameters(text: &str) -> Result<[f64; 2], Wrong> {
     let form = "expected MIN..MAX in mm, such as 2..6.5";
     let [low, high] = numbers(text.split("..").collect(), [MM; 2], form)?;

@@ -146,7 +146,7 @@ pub fn json(results: &Results) -> Value {
         let of = |&g: &Group| {
             let psnr = results.psnr(&series, scene, g)?;
             let [ssim, jod] = [results.ssim(&series, scene, g), results.jod(&series, scene, g)];
-            Some((g.name().to_string(), json!({ "psnr_db": psnr, "ssim": ssim, "jod": jod })))
+            Some((g.name().to_lowercase().replace(' ', "_"), json!({ "psnr_db": psnr, "ssim": ssim, "jod": jod })))
         };
         Group::ALL.iter().filter_map(of).collect::<Map<_, _>>().into()
     };

@@ -1,6 +1,7 @@
 //! `eyebox device list`.
 
 use crate::Failure;
+use crate::talk::print_report;
 use clap::Args;
 use eyebox::low_level::engine::{self, Engine, cpu::CpuEngine};
 use eyebox::low_level::gpu::{self, DeviceReport};
@@ -47,7 +48,7 @@ pub fn run(args: &List) -> Result<(), Failure> {
         let all = json!({
             "cpu": cpu, "vulkan": vulkan, "no_vulkan": found.as_ref().err().map(ToString::to_string), "auto": auto,
         });
-        println!("{all}");
+        print_report(all);
         return Ok(());
     }
     println!("cpu      {cpu}");

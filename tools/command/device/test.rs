@@ -3,6 +3,7 @@
 use crate::Failure;
 use crate::common;
 use crate::groups::{DeviceArgs, EngineArgs, EngineName};
+use crate::talk::print_report;
 use clap::Args;
 use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
 use eyebox::low_level::optics::{Color, Display};
@@ -31,9 +32,9 @@ const SCENE: &str = "builtin:still-life";
 const SIZE: usize = 128;
 /// Steps of the solve. After many steps rounding alone makes phases differ.
 const STEPS: usize = 3;
-/// The largest root mean square difference of phases that rounding explains, radians. Both engines compute in float32. The largest
-/// difference of this solve on lavapipe is 3e-4.
-const LARGEST_RMS: f64 = 1e-2;
+/// The largest root mean square difference of phases that rounding explains, radians. Both engines compute in float32, and lavapipe is
+/// 5e-7 off.
+const LARGEST_RMS: f64 = 1e-3;
 
 /// Solves on the device and on the CPU, and compares the phases.
 pub fn run(args: &Test) -> Result<(), Failure> {
@@ -46,13 +47,10 @@ pub fn run(args: &Test) -> Result<(), Failure> {
     let is_right = rms <= LARGEST_RMS;
     let [device_ms, cpu_ms] = [&on_device, &on_cpu].map(|solution| solution.step_seconds * 1e3);
     if args.json {
-        println!(
-            "{}",
-            json!({
-                "engine": engine.describe(), "right": is_right, "phase_rms_rad": rms, "phase_rms_limit_rad": LARGEST_RMS,
-                "step_ms": device_ms, "cpu_step_ms": cpu_ms, "psnr_mean_db": quality(&on_device), "cpu_psnr_mean_db": quality(&on_cpu),
-            })
-        );
+        print_report(json!({
+            "engine": engine.describe(), "right": is_right, "phase_rms_rad": rms, "phase_rms_limit_rad": LARGEST_RMS,
+            "step_ms": device_ms, "cpu_step_ms": cpu_ms, "psnr_mean_db": quality(&on_device), "cpu_psnr_mean_db": quality(&on_cpu),
+        }));
     } else {
         println!("{}", engine.describe());
         println!(

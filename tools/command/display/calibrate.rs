@@ -6,6 +6,7 @@ use crate::common;
 use crate::experiment::{ExperimentArgs, Table};
 use crate::groups::{CameraSettings, Colors};
 use crate::progress::{self, JobBar};
+use crate::talk::print_report;
 use crate::values::celsius;
 use clap::Args;
 use eyebox::low_level::calibrate::{Bench, CameraCommand, Event, FEWEST, ModelAge, Report, TAKING, Verdict, calibrate};
@@ -47,8 +48,8 @@ pub struct Calibrate {
     /// Four pictures, for what drifts: the display's file has the rest
     #[arg(help_heading = "Camera", long, conflicts_with = "captures")]
     pub quick: bool,
-    /// Write where the camera sees the picture of this colour too, so that it is shown undistorted and colours coincide; the camera
-    /// stands still from colour to colour. straight: it looks straight at the display, and keystone and turns are the display's
+    /// Write where the camera sees the picture of this color too, so that it is shown undistorted and colors coincide; the camera
+    /// stands still from color to color. straight: it looks straight at the display, and keystone and turns are the display's
     #[arg(help_heading = "Camera", long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
     pub register: Option<String>,
     /// Output: the display file with the model
@@ -152,7 +153,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         let mut report =
             serde_json::to_value(&calibrated.report).map_err(|e| Failure::Arguments(Reason::new("json", e)))?;
         report["model_before"] = serde_json::to_value(&age).map_err(|e| Failure::Arguments(Reason::new("json", e)))?;
-        println!("{report}");
+        print_report(report);
     } else {
         say(&calibrated.report);
     }

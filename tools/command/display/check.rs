@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::common;
+use crate::talk::print_report;
 use clap::Args;
 use eyebox::low_level::calibrate::ModelAge;
 use serde_json::{Map, json};
@@ -32,12 +33,9 @@ pub fn check(name: &str, force: bool, as_json: bool) -> Result<(), Failure> {
     let models: Map<_, _> =
         display.wavelengths.iter().filter_map(|w| Some((w.color.to_string(), json!(age(w.color)?)))).collect();
     if as_json {
-        println!(
-            "{}",
-            json!({
-                "kind": "display", "name": display.name, "resolution": [display.height, display.width], "reach": display.reach(), "models": models,
-            })
-        );
+        print_report(json!({
+            "kind": "display", "name": display.name, "resolution": [display.height, display.width], "reach": display.reach(), "models": models,
+        }));
         return Ok(());
     }
     println!("{}, {}x{}: {}", display.name, display.height, display.width, display.reach());

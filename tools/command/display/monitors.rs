@@ -1,6 +1,7 @@
 //! `eyebox display monitors`.
 
 use crate::Failure;
+use crate::talk::print_report;
 use clap::Args;
 use eyebox::low_level::present::{Desktop, DirectDisplay, Monitor, Rate, direct_displays};
 use serde_json::{Value, json};
@@ -26,7 +27,7 @@ pub fn monitors(args: &Monitors) -> Result<(), Failure> {
     if args.json {
         let monitors: Vec<Value> = monitors.iter().map(of_desktop).collect();
         let direct: Vec<Value> = direct.iter().map(of_direct).collect();
-        println!("{}", json!({ "monitors": monitors, "direct": direct }));
+        print_report(json!({ "monitors": monitors, "direct": direct }));
         return Ok(());
     }
     for m in &monitors {

@@ -18,7 +18,7 @@ pub struct PatternArgs {
 }
 
 impl PatternArgs {
-    /// It, for these colours, where the command does not show them.
+    /// It, for these colors, where the command does not show them.
     pub fn open(&self, settle: f64, display: &Display, colors: &[Color]) -> Result<Option<PatternOutput>, Failure> {
         let Some(to) = &self.output else { return Ok(None) };
         let settle = Duration::from_secs_f64(settle.min(1e6));

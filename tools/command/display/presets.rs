@@ -1,6 +1,7 @@
 //! Displays that are built in, and display files made from them.
 
 use crate::Failure;
+use crate::talk::print_report;
 use crate::{common, progress};
 use clap::Args;
 use eyebox::low_level::files;
@@ -81,7 +82,7 @@ pub fn list(List { json: as_json }: &List) -> Result<(), Failure> {
                 "packing": d.encoding.packing,
             })
         };
-        println!("{}", json!({ "displays": presets.iter().map(one).collect::<Vec<_>>() }));
+        print_report(json!({ "displays": presets.iter().map(one).collect::<Vec<_>>() }));
         return Ok(());
     }
     println!("{:20} {:>13} {:>8} {:>7}  packing   what it is", "name", "rows x cols", "pitch um", "levels");

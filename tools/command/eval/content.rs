@@ -5,6 +5,7 @@ use crate::args::{SceneArgs, SceneOptions};
 use crate::common::{self, Engines};
 use crate::progress::{self, JobBar};
 use crate::subject::Steered;
+use crate::talk::print_report;
 use crate::values::whole_pixels;
 use clap::{Args, ValueEnum};
 use eyebox::low_level::files::ManagedDir;
@@ -24,7 +25,7 @@ pub struct ContentArgs {
     /// sets
     #[arg(long, default_value_t = 60, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sets: u32,
-    /// steps of every colour for each set
+    /// steps of every color for each set
     #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps_per_set: u32,
     /// pixels that content moves by in a set
@@ -153,7 +154,7 @@ pub fn run(
     about["runs"] = json!(runs);
     report::write_content_study(title, &subject.engine, (&runs, SETTLES), &about, own)?;
     if quiet {
-        println!("{}", json!({ "summary": summary, "out": about["out"] }));
+        print_report(json!({ "summary": summary, "out": about["out"] }));
         return Ok(());
     }
     let what = if rolls { "windows of a set's time" } else { "sets" };

@@ -9,6 +9,7 @@ use crate::jod::{JodArgs, JudgedPupils, ViewingArgs};
 use crate::phases::AtArgs;
 use crate::progress::{self, JobBar};
 use crate::subject::{self, Steered, SubjectArgs};
+use crate::talk::print_report;
 use crate::values::{HZ, MM, MS, S, depth, not_negative, not_negative_in, positive_in, share};
 use clap::Args;
 use eyebox::low_level::files::{self, ManagedDir};
@@ -81,7 +82,7 @@ pub struct GazeSettings {
     /// One seed, one eye
     #[arg(help_heading = "Eye", long, default_value_t = 0, value_name = "S")]
     pub eye_seed: u64,
-    /// What a step of one colour takes, ms, for one result on every machine [default: what it takes on this one]
+    /// What a step of one color takes, ms, for one result on every machine [default: what it takes on this one]
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// With --step-time: what encoding a set takes, ms
@@ -191,7 +192,7 @@ pub fn run(args: &Gaze) -> Result<(), Failure> {
     let title = format!("Steering {}, focused at {focused}", subject.hologram.scene);
     report::write_study(&title, &subject.engine, &study, &all, &mut own)?;
     if args.json {
-        println!("{}", json!({ "summary": summary, "out": args.out.display().to_string() }));
+        print_report(json!({ "summary": summary, "out": args.out.display().to_string() }));
         return Ok(());
     }
     print(&study);

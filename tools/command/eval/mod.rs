@@ -14,7 +14,7 @@ use clap::Subcommand;
 pub enum Eval {
     /// Measure a hologram against its scene over many pupils
     #[command(
-        after_help = "Examples:\n  eyebox eval score still-life.zarr\n  eyebox eval score still-life.zarr builtin:still-life --pupils random:16\n  eyebox eval score mine.zarr builtin:still-life --prescription none"
+        after_help = "Examples:\n  eyebox eval score still-life.zarr\n  eyebox eval score still-life.zarr builtin:still-life --test-pupils random:16\n  eyebox eval score mine.zarr builtin:still-life --prescription none"
     )]
     Score(Box<crate::args::Score>),
     /// Compare methods over every group of pupils, and write a report

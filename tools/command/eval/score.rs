@@ -7,6 +7,7 @@ use crate::common;
 use crate::experiment::Table;
 use crate::jod::{JudgedPupils, ViewingArgs};
 use crate::progress::JobBar;
+use crate::talk::print_report;
 use eyebox::low_level::evaluate::Summary;
 use eyebox::low_level::files::CreatedDirGuard;
 use eyebox::low_level::hologram::{Hologram, PhaseSource};
@@ -73,13 +74,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         let exposures: serde_json::Map<_, _> =
             colors.iter().zip(&scores.exposures).map(|(c, e)| (c.to_string(), json!(e))).collect();
         let rows: Vec<Value> = scores.pupils.iter().map(|score| row(score, &display)).collect();
-        println!(
-            "{}",
-            json!({
-                "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.summary_of(|pupil| pupil.jod), "jod_there": scores.summary_of(|pupil| pupil.jod_there), "viewing": viewing_of(&judging), "exposure": exposures,
-                "pupils": rows, "unfinished": source.unfinished(),
-            })
-        );
+        print_report(json!({
+            "psnr_db": summary(psnr), "against_clear_db": summary(against_clear), "jod": scores.summary_of(|pupil| pupil.jod), "jod_there": scores.summary_of(|pupil| pupil.jod_there), "viewing": viewing_of(&judging), "exposure": exposures,
+            "pupils": rows, "unfinished": source.unfinished(),
+        }));
         return Ok(());
     }
     print_table(&scores, &display);
@@ -117,7 +115,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         );
     }
     let fitted: Vec<String> = colors.iter().zip(&scores.exposures).map(|(c, e)| format!("{c} {e:.3}")).collect();
-    println!("one exposure per colour for all pupils: {}; after 2 x 2 averaging", fitted.join(", "));
+    println!("one exposure per color for all pupils: {}; after 2 x 2 averaging", fitted.join(", "));
     Ok(())
 }
 
@@ -165,7 +163,7 @@ fn print_table(scores: &HologramScores, display: &Display) {
     for score in &scores.pupils {
         let ([x, y, d, z], focus) = (score.pupil.to_mm(), dioptres_in_words(score.pupil.depth, display.focal_length));
         let ceiling =
-            score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "none".into() });
+            score.ceiling.map_or("-".into(), |db| if db.is_finite() { format!("{db:.2}") } else { "unlimited".into() });
         let (similarity, jod) = (similarity(score), score.jod.map_or("     -".into(), |jod| format!("{jod:6.2}")));
         println!(
             "{x:7.2} {y:7.2} {d:7.2}   {z:8.2} {focus:>11} {:>9}  {ceiling:>10}  {similarity} {jod}   {:20.0}",
@@ -258,7 +256,7 @@ mod tests {
     use eyebox::low_level::hologram::ColorHologram;
     use eyebox::low_level::optics::Color;
 
-    /// Judged over one colour's own, wider eyebox, a hologram of that colour loses light that it never aimed there.
+    /// Judged over one color's own, wider eyebox, a hologram of that color loses light that it never aimed there.
     #[test]
     fn one_colour_is_scored_in_the_eyebox_that_its_display_serves() {
         let here = tempfile::tempdir().unwrap();

@@ -1,8 +1,9 @@
 //! `eyebox info` of a hologram, a sequence, phases or video frames.
 
-use super::Info;
+use super::args::Info;
 use crate::Failure;
 use crate::common;
+use crate::talk::print_report;
 use eyebox::low_level::encoded::{Encoded, is_encoded};
 use eyebox::low_level::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
 use eyebox::low_level::optics::depths_in_words;
@@ -39,7 +40,7 @@ pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
             "unfinished": unfinished, "solve": about.metadata,
         });
         all.as_object_mut().into_iter().for_each(|all| all.extend(more.clone()));
-        println!("{all}");
+        print_report(all);
         return Ok(());
     }
     let line = |what: &str, value: String| println!("  {what:11} {value}");

@@ -1,6 +1,7 @@
 //! `eyebox info` of a tracker's recording.
 
 use crate::Failure;
+use crate::talk::print_report;
 use eyebox::low_level::trackers::{Event, Options, Sample, Spec, open};
 use serde_json::json;
 use std::time::Duration;
@@ -33,13 +34,10 @@ pub fn run(file: &str, as_json: bool) -> Result<(), Failure> {
     let tracker = source.tracker();
     let [left, right, combined] = eyes;
     if as_json {
-        println!(
-            "{}",
-            json!({
-                "kind": "recording", "tracker": tracker, "samples": samples, "valid_samples": valid, "seconds": seconds, "rate_hz": rate,
-                "left": left, "right": right, "combined": combined, "notes": about.notes,
-            })
-        );
+        print_report(json!({
+            "kind": "recording", "tracker": tracker, "samples": samples, "valid_samples": valid, "seconds": seconds, "rate_hz": rate,
+            "left": left, "right": right, "combined": combined, "notes": about.notes,
+        }));
         return Ok(());
     }
     println!("{file}: a recording of {}", tracker.unwrap_or_else(|| "a tracker without a name".into()));

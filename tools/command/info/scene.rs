@@ -1,10 +1,11 @@
 //! `eyebox info` of a scene.
 
-use super::Info;
+use super::args::Info;
 use crate::Failure;
 use crate::args::SceneArgs;
 use crate::common::{self, Form};
 use crate::failure::in_options;
+use crate::talk::print_report;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Inspection};
@@ -22,8 +23,8 @@ pub fn run(args: &Info) -> Result<(), Failure> {
     let (mut found, field) = common::inspect(&SceneArgs::new(&args.what, &args.options), &display, &colors)?;
     found.doubt = found.doubt.map(|line| in_options(&line));
     if args.json {
-        let text = serde_json::to_string(&found).map_err(|e| Failure::Arguments(reason!("json", "no JSON: {e}")))?;
-        println!("{text}");
+        let report = serde_json::to_value(&found).map_err(|e| Failure::Arguments(reason!("json", "no JSON: {e}")))?;
+        print_report(report);
     } else {
         say(&found);
     }
@@ -60,7 +61,7 @@ fn say(found: &Inspection) {
         }
     }
     let [low, high] = found.disparity_px;
-    line("disparity", format!("{low:+.2} to {high:+.2} pixels between neighbouring views, near positive"));
+    line("disparity", format!("{low:+.2} to {high:+.2} pixels between neighboring views, near positive"));
     let [far, near] = found.depth_mm;
     let [far_dioptres, near_dioptres] = found.depth_dioptres;
     let source = if found.depth_is_stated { "stated" } else { "measured" };

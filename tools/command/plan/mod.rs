@@ -5,6 +5,7 @@ mod tiled;
 use crate::args::Solve;
 use crate::failure::in_options;
 use crate::request::SolveRequest;
+use crate::talk::print_report;
 use crate::{Failure, common, model_terms};
 use eyebox::low_level::encode;
 use eyebox::low_level::engine::Engine;
@@ -79,12 +80,12 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
             "model_work": models.iter().map(|(color, work)| json!({ "color": color, "share_of_ideal_step": work })).collect::<Vec<_>>(),
             "model_worth": worth.iter().map(|worth| json!({ "measured": worth, "auto": worth.kept(), "subpixels": worth.subpixels() })).collect::<Vec<_>>(),
         });
-        println!("{out}");
+        print_report(out);
     }
     Ok(())
 }
 
-/// What the terms of the display's model add to a step, colour by colour.
+/// What the terms of the display's model add to a step, color by color.
 type ModelWork = (Color, Vec<(&'static str, f64)>);
 
 fn models(plan: &ScenePlan, field: &LightField, display: &Display) -> Result<Vec<ModelWork>, Failure> {
@@ -101,7 +102,7 @@ fn say_model((color, work): &ModelWork) {
     println!("  {:13}  {color}: {} of an ideal display's step", "display model", terms.join(", "));
 }
 
-/// One forecast a colour.
+/// One forecast a color.
 fn forecasts(
     plan: &ScenePlan,
     field: &LightField,
@@ -114,7 +115,7 @@ fn forecasts(
     let left = plan.left(field, display);
     let pixels = field.height * field.width;
     let loaded = Loaded {
-        // All colours are loaded; merging makes new views beside them.
+        // All colors are loaded; merging makes new views beside them.
         values: pixels
             * (field.colors.len() * all
                 + if plan.merge > 1 { plan.colors.len() * left.rows * left.columns } else { 0 }),
@@ -156,7 +157,7 @@ fn say(plan: &ScenePlan, forecasts: &[(Color, Forecast)]) {
             f.windows[1]
         );
     }
-    println!("  {:13}  {total:.1} s for {} steps a colour, validation and loading beside", "time", s.steps);
+    println!("  {:13}  {total:.1} s for {} steps a color, validation and loading beside", "time", s.steps);
     if let Some((_, f)) = forecasts.iter().max_by_key(|(_, f)| f.peak_bytes()) {
         let mib = |bytes: u64| bytes.div_ceil(1 << 20);
         let parts: Vec<String> = f.memory.iter().map(|(name, b)| format!("{name} {}", mib(*b))).collect();

@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::request::SolveRequest;
+use crate::talk::print_report;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, depths_in_words, dioptres};
 use eyebox::low_level::produce::{TilesRequest, plan_tiles};
@@ -24,7 +25,7 @@ pub fn run(request: &SolveRequest, tiles: &TilesRequest, engine: &dyn Engine) ->
             "memory_bytes": { "region": plan.region.bytes, "views": held, "limit": limit }, "disk_bytes": disk,
             "reach": display.reach(), "engine": engine.describe(),
         });
-        println!("{out}");
+        print_report(out);
         return Ok(());
     }
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -33,12 +34,12 @@ pub fn run(request: &SolveRequest, tiles: &TilesRequest, engine: &dyn Engine) ->
     println!("shows {}", display.reach());
     println!("{}\n", engine.describe());
     let say = |what: &str, value: String| println!("  {what:13}  {value}");
-    say("colours", job.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "));
+    say("colors", job.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "));
     say("depth", depths_in_words(settings.depth, display.focal_length));
     say("views", plan.views.clone());
     say("pupils", format!("{small:.2} to {large:.2} mm"));
     let [rows, columns] = [plan.region.rows, plan.region.columns];
-    say("regions", format!("{rows}x{columns}, {} visits a colour in {} passes", plan.visits, tiles.passes));
+    say("regions", format!("{rows}x{columns}, {} visits a color in {} passes", plan.visits, tiles.passes));
     say("steps", format!("{} a visit, {frames} sub-frames", settings.steps));
     let parts = format!("region {}, views {}", mib(plan.region.bytes), mib(held));
     say("memory", format!("{} of {} MiB ({parts})", mib(plan.bytes()), mib(limit)));

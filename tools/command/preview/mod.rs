@@ -134,7 +134,7 @@ fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Holog
     Ok(hologram)
 }
 
-/// The scene before the hologram's display, in its colours.
+/// The scene before the hologram's display, in its colors.
 fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<SceneSource, Failure> {
     let Some(scene) = &args.scene else { return Ok(SceneSource::Whole(Vec::new())) };
     if moves {
@@ -222,7 +222,7 @@ impl PreviewedContent {
         format!("{name}{which}: {}. h: help", controls.describe(seen))
     }
 
-    /// Writes what is seen as it is sampled, as `eyebox view` and `eyebox photograph` do.
+    /// Writes what is seen as it is sampled, as `eyebox render` does.
     fn save(&self, seen: &RenderedView) -> Result<Vec<PathBuf>, Failure> {
         let stem = Path::new(&self.name).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let free = |ending: &str| {

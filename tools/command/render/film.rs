@@ -1,12 +1,13 @@
 //! `eyebox render --path`: a film of what an eye sees along a path.
 
-use super::{Render, RenderedContent};
+use super::args::{Render, RenderedContent};
 use crate::Failure;
 use crate::args::{SceneArgs, scene_of};
 use crate::common::{self, Engines};
 use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
 use crate::subject::{is_hologram, solved};
+use crate::talk::print_report;
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Sequence};
 use eyebox::low_level::optics::Color;
@@ -47,7 +48,7 @@ pub fn run(args: &Render, path: &Path) -> Result<(), Failure> {
             "out": args.out.display().to_string(), "frames": made.frames, "looked": made.looked,
             "size": made.size, "rate_hz": path.rate_hz,
         });
-        println!("{report}");
+        print_report(report);
         return Ok(());
     }
     let seconds = made.frames as f64 / path.rate_hz;

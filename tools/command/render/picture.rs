@@ -1,10 +1,11 @@
 //! `eyebox render --pupil`: one picture of a hologram, of its target, or of both.
 
-use super::{Render, RenderedContent};
+use super::args::{Render, RenderedContent};
 use crate::Failure;
 use crate::args::{SceneArgs, scene_of};
 use crate::common::{self, Engines, Form};
 use crate::subject::{self, SubjectOptions};
+use crate::talk::print_report;
 use crate::values::GivenPupil;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::gpu::Options;
@@ -46,7 +47,7 @@ pub fn run(args: &Render, pupil: &GivenPupil) -> Result<(), Failure> {
         let report = json!({
             "out": args.out.display().to_string(), "size": size, "pupil_mm": pupil.to_mm(), "exposure": exposures,
         });
-        println!("{report}");
+        print_report(report);
         return Ok(());
     }
     let what = match content {

@@ -148,7 +148,7 @@ pub struct ShowSettings {
     /// Sets that are encoded ahead
     #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 4)]
     pub ahead: usize,
-    /// On a simulated clock, of what is refined: what a step of one colour takes, ms
+    /// On a simulated clock, of what is refined: what a step of one color takes, ms
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// what encoding a set takes, ms

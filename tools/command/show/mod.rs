@@ -248,6 +248,7 @@ fn play(args: &Show, settings: &ShowSettings, sequence: Sequence, display: Displ
         device,
         options,
         stats: args.live.stats.as_deref(),
+        prints: args.live.json,
     })
 }
 

@@ -33,11 +33,13 @@ pub struct Playing<'a> {
     pub options: SessionOptions,
     /// What was shown, as JSON.
     pub stats: Option<&'a Path>,
+    /// The same on standard output.
+    pub prints: bool,
 }
 
 /// Plays it, and says what was shown.
 pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
-    let Playing { sequence, display, shown, stream, settings, engine, device, mut options, stats } = playing;
+    let Playing { sequence, display, shown, stream, settings, engine, device, mut options, stats, prints } = playing;
     let mut play = session::Play::new(sequence, &display)?;
     let what = play.sequence.path().display().to_string();
     let output = output(shown, stream, &options, stream.looped || play.looped)?;
@@ -78,7 +80,7 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     summary(&ended.statistics);
     keep_powers(&shown_of, record.as_deref())?;
     let more = shown_of.metadata.joint_color.map_or_else(|| json!({}), |joint| json!({ "joint_color": joint }));
-    conclude(ended, stats, &more)
+    conclude(ended, (stats, prints), &more)
 }
 
 /// Where it is shown; refuses what does not go together.

@@ -1,5 +1,6 @@
 //! What the commands that show have in common: a session is attended until it ends, and what came of it is told.
 
+use crate::talk::print_report;
 use crate::{Failure, common, progress};
 use eyebox::low_level::encoded;
 use eyebox::low_level::error::Reason;
@@ -71,18 +72,24 @@ pub fn ended_by(statistics: &Statistics) -> &'static str {
     if statistics.ended_by == Ending::Stopped { "ctrl-C" } else { statistics.ended_by.name() }
 }
 
-/// Writes the statistics, with what the command alone knows, and says what was wrong.
-pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), Failure> {
+/// Writes the statistics to a file and to standard output as requested, with the numbers that only the command knows. Prints
+/// what was wrong.
+pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Value) -> Result<(), Failure> {
     let Ended { statistics, result } = ended;
     let mut written = Ok(());
-    if let Some(file) = stats {
+    if stats.is_some() || prints {
         let mut all = statistics.to_json();
         for (key, value) in more.as_object().into_iter().flatten() {
             all[key] = value.clone();
         }
         all["ended_by"] = json!(ended_by(&statistics));
         all["peak_memory_mib"] = json!(common::peak_memory_mib());
-        written = files::write_file(file, |out| writeln!(out, "{all:#}"));
+        if let Some(file) = stats {
+            written = files::write_file(file, |out| writeln!(out, "{all:#}"));
+        }
+        if prints {
+            print_report(all);
+        }
     }
     if statistics.pictures_left_out > 0 {
         let count = statistics.pictures_left_out;
@@ -97,7 +104,7 @@ pub fn conclude(ended: Ended, stats: Option<&Path>, more: &Value) -> Result<(), 
     }
 }
 
-/// Keeps the powers of the lasers of colours that share their sub-frames with what is recorded.
+/// Keeps the powers of the lasers of colors that share their sub-frames with what is recorded.
 pub fn keep_powers(shown: &Hologram, record: Option<&Path>) -> Result<(), Failure> {
     if let Some(folder) = record {
         encoded::write_powers(shown, folder)?;

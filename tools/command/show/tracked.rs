@@ -48,6 +48,9 @@ pub struct LiveOptions {
     /// What was shown, and how late, as JSON
     #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
+    /// One JSON object on standard output, as in --stats
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
     /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder; on a simulated
     /// clock, all of them
     #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
@@ -81,7 +84,7 @@ pub struct ShowOptions<'a> {
     pub tracker: Option<&'a str>,
     /// What work takes on a simulated clock; none on the system's.
     pub simulated: Option<Cost>,
-    /// Depths that eyes may focus at where nobody is tracked, metres [default: those that it was solved for].
+    /// Depths that eyes may focus at where nobody is tracked, meters [default: those that it was solved for].
     pub depths: Option<[f64; 2]>,
     /// What is kept of it.
     pub kept: KeptSession,
@@ -186,7 +189,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
     if let Some(joint) = &hologram.metadata.joint_color {
         more["joint_color"] = json!(joint);
     }
-    conclude(ended, args.stats.as_deref(), &more)
+    conclude(ended, (args.stats.as_deref(), args.json), &more)
 }
 
 /// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.
@@ -226,7 +229,7 @@ fn summary(statistics: &Statistics, focal_length: f64) {
     let Some(live) = &statistics.live else { return };
     let (report, a) = (&statistics.report, &statistics.report.account);
     eprintln!(
-        "ended by {} after {:.2} s: {} {}, {} of them new and {} shown again{}; {} missed presents; jitter {:.3} ms",
+        "ended by {} after {:.2} s: {} {}, {} of them new and {} shown again{}; {} missed presents; presents on time had a jitter of {:.3} ms",
         ended_by(statistics),
         report.seconds,
         a.sets - a.idle_sets,

@@ -16,7 +16,7 @@ use std::time::Duration;
 /// The tracker, in every command that follows one.
 #[derive(Args)]
 pub struct TrackerArgs {
-    /// Tracker: hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: none; with
+    /// Eye tracker (`eyebox tracker list`). hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: none; with
     /// --view mouse]
     #[arg(help_heading = "Eye", long, value_name = "SOURCE")]
     pub tracker: Option<String>,

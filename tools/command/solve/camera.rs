@@ -38,7 +38,7 @@ pub fn open<'a>(
     Ok(Some(CameraBench::open(display, colors, &command, steps, patterns::shows(output), say)?))
 }
 
-/// Takes the camera's steps of every colour; what became better is written in the place of what was solved.
+/// Takes the camera's steps of every color; what became better is written in the place of what was solved.
 pub fn run(
     report: Report<'_>,
     solved: &mut SolvedHologram,

@@ -29,7 +29,7 @@ struct About<'a> {
 }
 
 impl<'a> SolveProgress<'a> {
-    /// Of colours that are solved one after the other; where `quiet`, nothing is said.
+    /// Of colors that are solved one after the other; where `quiet`, nothing is said.
     pub fn new(quiet: bool) -> Self {
         Self { about: None, quiet, bar: None, shown: None, tiles: None, frames: Vec::new() }
     }
@@ -80,7 +80,7 @@ impl<'a> SolveProgress<'a> {
         if progress::interrupted() { Flow::Stop } else { Flow::Continue }
     }
 
-    /// The bar of this colour; another's stays as it was left.
+    /// The bar of this color; another's stays as it was left.
     fn bar(&mut self, whose: (usize, Color), about: impl FnOnce() -> (String, usize, u64, &'static str)) -> &Bar {
         if self.shown != Some(whose) {
             self.shown = Some(whose);
@@ -154,7 +154,7 @@ fn begin_tiles(job: &SceneJob, plan: &TilesPlan) {
     );
     let [memory, _] = plan.memory;
     eprintln!(
-        "out of core: {} visits a colour to regions of {}x{}, {} steps each; about {} MiB of {} MiB",
+        "out of core: {} visits a color to regions of {}x{}, {} steps each; about {} MiB of {} MiB",
         plan.visits,
         plan.region.rows,
         plan.region.columns,

@@ -2,6 +2,7 @@
 
 use super::watch::{said, say};
 use crate::Failure;
+use crate::talk::print_report;
 use clap::Args;
 use eyebox::low_level::trackers::TrackerError;
 use eyebox::low_level::trackers::hid::{self, Description, DeviceFile};
@@ -93,7 +94,8 @@ pub fn list(args: &List) -> Result<(), Failure> {
                 })
             })
             .collect();
-        return said(say(&json!({ "hid": devices, "problem": problem, "sources": SOURCES.map(|s| s.0) }).to_string()));
+        print_report(json!({ "hid": devices, "problem": problem, "sources": SOURCES.map(|s| s.0) }));
+        return Ok(());
     }
     let mut text = String::new();
     let trackers = found.iter().filter(|d| d.tracker.is_ok()).count();

@@ -1,11 +1,14 @@
 //! `eyebox tracker`: eye trackers, their samples, and a user's calibration.
 
 mod calibrate;
+mod eye;
 mod list;
 mod watch;
 
+pub use eye::EyeName;
+
 use crate::Failure;
-use clap::{Subcommand, ValueEnum};
+use clap::Subcommand;
 
 /// `eyebox tracker`
 #[derive(Subcommand)]
@@ -37,26 +40,5 @@ pub fn run(tracker: &Tracker) -> Result<(), Failure> {
         Tracker::Watch(args) => watch::watch(args),
         Tracker::Record(args) => watch::record(args),
         Tracker::Calibrate(args) => calibrate::run(args),
-    }
-}
-
-/// Whose pupil.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum EyeName {
-    /// The left eye's
-    Left,
-    /// The right eye's
-    Right,
-    /// The mean of both, or what the tracker has
-    Mean,
-}
-
-impl From<EyeName> for eyebox::low_level::gaze::Eye {
-    fn from(name: EyeName) -> Self {
-        match name {
-            EyeName::Left => Self::Left,
-            EyeName::Right => Self::Right,
-            EyeName::Mean => Self::Mean,
-        }
     }
 }

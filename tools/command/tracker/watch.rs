@@ -1,6 +1,6 @@
 //! `eyebox tracker watch` and `eyebox tracker record`: the samples of a tracker.
 
-use super::EyeName;
+use super::eye::EyeName;
 use crate::Failure;
 use crate::progress;
 use crate::show::args::ClockName;

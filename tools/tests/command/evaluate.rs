@@ -77,7 +77,7 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     // Four pupils of each group are judged, in all colours at once.
     let judged = scores.lines().filter(|l| l.starts_with("slfh,2,still-life,red,") && !l.ends_with(',')).count();
     assert_eq!(judged, 20);
-    assert!(report["runs"][0]["groups"]["Random pupils"]["jod"]["mean"].as_f64().is_some_and(|jod| jod < 10.0));
+    assert!(report["runs"][0]["groups"]["random_pupils"]["jod"]["mean"].as_f64().is_some_and(|jod| jod < 10.0));
 
     common::figures_of(&at.join("out"), "report.html");
     let page = read(at, "report.html");

@@ -342,7 +342,7 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
         (&["eval", "compare", "builtin:plane"], "figures/drawing.svg"),
         (&["eval", "tune", "builtin:plane"], "index.html"),
         (&["eval", "gaze", "builtin:plane"], "study.json"),
-        (&["demo"], "far.png"),
+        (&["demo"], "demo.png"),
         (&["demo"], "still-life.zarr"),
     ];
     for (args, file) in commands {
@@ -356,8 +356,8 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     let demo = ["demo", "--out", "d", "--size", "32", "--engine", "cpu", "--quality", "fast"];
     done(at, &demo);
     done(at, &demo);
-    std::fs::write(at.join("d/far.png"), "mine").unwrap();
-    refused(at, &demo, "none", "file/taken/not-ours far.png");
+    std::fs::write(at.join("d/demo.png"), "mine").unwrap();
+    refused(at, &demo, "none", "file/taken/not-ours demo.png");
     done(at, &[&demo[..], &["--overwrite"]].concat());
 }
 

@@ -42,6 +42,7 @@ mod play;
 mod preview;
 mod refine;
 mod reliability;
+mod reports;
 mod seen;
 mod settings;
 mod show;

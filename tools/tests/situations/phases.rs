@@ -165,32 +165,32 @@ pub fn chapter() -> Chapter {
 fn units() -> Vec<Situation> {
     let of_levels = |have, count: u32, unit: &'static str| {
         array(have, "<i8", &SHAPE, move || levels(count).iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect())
-            .refused("hologram/doubtful/whole-numbers", Remedy::As("--phase-unit", " -o out.zarr", unit), EIGHT_BITS)
+            .refused("hologram/doubtful/whole-numbers", Remedy::As("--phase-unit", " out.zarr", unit), EIGHT_BITS)
     };
     vec![
         array("Degrees.", "<f4", &SHAPE, || floats(&turns().iter().map(|v| 360.0 * v).collect::<Vec<_>>())).refused(
             "hologram/doubtful/not-radians",
-            Remedy::As("--phase-unit", " -o out.zarr", " -o out.zarr --phase-unit deg"),
+            Remedy::As("--phase-unit", " out.zarr", " out.zarr --phase-unit deg"),
             EXACT,
         ),
         array("Turns from 0 to 1.", "<f4", &SHAPE, || floats(&turns())).refused(
             "hologram/doubtful/turns",
-            Remedy::As("--phase-unit turns", " -o out.zarr", " -o out.zarr --phase-unit turns"),
+            Remedy::As("--phase-unit turns", " out.zarr", " out.zarr --phase-unit turns"),
             EXACT,
         ),
         array("Gray levels as uint8.", "|u1", &SHAPE, || levels(256).iter().map(|v| *v as u8).collect()).refused(
             "hologram/doubtful/whole-numbers 255",
-            Remedy::As("256", " -o out.zarr", " -o out.zarr --phase-unit 256"),
+            Remedy::As("256", " out.zarr", " out.zarr --phase-unit 256"),
             EIGHT_BITS,
         ),
-        of_levels("Gray levels as int64.", 256, " -o out.zarr --phase-unit 256"),
-        of_levels("Levels of an SLM of 10 bits.", 1024, " -o out.zarr --phase-unit 1024"),
+        of_levels("Gray levels as int64.", 256, " out.zarr --phase-unit 256"),
+        of_levels("Levels of an SLM of 10 bits.", 1024, " out.zarr --phase-unit 1024"),
         array("Gray levels as float32.", "<f4", &SHAPE, || {
             floats(&levels(256).iter().map(|v| *v as f32).collect::<Vec<_>>())
         })
         .refused(
             "hologram/doubtful/whole-numbers p.npy",
-            Remedy::By("how many levels are a turn", " -o out.zarr", " -o out.zarr --phase-unit 256"),
+            Remedy::By("how many levels are a turn", " out.zarr", " out.zarr --phase-unit 256"),
             EIGHT_BITS,
         ),
         array("Complex fields instead of phases.", "<c8", &SHAPE, || {

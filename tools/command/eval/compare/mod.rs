@@ -6,6 +6,7 @@ pub use args::Compare;
 
 use crate::experiment::{Table, TableOf};
 use crate::jod::ViewingArgs;
+use crate::talk::print_report;
 use args::CompareSettings;
 
 use crate::Failure;
@@ -61,7 +62,7 @@ pub fn run(args: &Compare) -> Result<(), Failure> {
     results.published = published;
     report::write_comparison(&results, &mut own)?;
     if args.json {
-        println!("{}", report::comparison_json(&results));
+        print_report(report::comparison_json(&results));
         return Ok(());
     }
     print_table(&results);
@@ -257,20 +258,20 @@ fn sources(args: &CompareSettings, display: &Display) -> Result<bool, Failure> {
     Ok(args.sources)
 }
 
-/// How much brighter all colours at once are to be, where they are compared.
+/// How much brighter all colors at once are to be, where they are compared.
 fn joint(args: &Compare, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>, Failure> {
     let times = args.joint_color.clone().unwrap_or_default();
     let most = colors.len() as f64;
     if let Some(wrong) = times.iter().find(|times| !(1.0..=most).contains(*times)) {
         return Err(Failure::Arguments(reason!(
             "joint-color",
-            "--joint-color {wrong}: it must be 1 to {most}, the number of colours"
+            "--joint-color {wrong}: it must be 1 to {most}, the number of colors"
         )));
     }
     if !times.is_empty() && frames.iter().all(|f| *f < colors.len()) {
         return Err(Failure::Arguments(reason!(
             "joint-color-frames",
-            "--joint-color: --frames must have {most} or more, one for each colour"
+            "--joint-color: --frames must have {most} or more, one for each color"
         )));
     }
     Ok(times)

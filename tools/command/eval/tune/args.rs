@@ -22,7 +22,7 @@ pub struct Tune {
     /// Stop after this time, s
     #[arg(help_heading = "Quality", long, value_name = "S", value_parser = positive_in(S), default_value_t = 250.0)]
     pub duration: f64,
-    /// Display; of all its colours, green is tried, or the middle one
+    /// Display; of all its colors, green is tried, or the middle one
     #[command(flatten)]
     pub display: DisplayArgs,
     /// Sub-frames shown [default: 8]

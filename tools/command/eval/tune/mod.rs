@@ -10,6 +10,7 @@ use crate::common;
 use crate::experiment::Table;
 use crate::jod::ViewingArgs;
 use crate::progress::{self, JobBar};
+use crate::talk::print_report;
 use eyebox::low_level::files::{ManagedDir, cache_folder};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::quality::ColorJob;
@@ -74,7 +75,7 @@ pub fn run(args: &Tune) -> Result<(), Failure> {
     report::write_tuned(&tuned, &mut own)?;
     let stored = if args.no_store { None } else { store(&tuned) };
     if args.json {
-        println!("{}", report::tuned_json(&tuned));
+        print_report(report::tuned_json(&tuned));
     } else {
         print(&tuned, &args.out);
         if let Some(path) = stored {

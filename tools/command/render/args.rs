@@ -1,0 +1,79 @@
+//! The arguments of `eyebox render`.
+
+use crate::phases::{AtArgs, BareOpticsArgs, EncodedArgs, PhaseArgs};
+use crate::subject::SubjectOptions;
+use crate::values::{GivenPupil, positive, pupil};
+use clap::{Args, ValueEnum};
+use eyebox::low_level::encoded::is_encoded;
+use std::path::{Path, PathBuf};
+
+/// `eyebox render`
+#[derive(Args)]
+#[command(group = clap::ArgGroup::new("eye_place").required(true).args(["pupil", "path"]))]
+pub struct Render {
+    /// NAME.zarr, a hologram or a sequence; phases: NAME.npy or a folder of PNGs; the folder of encode; or a scene
+    pub what: String,
+    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
+    pub pupil: Option<GivenPupil>,
+    /// Path of the eye of a film: a JSON file with keys, such as {"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2, "x_mm": 4}]}
+    #[arg(help_heading = "Pupils", long, value_name = "FILE.json")]
+    pub path: Option<PathBuf>,
+    /// Content: image, target, or both beside each other. The image is the hologram's, the target is the scene's. A scene is solved
+    /// first if its image is rendered [default: both for a film, target for a scene, image for a hologram]
+    #[arg(help_heading = "Output", long = "what", value_enum, value_name = "CONTENT", hide_possible_values = true)]
+    pub content: Option<RenderedContent>,
+    /// Of a sequence
+    #[command(flatten)]
+    pub which: AtArgs,
+    /// Output: a picture (PNG) or the intensity (.npy, float32, no exposure); with --path NAME.y4m, or a folder for one PNG per frame
+    #[arg(help_heading = "Output", short, long, value_name = "OUT")]
+    pub out: PathBuf,
+    /// With --path: pixels along each axis that become one, their mean
+    #[arg(help_heading = "Output", long, default_value_t = 1, value_name = "N", requires = "path")]
+    pub binning: usize,
+    /// How it is read
+    #[command(flatten)]
+    pub how: SubjectOptions,
+    /// Optics of bare phases
+    #[command(flatten)]
+    pub optics: BareOpticsArgs,
+    /// Video frames
+    #[command(flatten)]
+    pub encoded: EncodedArgs,
+    /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
+    #[arg(help_heading = "Bare phases", long, value_parser = positive)]
+    pub exposure: Option<f64>,
+    /// Look past the display's model, as if the display were ideal
+    #[arg(help_heading = "Display", long)]
+    pub ideal: bool,
+    /// One JSON object on standard output, no progress bar
+    #[arg(help_heading = "Output", long)]
+    pub json: bool,
+}
+
+/// What is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum RenderedContent {
+    /// The hologram's image
+    Image,
+    /// The scene's target image
+    Target,
+    /// Both, the image on the left
+    Both,
+}
+
+impl Render {
+    /// Returns the options of bare phases.
+    pub fn phases(&self) -> PhaseArgs {
+        let how = &self.how;
+        PhaseArgs { display: how.display.clone(), unit: how.unit, optics: self.optics.clone() }
+    }
+
+    /// Returns whether it is a hologram, bare phases or video frames, and no scene.
+    pub fn is_hologram(&self) -> bool {
+        let is_said = self.encoded.encoded || self.how.unit.phase_unit.is_some() || self.optics.is_given();
+        let path = Path::new(&self.what);
+        is_said || is_encoded(path) || crate::subject::is_hologram(path)
+    }
+}
