@@ -142,7 +142,7 @@ def areas(help_texts):
             cells = json.loads(path.read_text())["cells"]
             add(name, [p for c in cells if c["cell_type"] == "markdown" for p in markdown("".join(c["source"]))[0]])
     for command, text in help_texts.items():
-        options = re.split(r"\n\s*\n|\n(?=\s+-)", text.split("\nExamples:")[0])
+        options = re.split(r"\n\s*\n|\n(?=\s+-)|\n(?=  [a-z]+ +[A-Z])", text.split("\nExamples:")[0])
         add("help", [re.sub(r"^\s*-\S.*\n", "", option) for option in options if words(option) > 2])
     return found
 

@@ -130,8 +130,8 @@ pub fn is_named(source: &str, known: &str) -> bool {
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
-/// Returns whether a file is an array that may be phases: it can be read, has at most four axes, and holds no integers whose last axis
-/// is that of three or four channels.
+/// Returns whether a file is an array that may be phases: it can be read, has at most four axes, and holds no integers with three
+/// or four channels in the last axis.
 pub fn may_be_phases(file: &Path) -> bool {
     NpyArray::open(file, None, |_| true).is_ok_and(|array| {
         let has_channels = array.shape.len() > 2 && matches!(array.shape.last(), Some(3 | 4));

@@ -79,8 +79,8 @@ pub struct Solve {
     /// Settings of the solve
     #[command(flatten)]
     pub settings: SettingsArgs,
-    /// Memory that the solve of a far-field hologram keeps to: it is solved region by region, into its file, and the same
-    /// command goes on where it was cut off [default: 4GiB where the hologram is larger, else all at once]
+    /// Memory limit of a far-field solve, which then works region by region in its file. The same command resumes an
+    /// interrupted solve [default: 4GiB if the hologram is larger, otherwise no limit]
     #[arg(help_heading = "Steps", long, value_name = "AMOUNT", value_parser = memory)]
     pub memory: Option<u64>,
     /// Camera for the last steps
@@ -109,16 +109,16 @@ pub struct SettingsArgs {
     /// Sub-frames, optimized jointly on their mean intensity [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "F")]
     pub frames: Option<usize>,
-    /// All colors at once: every laser lights every sub-frame, with a power of its own, and phases and powers are solved for all
-    /// colors together; white is so many times brighter than of one color after another by the same lasers, 1 to the number
-    /// of colors [alone: 1]
+    /// All colors at once: every laser lights every sub-frame, and phases and laser powers are solved together. TIMES
+    /// is the brightness of white relative to one color after another by the same lasers, 1 to the number of colors
+    /// [alone: 1]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
     pub joint_color: Option<f64>,
     /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware [default: slfh]
     #[arg(help_heading = "Quality", long, value_parser = method, value_name = "NAME")]
     pub method: Option<Method>,
-    /// Which terms of the display's model are solved for: all, auto (those that are worth more than 0.05 dB on this scene, and
-    /// as many sub-pixels as are worth 0.2 dB, measured in some seconds), none, or their names with commas between
+    /// Terms of the display's model that the solver uses: all, auto, none, or their names with commas. With auto, a
+    /// measurement of some seconds keeps terms that gain 0.05 dB on this scene, and sub-pixels that gain 0.2 dB
     #[arg(help_heading = "Display", long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
     pub model_terms: TermsOfModel,
     /// Pupils per step [default: 16; adam 8]

@@ -61,9 +61,9 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     if args.json {
         print_report(report(args, &encoder, &frames, &notes));
     }
-    let (count, height, width) = (frames.count(), frames.height, frames.width);
-    let kind = if frames.channels == 1 { "grey" } else { "RGB" };
-    eprintln!("wrote {}: {count} video frames of {height}x{width}, 8-bit {kind}", args.out.display());
+    let (count, height, width) = (common::counted(frames.count(), "video frame"), frames.height, frames.width);
+    let kind = if frames.channels == 1 { "gray" } else { "RGB" };
+    eprintln!("wrote {}: {count} of {height}x{width}, 8-bit {kind}", args.out.display());
     Ok(())
 }
 

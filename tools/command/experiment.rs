@@ -51,7 +51,7 @@ impl ExperimentArgs {
         table::read(&self.given()?, name)
     }
 
-    /// Prints the settings of refinements and these tables if the settings are asked for. Returns whether it did.
+    /// Prints the settings of refinements and these tables for `--settings -`. Returns whether it did.
     pub fn printed(&self, tables: &[TableOf]) -> Result<bool, Failure> {
         if self.is_printed() {
             print(None, &self.given()?, tables)?;
@@ -59,7 +59,7 @@ impl ExperimentArgs {
         Ok(self.is_printed())
     }
 
-    /// Prints these tables alone if the settings are asked for. Returns whether it did.
+    /// Prints these tables alone for `--settings -`. Returns whether it did.
     pub fn printed_tables(&self, tables: &[TableOf]) -> Result<bool, Failure> {
         if self.is_printed() {
             print_tables(&self.given()?, tables)?;

@@ -26,7 +26,7 @@ pub enum Failure {
     /// The display was lost while it was played to.
     #[error("{0}")]
     Lost(Reason),
-    /// What was asked for does not fit together.
+    /// The arguments contradict each other.
     #[error("{0}")]
     Arguments(Reason),
     /// A key of a table of the settings is unknown, or has no such value.

@@ -25,7 +25,7 @@ pub struct Feed {
     /// The display's name: it takes frames as live:NAME
     #[arg(help_heading = "Display", long)]
     pub name: String,
-    /// Holograms per second that are asked for: frames of scenes
+    /// Holograms per second: frames of scenes
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
     pub rate: Rate,
     /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
@@ -47,7 +47,7 @@ pub struct Feed {
     /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// One JSON object on standard output: what was asked and given
+    /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
     pub json: bool,
 }

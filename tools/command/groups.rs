@@ -54,9 +54,9 @@ pub enum Colors {
 /// The engine, in every command that computes.
 #[derive(Args)]
 pub struct EngineArgs {
-    /// Engine: auto, cpu, vulkan or vulkan-from:KERNEL. auto takes a real GPU if there is one, otherwise the CPU. vulkan takes a
-    /// software device, too. vulkan-from:KERNEL runs the kernels before this one on the CPU, and it and the others on Vulkan [default:
-    /// auto]
+    /// Engine: auto, cpu, vulkan or vulkan-from:KERNEL. With auto, a real GPU computes if there is one, otherwise the
+    /// CPU. With vulkan, a software device counts, too. With vulkan-from:KERNEL, the kernels before KERNEL run on the
+    /// CPU [default: auto]
     #[arg(help_heading = "Engine", long, value_parser = engine, default_value = "auto", hide_default_value = true, value_name = "ENGINE")]
     pub engine: EngineName,
     /// Device

@@ -25,8 +25,8 @@ pub enum GeometryName {
 /// What numbers of bare phases are, where a display is given anyway.
 #[derive(Args, Clone, Copy)]
 pub struct PhaseUnitArgs {
-    /// What the numbers of bare phases are: rad, turns, deg, or how many levels are a full turn [default: rad in .npy,
-    /// where they can be that; 256 in pictures]
+    /// Unit of bare phases: rad, turns, deg, or the number of levels per turn [default: rad for .npy if the values
+    /// fit, 256 for pictures]
     #[arg(help_heading = "Bare phases", long, value_name = "UNIT", value_parser = phase_unit)]
     pub phase_unit: Option<PhaseUnit>,
 }
@@ -109,10 +109,10 @@ pub fn tell_unfinished(file: &Path) -> Result<Option<Unfinished>, Failure> {
 /// Video frames in the place of a hologram.
 #[derive(Args)]
 pub struct EncodedArgs {
-    /// What is given are video frames: PNGs of any origin, for --display; a folder of encode is known without
+    /// Input is video frames: PNGs of any origin, for --display. The folder of `encode` needs no option
     #[arg(help_heading = "Video frames", long)]
     pub encoded: bool,
-    /// Of video frames: leave gratings, corrections, turns, or all, as the SLM shows them, where they would be undone
+    /// With video frames: keep gratings, corrections, turns, or all, as the SLM shows them, instead of undoing them
     #[arg(help_heading = "Video frames", long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = as_shown)]
     pub as_shown: Option<AsShown>,
 }

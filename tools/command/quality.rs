@@ -14,9 +14,9 @@ use eyebox_lab::tuning::{Measured, within};
 /// How much time quality may take, in every command that solves.
 #[derive(Args, Clone, Copy)]
 pub struct QualityArgs {
-    /// Quality: fast, balanced, accurate, or the time of a solve, such as 20ms. Settings are those that `eyebox eval tune` measured on
-    /// this device, or built in. Single settings win. Time counts for all colors together and follows pixels x
-    /// log2(pixels) and sub-frames
+    /// Quality: fast, balanced, accurate, or the time of a solve, such as 20ms. `eyebox eval tune` measures settings
+    /// on this device, otherwise built-in settings apply. Single settings win. The time is for all colors and grows
+    /// with pixels x log2(pixels) and sub-frames
     #[arg(help_heading = "Quality", long, value_parser = asked, value_name = "NAME|MS")]
     pub quality: Option<AskedQuality>,
 }

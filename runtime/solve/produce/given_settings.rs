@@ -227,7 +227,7 @@ impl GivenSettings {
 /// Returns whether a value is a text without quotes, such as `adam`, `20ms` or `0,0,6`.
 fn is_word(value: &str) -> bool {
     let begins = value.starts_with(|c: char| c.is_alphanumeric() || "-./".contains(c));
-    begins && !value.contains(['\'', '"', '\n'])
+    begins && !value.contains(['\x27', '\x22', '\n'])
 }
 
 /// Drops what is not set: TOML has no null.

@@ -253,8 +253,8 @@ impl<'a> SceneJob<'a> {
     }
 }
 
-/// Warns if views are so far apart that pupils see it. Tiles are seen through views that are made close enough. The views of built-in
-/// scenes are those of the paper, and nobody brought them, so that no warning is of use.
+/// Warns if views are so far apart that pupils see it. Tiles have views that are close enough. Built-in scenes
+/// have the paper's number of views, so that a warning would not help the user.
 pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
     let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) else { return };
     let text = format!(

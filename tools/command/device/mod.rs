@@ -19,7 +19,7 @@ pub enum Device {
     Test(test::Test),
 }
 
-/// Runs it.
+/// Runs one of these commands.
 pub fn run(device: &Device) -> Result<(), Failure> {
     match device {
         Device::List(args) => list::run(args),

@@ -48,8 +48,9 @@ pub struct Calibrate {
     /// Four pictures, for what drifts: the display's file has the rest
     #[arg(help_heading = "Camera", long, conflicts_with = "captures")]
     pub quick: bool,
-    /// Write where the camera sees the picture of this color too, so that it is shown undistorted and colors coincide; the camera
-    /// stands still from color to color. straight: it looks straight at the display, and keystone and turns are the display's
+    /// Also write the map from the camera to the picture of this color, so that the picture is shown undistorted and
+    /// colors coincide. The camera must not move between colors. With straight, the camera looks straight at the
+    /// display, and keystone and rotation belong to the display
     #[arg(help_heading = "Camera", long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
     pub register: Option<String>,
     /// Output: the display file with the model

@@ -39,7 +39,7 @@ pub enum Display {
     Calibrate(Box<calibrate::Calibrate>),
 }
 
-/// Runs it.
+/// Runs one of these commands.
 pub fn run(display: &Display) -> Result<(), Failure> {
     match display {
         Display::List(args) => presets::list(args),

@@ -11,8 +11,8 @@ use std::time::Duration;
 /// What shows the patterns.
 #[derive(Args)]
 pub struct PatternArgs {
-    /// Output of the patterns: window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE. The camera's command
-    /// then only takes pictures
+    /// Output of the patterns: window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE.
+    /// The camera's command then only takes pictures
     #[arg(help_heading = "Display", long, value_name = "OUTPUT", value_parser = output, requires = "camera")]
     pub output: Option<OutputTo>,
 }

@@ -35,7 +35,7 @@ pub enum Eval {
     Tune(Box<tune::Tune>),
 }
 
-/// Runs it.
+/// Runs one of these commands.
 pub fn run(eval: &Eval) -> Result<(), Failure> {
     match eval {
         Eval::Score(args) => score::run(args),

@@ -83,14 +83,16 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     print_table(&scores, &display);
     match psnr {
         Some(psnr) => println!(
-            "PSNR over {} pupils: mean {:.2}, median {:.2}, worst {:.2}, spread {:.2} dB",
-            scores.pupils.iter().filter(|score| score.psnr.is_some()).count(),
+            "PSNR over {}: mean {:.2}, median {:.2}, worst {:.2}, spread {:.2} dB",
+            common::counted(scores.pupils.iter().filter(|score| score.psnr.is_some()).count(), "pupil"),
             psnr.mean,
             psnr.median,
             psnr.worst,
             psnr.sd
         ),
-        None => println!("no PSNR: the scene is black through all {} pupils", scores.pupils.len()),
+        None => {
+            println!("no PSNR: the target image is black through {}", common::counted(scores.pupils.len(), "pupil"))
+        }
     }
     if let Some(clear) = against_clear {
         println!(
@@ -171,7 +173,7 @@ fn print_table(scores: &HologramScores, display: &Display) {
             score.finest_cycles_per_degree
         );
     }
-    println!("ceiling: what diffraction at the pupil leaves of the photograph at most, whatever the hologram");
+    println!("ceiling: the highest PSNR that diffraction at the pupil allows, for any hologram");
 }
 
 /// Returns a PSNR in words: "black" for a target without light.

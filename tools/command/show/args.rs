@@ -71,9 +71,9 @@ pub enum ClockName {
 /// Where holograms are shown.
 #[derive(Args)]
 pub struct OutputArgs {
-    /// Output: window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE. offscreen is memory. raw appends every
-    /// video frame to a file or a pipe (8 bits, (row, column, channel)). shared keeps the newest video frame where another program
-    /// maps it, as /dev/shm/NAME (docs/playback.md) [default: offscreen]
+    /// Output: window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE. With offscreen,
+    /// memory receives the frames. With raw, a file or a pipe receives every frame, too (8 bits, (row, column,
+    /// channel)). With shared, another program maps the newest frame (docs/playback.md) [default: offscreen]
     #[arg(help_heading = "Display", long, value_name = "OUTPUT", default_value = "offscreen", hide_default_value = true, value_parser = output)]
     pub output: OutputTo,
     /// Video frames per second; with --output direct, of the mode [default: what the monitor says, else 60]
@@ -125,8 +125,8 @@ pub struct ShowSettings {
     /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
     #[arg(help_heading = "Steps", long)]
     pub whole_sets: bool,
-    /// on: each sub-frame is refined for its own moment where the eye turns or the content moves, and phases move with the content;
-    /// where both rest it is as off: for sets that are seen at once
+    /// on: each sub-frame is refined for its own time if the eye or the content moves, and phases move with the
+    /// content. off: sub-frames count as seen at once
     #[arg(help_heading = "Steps", long, value_enum, default_value = "on", value_name = "on|off")]
     pub moments: Moments,
     /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a

@@ -34,8 +34,9 @@ use tracked::LiveOptions;
 /// `eyebox show`
 #[derive(Args)]
 pub struct Show {
-    /// NAME.zarr, a hologram, a sequence or a far field in tiles; bare phases; scenes, which are solved first: several, or a folder of
-    /// light-field folders, follow each other; or live:NAME, an application that gives frames
+    /// NAME.zarr (a hologram, a sequence or a far field in tiles), bare phases, scenes, or live:NAME. Scenes are
+    /// solved first, and several scenes or a folder of light-field folders become a sequence. live:NAME is an
+    /// application that sends frames
     #[arg(required = true, value_name = "WHAT")]
     pub what: Vec<String>,
     /// How it is read, or solved

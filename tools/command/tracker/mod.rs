@@ -32,7 +32,7 @@ pub enum Tracker {
     Calibrate(calibrate::Calibrate),
 }
 
-/// Runs it.
+/// Runs one of these commands.
 pub fn run(tracker: &Tracker) -> Result<(), Failure> {
     match tracker {
         Tracker::List(args) => list::list(args),

@@ -221,10 +221,7 @@ fn of(command: &str) -> Vec<Opt> {
     });
     // What it says is run as a command.
     let found: Vec<Opt> = found.filter(|opt| opt.name != "beside").collect();
-    assert!(
-        ["display monitors", "display check"].contains(&command) || !found.is_empty(),
-        "{command} --help lists no options: {text}"
-    );
+    assert!(text.contains("-h, --help"), "{command} has no help: {text}");
     found
 }
 

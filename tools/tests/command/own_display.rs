@@ -1,6 +1,7 @@
 //! A hologram is sent to the display that it was solved for, cut as it was then, without saying so again.
 
 use crate::common::{done, folder, refused};
+use eyebox::low_level::optics::PRESETS;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -62,6 +63,22 @@ fn the_display_that_it_was_solved_for_is_found() {
     for words in [&["show", "paper.zarr", "--display", "paper"][..], &["show", "plm.zarr"], &["show", "cut.zarr"]] {
         let _ = fs::remove_dir_all(at.join("shown"));
         done(at, &[words, &show].concat());
+    }
+}
+
+/// What follows a solve names no display, size or scene, whatever the preset.
+#[test]
+fn every_preset_is_encoded_scored_and_shown_without_options() {
+    for preset in PRESETS {
+        let temp = folder();
+        let at = temp.path();
+        let frames = if preset.starts_with("pl") || preset.contains("plm") { "24" } else { "1" };
+        solve(at, &["--display", preset, "--size", "32x48", "--frames", frames, "-o", "h.zarr"]);
+        assert_eq!(encoded(at, &["h.zarr"])["display"], preset);
+        let score = ["eval", "score", "h.zarr", "--test-pupils", "random:1", "--jod", "none", "--json"];
+        assert!(done(at, &score).contains("psnr_db"), "{preset}");
+        done(at, &["show", "h.zarr", "--clock", "simulated", "--duration", "0.05"]);
+        done(at, &["render", "h.zarr", "--pupil=0,0,1,0", "--force", "--what", "both", "-o", "both.png"]);
     }
 }
 

@@ -13,8 +13,8 @@ const HEAD: &str = "# Reports in JSON
 This page is for programs that read what the command prints with `--json`. A test runs each command and writes its keys here.
 
 Every report is one object on one line of standard output. `schema` has the command and the version of its keys, such as `solve/1`. The
-version rises when a key goes or changes its meaning. New keys do not change it. Keys are in snake case and end in their unit: `_mm`,
-`_nm`, `_db`, `_hz`, `_ms`. A number that does not exist is `null`. Some keys are names, such as colors, kernels and settings. The lists
+version rises when a key goes or changes its meaning. New keys do not change it. Keys are in snake case and end in their unit, such as
+`_mm`, `_db` or `_ms`. A number that does not exist is `null`. Some keys are names, such as colors, kernels and settings. The lists
 show the keys of one example, and other calls may have more.
 
 `tracker watch` and `tracker record` print one object per sample instead ([trackers](trackers.md)), and `display calibrate` prints its

@@ -46,7 +46,8 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     let longer_until = |start: u32, enough: usize| -> (u32, Value) {
         for budget in [start, 2 * start, 4 * start, 8 * start] {
             let (said, _) = done(at, &tune(&["--duration", &budget.to_string(), "--json", "--no-store"]));
-            let found: Value = serde_json::from_str(&said).expect("one JSON object");
+            let mut found: Value = serde_json::from_str(&said).expect("one JSON object");
+            assert_eq!(found.as_object_mut().and_then(|all| all.remove("schema")), Some("eval-tune/1".into()));
             if found["trials"].as_array().unwrap().len() >= enough {
                 return (budget, found);
             }

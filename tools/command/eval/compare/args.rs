@@ -34,8 +34,9 @@ pub struct Compare {
     /// Sub-frames; several numbers compare them
     #[arg(help_heading = "Quality", long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
-    /// All colors at once are compared with one color after another, too, with as many sub-frames in all (--frames) and the same
-    /// lasers: white so many times brighter, several numbers with commas between [alone: 1,3; methods are then none by default]
+    /// All colors at once are compared with one color after another, by the same lasers and as many sub-frames in
+    /// all. TIMES is the brightness of white, and several numbers have commas between. Methods are then none by
+    /// default [alone: 1,3]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
     pub joint_color: Option<Vec<f64>>,
     /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
@@ -83,12 +84,12 @@ pub struct Compare {
 /// The table `compare` of the settings.
 #[derive(Args)]
 pub struct CompareSettings {
-    /// Compare sources of these sizes, too, each solved for and seen in its own light: mm of a square source's image in the eyebox,
-    /// 0 for a point, several numbers with commas between; methods are then none by default
+    /// Sizes of sources that are compared, mm: the side of a square source's image in the eyebox, 0 for a point. Each
+    /// size is solved for and seen in its own light. Methods are then none by default
     #[arg(help_heading = "Quality", long, value_name = "MM", value_parser = number_in(MM), value_delimiter = ',')]
     pub coherence: Option<Vec<f64>>,
-    /// Compare masks of finer pixels in front of the SLM, too, each solved for and looked through over its whole eyebox: their
-    /// factors, 1 for none, 2 to 4, with a d behind it for a designed one, with commas between; methods are then none by default
+    /// Masks of finer pixels that are compared: their factors, 1 for none, 2 to 4, with a d for a designed mask. Each
+    /// mask is solved for and measured over its whole eyebox. Methods are then none by default
     #[arg(help_heading = "Quality", long, value_name = "FACTOR", value_delimiter = ',')]
     pub etendue: Option<Vec<MaskKind>>,
     /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
