@@ -40,7 +40,7 @@ def test_a_hologram_is_played_as_by_the_command(tmp_path, hologram, display):
 def test_an_eye_is_followed_as_by_the_command(tmp_path, hologram, display, moments):
     hologram.save(tmp_path / "x.zarr")
     follow = "--tracker simulated:3 --set show.step_time=5 --set show.encode_time=1 --duration 0.15 --engine cpu".split()
-    theirs = raw(tmp_path, tmp_path / "x.zarr", *follow, "--set", "show.moments=on" if moments else "off")
+    theirs = raw(tmp_path, tmp_path / "x.zarr", *follow, "--set", "show.moments=" + ("on" if moments else "off"))
     how = dict(eye="simulated:3", clock="simulated", step_time=5e-3, seconds=0.15, engine="cpu", moments=moments)
     with eyebox.show(hologram, display, **how) as session:
         frames = list(session)
