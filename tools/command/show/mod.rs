@@ -17,7 +17,7 @@ use crate::groups::CameraSettings;
 use crate::phases::UnfinishedArgs;
 use crate::solve::SolveProgress;
 use crate::subject::{self, Steered, SubjectOptions};
-use args::{Ask, ClockName, ShowSettings, StreamArgs};
+use args::{ClockName, ShowSettings, StreamArgs};
 use bench_follower::FollowArgs;
 use clap::Args;
 use eyebox::low_level::hologram::{Opening, Phases, Sequence};
@@ -345,6 +345,7 @@ fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Res
 /// Frames of an application in another process.
 #[cfg(target_os = "linux")]
 fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Failure> {
+    use args::Ask;
     use eyebox::low_level::encode::Encoder;
     use eyebox::low_level::hologram::{ColorHologram, Hologram};
     use eyebox::low_level::optics::Color;

@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 /// What a source is opened with, in every command that reads one.
 #[derive(Args)]
 pub struct SourceArgs {
-    /// Source: hid, FILE.hid, FILE.jsonl, pupil://HOST[:PORT], udp://[HOST]:PORT, or simulated[:SEED]
+    /// Source: hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://HOST:PORT, udp://:PORT, simulated or simulated:SEED
     #[arg(value_name = "SOURCE", default_value = "hid")]
     pub source: String,
     /// A HID device with a layout of its own, described in a TOML file

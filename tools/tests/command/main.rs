@@ -53,6 +53,7 @@ mod sources;
 mod tiled;
 mod trackers;
 mod tradeoff;
+mod tree;
 mod units;
 mod usage;
 #[cfg(target_os = "linux")]
