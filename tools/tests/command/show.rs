@@ -58,6 +58,9 @@ fn holograms_sequences_and_scenes_are_shown() {
     assert!(said.lines().any(|line| line.has_sequence(&[2.0, 10.0, 32.0, 32.0])), "{said}");
     // Ten per second for 0.2 s.
     assert_eq!(json(&at.join("s.json"))["content_shown"], 2);
+    // The settings decide the sub-frames if the option does not.
+    let said = run(at, &[&two, &brief, &display, &SIZE, &["--set", "frames=16"]]);
+    assert!(said.lines().any(|line| line.has_sequence(&[2.0, 10.0, 32.0, 32.0, 16.0])), "{said}");
 }
 
 /// A far field in tiles is shown whole.
