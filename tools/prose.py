@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "tools" / "prose.toml"
 FRAGMENTS = r"(?:What|Whether|Of|Those|Its|As|So|That of|Nothing|None|Nobody)\b"
-BANNED = r"""\b(?:photographs?|photographed|unsteered|steered|anew|heed(?:s|ed)?|mend(?:s|ed)?|whoever|told|tells|believe[sd]?|heard|
+BANNED = r"""\b(?:photographs?|photographed|unsteered|(?<!pupil-)steered|anew|heed(?:s|ed)?|mend(?:s|ed)?|whoever|told|tells|believe[sd]?|heard|
 hears|promise[sd]?|aphorism|stands?|beside|parts? (?:from|company)|goes on|go on|drafts?|twice as (?:many|much)|lies in|lie in)\b"""
 BRITISH = r"""\b(?:colour|centre|grey|behaviour|neighbour|favour|honour|labour|catalogue|metre|millimetre|micrometre|nanometre|
 optimis|normalis|quantis|equalis|initialis|synchronis|organis|recognis|minimis|maximis|summaris|visualis|analys(?:e|ing)\b|travell|labell|

@@ -1,5 +1,5 @@
-//! **eyebox**: phase holograms for near-eye displays that look right from anywhere in the eyebox, wherever the eye's pupil is,
-//! however wide it is and whatever it focuses on.
+//! **eyebox** computes phase holograms for near-eye displays. The image stays correct across the whole eyebox and
+//! sharpens at the tracked pupil.
 //!
 //! A light field becomes the phases of a spatial light modulator (SLM) by Stochastic Light Field Holography (Schiffers et al. 2023,
 //! <https://arxiv.org/abs/2307.06277>): pupils are drawn from the whole eyebox, and the hologram is moved towards the photograph that
@@ -223,7 +223,7 @@ pub mod preview {
     };
 }
 
-/// The README's program is compiled and run with the tests.
+/// Rust programs in the README are compiled and run with the tests.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 struct Readme;

@@ -10,7 +10,7 @@ use clap::{Parser, Subcommand};
 /// How numbers are written.
 const UNITS: &str = "Numbers are in the unit that the help of an option states, or have one, such as 4mm, 0.5D, 520nm, 30Hz, 10s, 4GiB.";
 
-/// Phase holograms that look right from anywhere in the eyebox.
+/// Compute phase holograms for near-eye displays.
 #[derive(Parser)]
 #[command(name = "eyebox", version, max_term_width = 100, after_help = UNITS)]
 pub struct Cli {
@@ -120,7 +120,7 @@ pub enum Command {
     Bench(Box<Bench>),
     /// Send frames of scenes to a display that shows live content, as an application would
     #[command(after_help = "Examples:\n  eyebox feed builtin:still-life --name demo --rate 30 --move=camera=-2..2\n  \
-                      eyebox feed builtin:plane --name demo --move=depth=-1..1 --frames 300 --json\n  \
+                      eyebox feed builtin:plane --name demo --move=depth=-1..1 --count 300 --json\n  \
                       eyebox feed frames/ --name demo --rate 24\n\nThe display takes them as live:NAME: docs/live-input.md. --display gives its optics. Ends when the display does.")]
     Feed(Box<crate::feed::Feed>),
     /// Print the completions of a shell
@@ -145,6 +145,13 @@ mod tests {
         for (path, sub) in crate::headings::leaves(&command) {
             let help = sub.get_after_help().unwrap_or_else(|| panic!("an example of {path}")).to_string();
             assert!(help.contains(&format!("eyebox {path}")), "{help}");
+            // Its examples have options that it takes.
+            let examples = help.lines().filter_map(|line| line.trim().strip_prefix(&format!("eyebox {path} ")));
+            for word in examples.flat_map(str::split_whitespace) {
+                let Some(option) = word.strip_prefix("--").and_then(|word| word.split('=').next()) else { continue };
+                let is_known = sub.get_opts().any(|known| known.get_long() == Some(option));
+                assert!(is_known, "{path}: --{option} of an example");
+            }
         }
     }
 }

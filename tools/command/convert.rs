@@ -66,7 +66,7 @@ pub fn run(args: &Convert) -> Result<(), Failure> {
     {
         return Err(Failure::Arguments(reason!(
             "not-a-hologram",
-            "{option} is for a hologram: give an output NAME.zarr"
+            "{option} is for a hologram. Give an output NAME.zarr"
         )));
     }
     args.options.check(None)?;

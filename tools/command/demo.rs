@@ -35,7 +35,7 @@ const PUPIL: [f64; 4] = [3.0, 1.0, 5.0, 0.0];
 /// Steps for the whole eyebox, and for the pupil. On two cores, all takes less than a minute with 512 x 512 pixels.
 const STEPS: [usize; 2] = [16, 16];
 /// Pixels of a panel's side, at least.
-const PANEL: usize = 384;
+const PANEL: usize = 512;
 /// Rows below a panel, for its label.
 const LABEL: usize = 26;
 

@@ -156,7 +156,7 @@ impl PhaseArgs {
         if self.display.size.is_some() && self.display.display.is_none() {
             return Err(Failure::Arguments(reason!(
                 "size-without-display",
-                "{what}: --size is the resolution of a display: give --display, too"
+                "{what}: --size is the resolution of a display. Give --display, too"
             )));
         }
         let (color, bare, unit) = (self.display.color.one(), self.optics(&what.to_string())?, self.unit.phase_unit);

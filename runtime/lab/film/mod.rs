@@ -50,12 +50,12 @@ pub struct Content {
     pub exposures: Vec<f64>,
 }
 
-/// Content of a film.
+/// Content of the frames of a film.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FilmContent {
-    /// The hologram's image.
+    /// The image of the hologram.
     Image,
-    /// The scene's target image.
+    /// The target image of the scene.
     Target,
     /// Both, the image on the left.
     #[default]

@@ -164,8 +164,8 @@ impl Phases {
         !named && !path.join(GROUP).exists()
     }
 
-    /// Returns whether the name of the array, or the names in the folder of pictures, at `path` are those of phases. A folder of pictures
-    /// with other names may as well be a light field.
+    /// Returns whether the array or the folder of pictures at `path` has a name of phases. A folder of pictures with other names
+    /// may also be a light field.
     pub fn are_named_at(path: &Path) -> bool {
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) || super::phase_files::are_named_in(path)
     }

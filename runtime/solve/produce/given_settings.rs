@@ -63,7 +63,7 @@ impl GivenSettings {
         value::<bool>(&given.0, "force")?;
         full(&given.0)?;
         match TABLES.iter().find(|table| given.0.get(**table).is_some_and(|value| !value.is_object())) {
-            Some(table) => Err(reason!("value", "{table}: it is a table, as in {table}.key = value")),
+            Some(table) => Err(reason!("value", "{table} must be a table, as in {table}.key = value")),
             None => Ok(given),
         }
     }
@@ -224,7 +224,7 @@ impl GivenSettings {
     }
 }
 
-/// Returns whether a value is a text without quotes, such as `adam`, `20ms` or `0,0,6`.
+/// Returns whether a value is text without quotes, such as `adam`, `20ms` or `0,0,6`.
 fn is_word(value: &str) -> bool {
     let begins = value.starts_with(|c: char| c.is_alphanumeric() || "-./".contains(c));
     begins && !value.contains(['\x27', '\x22', '\n'])

@@ -63,7 +63,7 @@ pub fn run(args: &Test) -> Result<(), Failure> {
     }
     Err(Failure::Arguments(reason!(
         "device-differs",
-        "{}: its phases differ from those of the CPU by {rms:.1e} rad: update its driver, or take --engine cpu",
+        "{}: its phases are {rms:.1e} rad off those of the CPU. Update its driver, or use --engine cpu",
         engine.describe()
     )))
 }

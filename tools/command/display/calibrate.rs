@@ -83,7 +83,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let display = Display::load(&args.display)?;
     let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
     if args.color == Some(Colors::All) {
-        return Err(Failure::Arguments(reason!("one-color", "--color all: one color after the other is calibrated")));
+        return Err(Failure::Arguments(reason!("one-color", "--color all: Calibrate one color after the other")));
     }
     let named = args.color.and_then(Colors::one);
     let color = named.or(green.map(|w| w.color)).unwrap_or(Color::Green);

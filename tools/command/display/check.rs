@@ -21,7 +21,7 @@ pub struct Check {
     pub json: bool,
 }
 
-/// Checks a display.
+/// Checks a display and prints what it can show.
 pub fn run(args: &Check) -> Result<(), Failure> {
     check(&args.display, args.force, args.json)
 }

@@ -91,7 +91,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             psnr.sd
         ),
         None => {
-            println!("no PSNR: the target image is black through {}", common::counted(scores.pupils.len(), "pupil"))
+            println!(
+                "no PSNR, because the target image is black through {}",
+                common::counted(scores.pupils.len(), "pupil")
+            )
         }
     }
     if let Some(clear) = against_clear {
@@ -128,7 +131,7 @@ fn check_judging(args: &Score) -> Result<(), Failure> {
     {
         return Err(Failure::Arguments(reason!(
             "jod-none",
-            "--sub-frame-rate, --gaze and --jod-maps are for scores in JOD: leave out --jod none"
+            "--sub-frame-rate, --gaze and --jod-maps are for scores in JOD. Leave out --jod none"
         )));
     }
     Ok(())
@@ -173,7 +176,7 @@ fn print_table(scores: &HologramScores, display: &Display) {
             score.finest_cycles_per_degree
         );
     }
-    println!("ceiling: the highest PSNR that diffraction at the pupil allows, for any hologram");
+    println!("The ceiling is the highest PSNR that diffraction at the pupil allows, for any hologram");
 }
 
 /// Returns a PSNR in words: "black" for a target without light.

@@ -100,7 +100,7 @@ fn with_target(args: &Render, pupil: &GivenPupil, content: RenderedContent) -> R
     let PhaseSource::Whole(hologram) = &source else {
         return Err(Failure::Arguments(reason!(
             "target-of-tiles",
-            "{}: a far field in tiles has no target image here: render its scene",
+            "{}: a far field in tiles has no target image here. Render its scene",
             args.what
         )));
     };

@@ -1,4 +1,5 @@
-"""Phase holograms for near-eye displays that look right from anywhere in the eyebox.
+"""eyebox computes phase holograms for near-eye displays. The image stays correct across the whole eyebox and sharpens
+at the tracked pupil.
 
 A light field becomes the phases of a spatial light modulator (SLM) by Stochastic Light Field Holography (Schiffers et al.
 2023, https://arxiv.org/abs/2307.06277). Lengths are metres, phases radians, images linear light with 1 as full scale;

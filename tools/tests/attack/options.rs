@@ -119,7 +119,7 @@ const ODD: [&str; 51] = [
     "4k",
 ];
 
-/// Keys of the settings' tables: the form of their values as help texts have them, and a good value. No key whose value is written to.
+/// Keys of the tables of settings, with the form of their values in help texts and a good value. No value is a file to write.
 const KEYS: [(&str, &str, &str); 42] = [
     ("camera.every", "MINUTES", "1e-3"),
     ("camera.iris", "X,Y,DIAMETER", "0.6,-0.4,9"),
@@ -176,7 +176,7 @@ const TABLES: [(&str, &[&str]); 7] = [
     ("solve", &["camera.", "tiles.", "viewing."]),
 ];
 
-/// What TOML can say that no key takes, and keys that do not exist.
+/// TOML values that no key takes, and keys that do not exist.
 const NO_SETTINGS: [&str; 14] = [
     "gaze=1",
     "gaze.fixation.ms=1",
@@ -200,7 +200,7 @@ pub fn all() -> BTreeMap<String, Vec<Opt>> {
     names.into_iter().map(|name| (name.clone(), of(&name))).collect()
 }
 
-/// The words of a run's command: two of a command that has commands of its own.
+/// The words of a run's command. A group and its command are two words.
 fn command<T: AsRef<str>>(args: &[T]) -> String {
     let words = args.iter().map(AsRef::as_ref).collect::<Vec<_>>();
     let nested = ["device", "display", "eval", "tracker"].contains(&words[0]);

@@ -116,7 +116,7 @@ fn a_set_that_flickers_is_said() {
     };
     // Sets per second in the report and in the text.
     assert!(notes(&notes_of("grey8"), "7.5 50 24"), "{}", notes_of("grey8"));
-    // The text has it with -v: who encodes files may show them at another rate.
+    // The text has it only with -v, because files may be shown at another rate.
     assert!(!text(&eyebox(at, &encode("grey8")).stderr).has("7.5"));
     assert!(text(&eyebox(at, &[&encode("grey8")[..], &["-v"]].concat()).stderr).has("7.5"));
     assert!(!notes(&notes_of("planes8"), "50"), "{}", notes_of("planes8"));

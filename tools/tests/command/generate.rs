@@ -19,7 +19,7 @@ fn there_is_a_page_of_the_manual_for_every_command() {
     done(folder.path(), &["man", "-o", "man1"]);
     let pages = folder.path().join("man1");
     let read = |words: &[&str]| std::fs::read_to_string(pages.join(format!("{}.1", words.join("-")))).unwrap();
-    // All commands, and those of each group.
+    // All commands, and the commands of each group.
     for group in
         [&["eyebox"][..], &["eyebox", "eval"], &["eyebox", "display"], &["eyebox", "device"], &["eyebox", "tracker"]]
     {

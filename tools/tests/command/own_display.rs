@@ -66,7 +66,7 @@ fn the_display_that_it_was_solved_for_is_found() {
     }
 }
 
-/// What follows a solve names no display, size or scene, whatever the preset.
+/// After a solve for any preset, no command needs a display, a size or a scene.
 #[test]
 fn every_preset_is_encoded_scored_and_shown_without_options() {
     for preset in PRESETS {

@@ -21,7 +21,7 @@ show the keys of one example, and other calls may have more.
 report as [calibration](calibrate.md) describes it. An error is one object on standard error with `code`, `message` and `fields`.
 ";
 
-/// The reports of the page: a heading, and the words of a command that prints one.
+/// The reports of the page, with a heading and the words of a command that prints one.
 const REPORTS: [(&str, &str); 21] = [
     ("demo", "demo --size 32 --engine cpu --quality fast --out demo --json"),
     ("solve", "solve builtin:plane --size 16 --frames 1 --steps 1 --color green --engine cpu -o h.zarr --json"),

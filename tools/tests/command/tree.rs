@@ -38,12 +38,12 @@ fn both_are_the_image_beside_the_target() {
         let (left, right) = both[64 * row..64 * (row + 1)].split_at(32);
         for column in 0..32 {
             let (seen, wanted) = (image[32 * row + column] * exposure as f32, target[32 * row + column]);
-            // The exposure of both is fitted to the scene, that of the file was fitted by the solve.
+            // The exposure of both is fitted to the scene. The solve fitted the exposure of the file.
             assert!((left[column] - seen).abs() <= 0.05 * seen.abs() + 0.02, "{row} {column}");
             assert!((right[column] - wanted).abs() < 1e-5 && (own[32 * row + column] - wanted).abs() < 1e-5);
         }
     }
-    // A scene whose image is asked for is solved first.
+    // The image of a scene needs a solve.
     let set = ["--what", "image", "--set", "steps=1", "--set", "frames=1"];
     let ((shape, solved), _) = render("builtin:still-life", &[&SMALL[..6], &set].concat());
     assert!(shape == [24, 32] && solved.iter().zip(&target).any(|(a, b)| (a - b).abs() > 0.01));
@@ -101,7 +101,7 @@ fn video_frames_become_phases_again() {
     assert!(most <= turn / 256.0, "{most}");
 }
 
-/// Software devices are devices, too: the kernels are the same.
+/// A software device runs the same kernels.
 #[test]
 fn a_device_is_tested_against_the_cpu() {
     let temp = folder();
