@@ -172,8 +172,8 @@ fn parse_name(name: &str) -> Option<(Key, usize)> {
     Some((key, frame.parse().ok()?))
 }
 
-/// Returns whether a folder holds pictures that are called as pictures of phases are: `green-00.png`, or `phase_000.png`. A folder of
-/// pictures with other names may as well be a light field.
+/// Returns whether a folder holds pictures with names of phases, such as `green-00.png` or `phase_000.png`. A folder of pictures with
+/// other names may also be a light field.
 pub(super) fn are_named_in(folder: &Path) -> bool {
     let Ok(entries) = std::fs::read_dir(folder) else { return false };
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());

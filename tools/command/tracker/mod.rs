@@ -22,7 +22,7 @@ pub enum Tracker {
     /// Print the samples of a tracker, or the predicted pupil
     #[command(after_help = "Examples:\n  eyebox tracker watch hid --duration 10\n  \
                       eyebox tracker watch session.hid --json\n  \
-                      eyebox tracker watch simulated:7 --tracker-rate 500 --duration 2 --pupil 20")]
+                      eyebox tracker watch simulated:7 --tracker-rate 500 --duration 2 --predict 20")]
     Watch(watch::Watch),
     /// Record the samples of a tracker, and print them
     #[command(after_help = "Example:\n  eyebox tracker record hid --duration 10 -o session.hid")]

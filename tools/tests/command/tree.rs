@@ -1,4 +1,4 @@
-//! Commands that replace several others: `render`, `info`, `convert`, and the names of before.
+//! `render`, `info` and `convert`, which replace several commands, and the names of before.
 
 use crate::common::{done, folder, json, refusal};
 use eyebox::low_level::files::read_npy;
