@@ -80,7 +80,15 @@ pub fn run(args: &Score) -> Result<(), Failure> {
         }));
         return Ok(());
     }
-    print_table(&scores, &display);
+    print_text(&scores, &display, &colors, &judging);
+    Ok(())
+}
+
+/// Prints the scores as a table and sentences.
+fn print_text(scores: &HologramScores, display: &Display, colors: &[Color], judging: &JodSettings) {
+    let (psnr, against_clear) = (scores.summary(), scores.summary_of(|pupil| pupil.against_clear));
+    let judged = judging.places(scores.pupils.len()).len();
+    print_table(scores, display);
     match psnr {
         Some(psnr) => println!(
             "PSNR over {}: mean {:.2}, median {:.2}, worst {:.2}, spread {:.2} dB",
@@ -109,10 +117,10 @@ pub fn run(args: &Score) -> Result<(), Failure> {
             jod.mean,
             jod.median,
             jod.worst,
-            viewing_in_words(&judging)
+            viewing_in_words(judging)
         );
     }
-    if let (Some(there), Some(gaze)) = (scores.summary_of(|pupil| pupil.jod_there), args.gaze) {
+    if let (Some(there), Some(gaze)) = (scores.summary_of(|pupil| pupil.jod_there), judging.gaze) {
         let [x, y] = gaze.map(f64::to_degrees);
         println!(
             "JOD of the {FOVEA_DEGREES} degrees around {x:.1},{y:.1}: mean {:.2}, median {:.2}, worst {:.2}",
@@ -121,7 +129,6 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     }
     let fitted: Vec<String> = colors.iter().zip(&scores.exposures).map(|(c, e)| format!("{c} {e:.3}")).collect();
     println!("one exposure per color for all pupils: {}; after 2 x 2 averaging", fitted.join(", "));
-    Ok(())
 }
 
 /// Refuses options of scores in JOD if no pupil is judged.

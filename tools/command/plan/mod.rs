@@ -41,7 +41,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let slow = encode::flicker(&display, &plan.colors, plan.settings.frames, display.rate_hz.unwrap_or(USUAL_RATE_HZ));
     let timing = |name: &str| {
         if !json {
-            eprintln!("timing {name}: a few seconds, once");
+            eprintln!("timing {name}, once on this machine");
         }
     };
     let rates = Rates::of(engine.as_mut(), plan.settings.storage, args.time_again, timing)?;
