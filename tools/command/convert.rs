@@ -8,7 +8,6 @@ use crate::phases::{AtArgs, EncodedArgs, PhaseArgs, UnfinishedArgs};
 use crate::talk::print_report;
 use crate::values::positive;
 use clap::Args;
-use eyebox::low_level::encoded::is_encoded;
 use eyebox::low_level::hologram::{self, Hologram, Opening, PhaseSource, Phases, SceneRecord};
 use eyebox::low_level::reason;
 use serde_json::{Value, json};
@@ -75,7 +74,7 @@ pub fn run(args: &Convert) -> Result<(), Failure> {
 
 /// Opens phases, one hologram, or video frames.
 fn opened(args: &Convert) -> Result<Hologram, Failure> {
-    if args.encoded.encoded || is_encoded(&args.file) || args.encoded.as_shown.is_some() {
+    if args.encoded.are_at(&args.file) || args.encoded.as_shown.is_some() {
         return match args.encoded.source(&args.phases, &args.file, args.which.at)? {
             PhaseSource::Whole(hologram) => Ok(hologram.into_owned()),
             PhaseSource::Tiled(_) => Err(Failure::Arguments(reason!("tiles", "video frames are not in tiles"))),
@@ -122,8 +121,7 @@ fn import(args: &Convert) -> Result<(), Failure> {
     common::form(&args.out, &[Form::Zarr])?;
     args.options.check(args.scene.as_ref())?;
     let what = args.file.display();
-    let is_video = args.encoded.encoded || is_encoded(&args.file);
-    if !Phases::are_at(&args.file) && !is_video && args.which.at.is_none() {
+    if !Phases::are_at(&args.file) && !args.encoded.are_at(&args.file) && args.which.at.is_none() {
         return Err(Failure::Arguments(reason!("hologram-already", "{what} is a hologram already")));
     }
     let mut hologram = opened(args)?;

@@ -118,10 +118,15 @@ pub struct EncodedArgs {
 }
 
 impl EncodedArgs {
+    /// Returns whether `file` holds video frames.
+    pub fn are_at(&self, file: &Path) -> bool {
+        self.encoded || is_encoded(file)
+    }
+
     /// What `file` shows: video frames are decoded, everything else is opened as `phases` say, and how far it is is told.
     pub fn source(&self, phases: &PhaseArgs, file: &Path, at: Option<u64>) -> Result<PhaseSource<'static>, Failure> {
         let wrong = |reason: Reason| Err(Failure::Arguments(reason.within(file.display())));
-        if !self.encoded && !is_encoded(file) {
+        if !self.are_at(file) {
             if self.as_shown.is_some() {
                 return wrong(reason!(
                     "as-shown-of-phases",

@@ -1,7 +1,7 @@
 //! Names of earlier versions: an old command or option is refused with the name that it has now.
 
 /// Commands that have another name now.
-const COMMANDS: [(&str, &str); 17] = [
+const COMMANDS: [(&str, &str); 18] = [
     ("calibrate", "display calibrate"),
     ("devices", "device list"),
     ("displays", "display list"),
@@ -19,9 +19,8 @@ const COMMANDS: [(&str, &str); 17] = [
     ("study", "eval gaze"),
     ("tradeoff", "eval tune"),
     ("trackers", "tracker list"),
+    ("view", "render"),
 ];
-/// `view`, whose new name is also an option.
-const VIEW: (&str, &str) = ("view", "render");
 
 /// Options that have another name now, in every command.
 const OPTIONS: [(&str, &str); 17] = [
@@ -101,7 +100,7 @@ const OTHER_KEYS: [(&str, &str); 4] = [
 
 /// Returns the new name of an old command.
 pub fn command(name: &str) -> Option<String> {
-    let (_, now) = COMMANDS.iter().chain([&VIEW]).find(|(old, _)| *old == name)?;
+    let (_, now) = COMMANDS.iter().find(|(old, _)| *old == name)?;
     Some(format!("it is `eyebox {now}` now"))
 }
 
@@ -189,7 +188,7 @@ mod tests {
         let all = headings::command::<Cli>();
         let leaves = headings::leaves(&all);
         let has = |command: &Command, long: &str| command.get_opts().any(|option| option.get_long() == Some(long));
-        for (old, now) in COMMANDS.into_iter().chain([VIEW]) {
+        for (old, now) in COMMANDS {
             assert!(all.find_subcommand(old).is_none(), "{old}");
             let (path, sub) = leaves.iter().find(|(path, _)| now.starts_with(path.as_str())).expect(now);
             let option = now[path.len()..].trim().strip_prefix("--");

@@ -40,7 +40,7 @@ const USUAL: [&str; 17] = [
 ];
 
 /// The usual options of single commands.
-const OF_COMMANDS: [(&str, &[&str]); 9] = [
+const OF_COMMANDS: [(&str, &[&str]); 10] = [
     ("bench", &["beside", "dry-run", "frames", "rounds", "steps"]),
     ("convert", &["at", "exposure", "focal-length", "phase-unit", "pitch", "wavelength"]),
     ("eval compare", &["frames", "hologram", "jod", "methods", "pupils", "steps"]),
@@ -50,9 +50,8 @@ const OF_COMMANDS: [(&str, &[&str]); 9] = [
     ("refine", &["at", "pupil-diameter", "spread", "steps"]),
     ("render", &["at", "binning", "encoded", "exposure", "path", "what"]),
     ("show", &["calibration", "duration", "frames", "loop", "rate", "record", "stats", "tracker", "view"]),
+    ("solve", &["camera", "dry-run", "duration", "frames", "memory", "method", "rate", "seed", "steps"]),
 ];
-/// The usual options of `solve`.
-const OF_SOLVE: [&str; 9] = ["camera", "dry-run", "duration", "frames", "memory", "method", "rate", "seed", "steps"];
 
 /// Number of options up to which a command shows all of them.
 const MOST: usize = 18;
@@ -101,9 +100,6 @@ fn front(command: &Command) -> String {
 
 /// Returns the usual options of a command.
 fn own(path: &str) -> &'static [&'static str] {
-    if path == "solve" {
-        return &OF_SOLVE;
-    }
     OF_COMMANDS.iter().find(|(known, _)| *known == path).map_or(&[][..], |(_, own)| own)
 }
 
@@ -172,7 +168,7 @@ mod tests {
         let leaves = headings::leaves(&all);
         let has = |sub: &Command, long: &str| sub.get_opts().any(|option| option.get_long() == Some(long));
         let find = |name: &str| leaves.iter().find(|(path, _)| path == name).unwrap_or_else(|| panic!("{name}")).1;
-        for (name, own) in OF_COMMANDS.into_iter().chain([("solve", &OF_SOLVE[..])]) {
+        for (name, own) in OF_COMMANDS {
             let missing: Vec<_> = own.iter().filter(|long| !has(find(name), long)).collect();
             assert!(missing.is_empty(), "{name}: {missing:?}");
         }

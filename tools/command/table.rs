@@ -2,12 +2,11 @@
 
 use crate::Failure;
 use clap::error::ErrorKind;
-use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Command};
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::produce::GivenSettings;
 use eyebox::low_level::reason;
-use serde_json::{Map, Number, Value};
+use serde_json::{Map, Value};
 
 /// The name of a table, and the options that its keys are.
 pub type TableOf = (&'static str, fn() -> Command);
@@ -40,11 +39,11 @@ pub fn effective(given: &GivenSettings, table: TableOf) -> Result<Map<String, Va
         let value = match option.get_action() {
             ArgAction::SetTrue => Value::Bool(matches.get_flag(id)),
             _ => match matches.get_raw(id) {
-                Some(values) if matches.value_source(id) != Some(ValueSource::EnvVariable) => {
+                Some(values) => {
                     let mut values: Vec<Value> = values.map(|value| of_text(&value.to_string_lossy())).collect();
                     if values.len() == 1 { values.remove(0) } else { Value::Array(values) }
                 }
-                _ => continue,
+                None => continue,
             },
         };
         all.insert(id.to_owned(), value);
@@ -54,13 +53,9 @@ pub fn effective(given: &GivenSettings, table: TableOf) -> Result<Map<String, Va
 
 /// Returns the number, the truth or the text that a value of an option is.
 fn of_text(text: &str) -> Value {
-    match text {
-        "true" | "false" => Value::Bool(text == "true"),
-        _ => {
-            let whole = text.parse::<i64>().ok().map(Number::from);
-            let number = whole.or_else(|| text.parse::<f64>().ok().and_then(Number::from_f64));
-            number.map_or_else(|| Value::String(text.to_owned()), Value::Number)
-        }
+    match serde_json::from_str(text) {
+        Ok(value @ (Value::Bool(_) | Value::Number(_))) => value,
+        _ => Value::String(text.to_owned()),
     }
 }
 
@@ -119,8 +114,7 @@ fn why(error: &clap::Error) -> String {
 fn text_of(value: &Value) -> Option<String> {
     match value {
         Value::String(text) => Some(text.clone()),
-        Value::Number(number) => Some(number.to_string()),
-        Value::Bool(truth) => Some(truth.to_string()),
+        Value::Number(_) | Value::Bool(_) => Some(value.to_string()),
         Value::Array(all) => all.iter().map(text_of).collect::<Option<Vec<_>>>().map(|all| all.join(",")),
         _ => None,
     }

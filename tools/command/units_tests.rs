@@ -162,9 +162,6 @@ fn each_number_has_a_unit_or_is_known_to_have_none() {
     }
 }
 
-/// Options whose value differs between commands, with the reason.
-const OF_SEVERAL_TYPES: [&str; 0] = [];
-
 /// A name has one meaning in all commands: the same type, and a help text that begins in the same way.
 #[test]
 fn each_name_has_one_meaning_and_there_are_few() {
@@ -182,7 +179,7 @@ fn each_name_has_one_meaning_and_there_are_few() {
         help.split_whitespace().next().unwrap_or_default().trim_end_matches([':', ',', ';']).to_lowercase()
     };
     let mut wrong = Vec::new();
-    for (name, uses) in names.iter().filter(|(name, _)| !OF_SEVERAL_TYPES.contains(&name.as_str())) {
+    for (name, uses) in &names {
         let (first_path, first) = &uses[0];
         for (path, option) in &uses[1..] {
             let is_same_type = option.get_value_parser().type_id() == first.get_value_parser().type_id();

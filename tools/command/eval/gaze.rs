@@ -85,7 +85,7 @@ pub struct GazeSettings {
     /// What a step of one color takes, ms, for one result on every machine [default: what it takes on this one]
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
-    /// With --step-time: what encoding a set takes, ms
+    /// Time of encoding a set with step_time, ms
     #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS))]
     pub encode_time: f64,
     /// Content that changes

@@ -1,10 +1,11 @@
 //! The arguments of `eyebox render`.
 
+use crate::Failure;
 use crate::phases::{AtArgs, BareOpticsArgs, EncodedArgs, PhaseArgs};
 use crate::subject::SubjectOptions;
 use crate::values::{GivenPupil, positive, pupil};
 use clap::{Args, ValueEnum};
-use eyebox::low_level::encoded::is_encoded;
+use eyebox::low_level::reason;
 use std::path::{Path, PathBuf};
 
 /// `eyebox render`
@@ -72,8 +73,45 @@ impl Render {
 
     /// Returns whether it is a hologram, bare phases or video frames, and no scene.
     pub fn is_hologram(&self) -> bool {
-        let is_said = self.encoded.encoded || self.how.unit.phase_unit.is_some() || self.optics.is_given();
         let path = Path::new(&self.what);
-        is_said || is_encoded(path) || crate::subject::is_hologram(path)
+        let is_said = self.how.unit.phase_unit.is_some() || self.optics.is_given();
+        is_said || self.encoded.are_at(path) || crate::subject::is_hologram(path)
+    }
+
+    /// Refuses options that a film, or a scene, does not have.
+    pub fn check(&self) -> Result<(), Failure> {
+        let of_pictures = [
+            (self.which.at.is_some(), "--at"),
+            (self.encoded.are_at(Path::new(&self.what)) || self.encoded.as_shown.is_some(), "video frames"),
+            (self.optics.is_given(), "--pitch, --wavelength or --focal-length"),
+            (self.exposure.is_some(), "--exposure"),
+            (self.ideal, "--ideal"),
+        ];
+        let Some((_, option)) = of_pictures.into_iter().find(|(given, _)| *given) else { return Ok(()) };
+        if self.path.is_some() {
+            return Err(Failure::Arguments(reason!(
+                "with-path",
+                "{option} is for one picture. Leave it out, or --path"
+            )));
+        }
+        if !self.is_hologram() {
+            let what = &self.what;
+            return Err(Failure::Arguments(reason!(
+                "of-holograms",
+                "{option} is for a hologram, and {what} is a scene"
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl RenderedContent {
+    /// Returns what a user sees.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Image => "the image",
+            Self::Target => "the target image",
+            Self::Both => "left the image, right the target image",
+        }
     }
 }

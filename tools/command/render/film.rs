@@ -1,12 +1,13 @@
 //! `eyebox render --path`: a film of what an eye sees along a path.
 
 use super::args::{Render, RenderedContent};
+use super::picture::target_display;
 use crate::Failure;
 use crate::args::{SceneArgs, scene_of};
 use crate::common::{self, Engines};
 use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
-use crate::subject::{is_hologram, solved};
+use crate::subject::solved;
 use crate::talk::print_report;
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Sequence};
@@ -26,10 +27,11 @@ pub fn run(args: &Render, path: &Path) -> Result<(), Failure> {
     let engines = Engines::new(&args.how.engine, &VulkanOptions::default())?;
     let mut reel = Reel::open(args, &engines)?;
     let mut engine = engines.open()?;
-    let content = match args.content {
-        Some(RenderedContent::Image) => FilmContent::Image,
-        Some(RenderedContent::Target) => FilmContent::Target,
-        Some(RenderedContent::Both) | None => FilmContent::Both,
+    let rendered = args.content.unwrap_or(RenderedContent::Both);
+    let content = match rendered {
+        RenderedContent::Image => FilmContent::Image,
+        RenderedContent::Target => FilmContent::Target,
+        RenderedContent::Both => FilmContent::Both,
     };
     let settings = FilmSettings { content, binning: args.binning };
     progress::catch_interrupt();
@@ -56,11 +58,7 @@ pub fn run(args: &Render, path: &Path) -> Result<(), Failure> {
         "wrote {}: {} frames of {rows} x {columns} pixels, {seconds:.1} s; {}",
         args.out.display(),
         made.frames,
-        match content {
-            FilmContent::Image => "the image",
-            FilmContent::Target => "the target image",
-            FilmContent::Both => "left the image, right the target image",
-        }
+        rendered.in_words()
     );
     Ok(())
 }
@@ -98,7 +96,7 @@ impl<'a> Reel<'a> {
         reel.frames = if Sequence::is_at(path) {
             tell_unfinished(path)?;
             Frames::Sequence(Box::new(opening.sequence(path)?))
-        } else if is_hologram(path) {
+        } else if args.is_hologram() {
             tell_unfinished(path)?;
             Frames::One(Some(reel.content(opening.hologram(path)?, path)?))
         } else if args.content == Some(RenderedContent::Target) {
@@ -150,14 +148,11 @@ impl<'a> Reel<'a> {
 
 /// Opens a scene of which only the target image is filmed, so that nothing is solved. Its hologram is never looked at.
 fn target(args: &Render) -> Result<Content, Failure> {
-    let mut display = common::display(&args.how.display)?;
-    display.picture = Default::default();
-    let colors = common::colors(&args.how.display, &display)?;
+    let (display, colors) = target_display(args)?;
     let field = common::scene(&SceneArgs::new(&args.what, &args.how.options), &display, &colors)?;
     let dark = |color: &Color| -> Result<ColorHologram, Failure> {
         let wavelength = display.optics(*color)?.wavelength;
-        let phases = vec![0.0; display.height * display.width];
-        Ok(ColorHologram { color: Some(*color), wavelength, exposure: 1.0, efficiency: 1.0, phases })
+        Ok(ColorHologram { color: Some(*color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
     };
     let colors = colors.iter().map(dark).collect::<Result<Vec<_>, _>>()?;
     let exposures = vec![1.0; colors.len()];

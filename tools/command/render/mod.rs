@@ -13,6 +13,7 @@ pub fn run(args: &Render) -> Result<(), Failure> {
     if args.how.experiment.printed(&[])? {
         return Ok(());
     }
+    args.check()?;
     match (&args.pupil, &args.path) {
         (Some(pupil), _) => picture::run(args, pupil),
         (None, Some(path)) => film::run(args, path),

@@ -7,6 +7,7 @@ use crate::common::{self, Engines, Form};
 use crate::subject::{self, SubjectOptions};
 use crate::talk::print_report;
 use crate::values::GivenPupil;
+use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::gpu::Options;
 use eyebox::low_level::hologram::{Hologram, PhaseSource};
@@ -50,11 +51,7 @@ pub fn run(args: &Render, pupil: &GivenPupil) -> Result<(), Failure> {
         print_report(report);
         return Ok(());
     }
-    let what = match content {
-        RenderedContent::Image => "the image",
-        RenderedContent::Target => "the target image",
-        RenderedContent::Both => "left the image, right the target image",
-    };
+    let what = content.in_words();
     eprintln!("wrote {}: {what} from ({x}, {y}) mm through {d} mm, focused at {focus}{about}", args.out.display());
     Ok(())
 }
@@ -134,7 +131,7 @@ fn beside(
     scene: &SceneSource,
     pupil: Pupil,
     content: RenderedContent,
-    engine: &mut dyn eyebox::low_level::engine::Engine,
+    engine: &mut dyn Engine,
 ) -> Result<Rendered, Failure> {
     let mut colors: Vec<_> = hologram.colors.iter().map(|c| c.color).collect();
     let mut planes = Vec::new();
@@ -144,10 +141,7 @@ fn beside(
         exposures = self::exposures(hologram, args.exposure, &planes);
     }
     if content != RenderedContent::Image {
-        let mut targets = Vec::new();
-        for color in 0..scene.colors() {
-            targets.append(&mut scene.photographs(color, &[pupil], Sampling::Pupil, engine)?);
-        }
+        let targets = targets(scene, pupil, engine)?;
         if planes.is_empty() {
             (planes, exposures) = (targets, vec![1.0; colors.len()]);
         } else {
@@ -172,13 +166,27 @@ fn side_by_side(image: &Plane, target: &Plane, exposure: f64) -> Plane {
     Plane { rows, columns, values }
 }
 
+/// Returns the display and the colors of a target image. The target is what an eye should see, wherever the display shows it.
+pub fn target_display(args: &Render) -> Result<(Display, Vec<Color>), Failure> {
+    let mut display = common::display(&args.how.display)?;
+    display.picture = Default::default();
+    let colors = common::colors(&args.how.display, &display)?;
+    Ok((display, colors))
+}
+
+/// Computes the target image of each color.
+fn targets(scene: &SceneSource, pupil: Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, Failure> {
+    let mut planes = Vec::new();
+    for color in 0..scene.colors() {
+        planes.append(&mut scene.photographs(color, &[pupil], Sampling::Pupil, engine)?);
+    }
+    Ok(planes)
+}
+
 /// Renders the target image of a scene. Nothing is solved.
 fn target_of_scene(args: &Render, pupil: &GivenPupil) -> Result<Rendered, Failure> {
     let SubjectOptions { display: display_args, options, .. } = &args.how;
-    let mut display: Display = common::display(display_args)?;
-    // The target is what an eye should see, wherever the display shows it.
-    display.picture = Default::default();
-    let colors = common::colors(display_args, &display)?;
+    let (display, colors) = target_display(args)?;
     let check = |pupil| colors.iter().try_fold(pupil, |pupil, color| display.check_pupil(*color, pupil));
     let pupil = common::pupil(pupil, display.focal_length, check, display_args.force)?;
     let mut engine = common::engine(&args.how.engine)?;
@@ -187,10 +195,7 @@ fn target_of_scene(args: &Render, pupil: &GivenPupil) -> Result<Rendered, Failur
         true => SceneSource::Around(common::scene_around(&scene, &display, &colors)?),
         false => SceneSource::new(common::scene(&scene, &display, &colors)?, &display)?,
     };
-    let mut planes = Vec::new();
-    for color in 0..scene.colors() {
-        planes.append(&mut scene.photographs(color, &[pupil], Sampling::Pupil, engine.as_mut())?);
-    }
+    let planes = targets(&scene, pupil, engine.as_mut())?;
     Ok(Rendered {
         exposures: vec![1.0; planes.len()],
         colors: colors.into_iter().map(Some).collect(),

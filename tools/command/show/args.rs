@@ -151,7 +151,7 @@ pub struct ShowSettings {
     /// On a simulated clock, of what is refined: what a step of one color takes, ms
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
-    /// what encoding a set takes, ms
+    /// Time of encoding a set on a simulated clock, ms
     #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS))]
     pub encode_time: f64,
     /// What an application is asked for
