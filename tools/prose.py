@@ -91,6 +91,8 @@ def comments(text, doc):
 def messages(text):
     """Strings that read like sentences, without those of tests."""
     text = re.sub(r"(?m)^\s*//.*$", "", text.split("#[cfg(test)]\nmod tests {")[0])
+    # The quotation mark as a character begins no string.
+    text = text.replace("'\"'", "' '")
     strings = re.findall(r'"((?:[^"\\]|\\.)*)"', text, re.S)
     joined = (re.sub(r"\\\n\s*", "", s).replace("\\n", " ") for s in strings)
     return [re.sub(r"\{[^}]*\}", "x", s) for s in joined if words(s) >= 4 and re.search(r"[a-z] [a-z]", s)]

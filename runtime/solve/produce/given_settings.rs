@@ -18,9 +18,7 @@ use std::path::Path;
 /// Keys that may have a unit.
 const QUANTITIES: [&str; 3] = ["seconds", "diameter", "depth"];
 /// Keys of a job and of a refinement that are not fields of [`Settings`].
-const BESIDE: [&str; 11] = [
-    "quality", "contrast", "force", "full", "refine", TABLES[0], TABLES[1], TABLES[2], TABLES[3], TABLES[4], TABLES[5],
-];
+const BESIDE: [&str; 5] = ["quality", "contrast", "force", "full", "refine"];
 /// Tables of commands. The library stores them and does not read them, so that one file serves all.
 const TABLES: [&str; 6] = ["camera", "compare", "gaze", "show", "tiles", "viewing"];
 /// Keys of the table `refine` that belong to a live session and are not fields of [`RefineSettings`].
@@ -227,7 +225,7 @@ impl GivenSettings {
 /// Returns whether a value is text without quotes, such as `adam`, `20ms` or `0,0,6`.
 fn is_word(value: &str) -> bool {
     let begins = value.starts_with(|c: char| c.is_alphanumeric() || "-./".contains(c));
-    begins && !value.contains(['\x27', '\x22', '\n'])
+    begins && !value.contains(['\'', '"', '\n'])
 }
 
 /// Drops what is not set: TOML has no null.
@@ -288,7 +286,7 @@ fn solve_settings(base: &Settings, given: &Map<String, Value>) -> Result<Setting
         ..Settings::default()
     };
     let left_out = keys_of(&left_out);
-    let known = || left_out.keys().map(String::as_str).chain(BESIDE);
+    let known = || left_out.keys().map(String::as_str).chain(BESIDE).chain(TABLES);
     if let Some(key) = given.keys().find(|key| known().all(|known| known != &key[..])) {
         let known: Vec<&str> = known().collect();
         return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
@@ -298,7 +296,7 @@ fn solve_settings(base: &Settings, given: &Map<String, Value>) -> Result<Setting
             whole.entry(key).or_insert(value);
         }
     }
-    overlay(whole, &BESIDE, given)
+    overlay(whole, &[&BESIDE[..], &TABLES[..]].concat(), given)
 }
 
 fn refine_settings(given: &Map<String, Value>) -> Result<RefineSettings, Reason> {

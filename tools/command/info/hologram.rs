@@ -22,6 +22,8 @@ pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
     }
     let mut more = Map::new();
     let (kind, about) = about(args, path, &mut more)?;
+    // Phases of no display were opened with the optics of a preset, which say nothing of them.
+    let has_optics = !Phases::are_at(path) || is_encoded(path) || args.display.display.is_some();
     let unfinished = if Phases::are_at(path) || is_encoded(path) { None } else { Unfinished::at(path)? };
     if args.json {
         let colors: Vec<Value> = about
@@ -29,14 +31,15 @@ pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
             .iter()
             .map(|c| {
                 json!({
-                    "color": c.color, "wavelength_nm": (c.wavelength * 1e12).round() / 1e3, "exposure": c.exposure, "efficiency": c.efficiency,
+                    "color": c.color, "wavelength_nm": has_optics.then_some((c.wavelength * 1e12).round() / 1e3), "exposure": c.exposure, "efficiency": c.efficiency,
                 })
             })
             .collect();
         let mut all = json!({
             "kind": kind, "size": [about.height, about.width], "frames": about.frames, "colors": colors,
-            "pitch_um": (about.pitch * 1e9).round() / 1e3, "focal_length_mm": (about.focal_length * 1e6).round() / 1e3,
-            "geometry": about.geometry.name(), "display": about.display, "scene": about.scene, "version": about.version,
+            "pitch_um": has_optics.then_some((about.pitch * 1e9).round() / 1e3),
+            "focal_length_mm": has_optics.then_some((about.focal_length * 1e6).round() / 1e3),
+            "geometry": has_optics.then(|| about.geometry.name()), "display": about.display, "scene": about.scene, "version": about.version,
             "unfinished": unfinished, "solve": about.metadata,
         });
         all.as_object_mut().into_iter().for_each(|all| all.extend(more.clone()));
@@ -48,14 +51,18 @@ pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
     let colors = common::counted(about.colors.len(), "color");
     let frames = common::counted(about.frames, "sub-frame");
     line("size", format!("{} x {} pixels, {colors}, {frames}", about.height, about.width));
-    for c in &about.colors {
+    for c in about.colors.iter().filter(|_| has_optics) {
         let name = c.color.map_or_else(|| "color".into(), |color| color.to_string());
         let known = !about.metadata.exposure_assumed;
         let exposure = if known { format!(", exposure {:.3}", c.exposure) } else { ", exposure not known".into() };
         line(&name, format!("{:.1} nm{exposure}", c.wavelength * 1e9));
     }
     let (pitch, focal_length) = (about.pitch * 1e6, about.focal_length * 1e3);
-    line("optics", format!("{}, pitch {pitch:.2} um, focal length {focal_length:.1} mm", about.geometry.name()));
+    if has_optics {
+        line("optics", format!("{}, pitch {pitch:.2} um, focal length {focal_length:.1} mm", about.geometry.name()));
+    } else {
+        line("optics", "not known (--display)".into());
+    }
     if !about.display.is_empty() {
         line("display", about.display.clone());
     }

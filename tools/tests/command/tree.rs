@@ -80,8 +80,24 @@ fn info_names_the_kind_of_a_file() {
         }
     }
     assert_eq!(json(at, &["info", "s.zarr", "--json"])["holograms"], 2);
+    // Without a display phases have a size and no optics.
+    let bare = json(at, &["info", "phases.npy", "--color", "green", "--json"]);
+    assert!(bare["size"] == serde_json::json!([24, 32]) && bare["pitch_um"].is_null(), "{bare}");
+    assert!(bare["colors"][0]["wavelength_nm"].is_null(), "{bare}");
     let scene = json(at, &[&["info", "builtin:plane"][..], &SMALL[..6], &["--json"]].concat());
     assert_eq!(scene["grid"], serde_json::json!([3, 3]));
+}
+
+/// An option that a film or a scene does not have is refused.
+#[test]
+fn options_of_one_picture_of_a_hologram_are_refused_elsewhere() {
+    let temp = folder();
+    for option in [&["--ideal"][..], &["--exposure", "2"], &["--at", "0"]] {
+        let scene = ["render", "builtin:plane", "--size", "16", "--pupil=0,0,1,0", "-o", "x.png"];
+        assert_eq!(refusal(temp.path(), &[&scene[..], option].concat()).code, "arguments/of-holograms");
+        let film = ["render", "h.zarr", "--path", "p.json", "-o", "x"];
+        assert_eq!(refusal(temp.path(), &[&film[..], option].concat()).code, "arguments/with-path");
+    }
 }
 
 /// `convert` takes video frames back to phases, a level of the SLM at most away.
