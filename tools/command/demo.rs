@@ -10,11 +10,11 @@ use crate::solve::SolveProgress;
 use crate::talk::print_report;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::evaluate::Plane;
-use eyebox::low_level::files::{self, FileError, ManagedDir, linear_to_srgb};
+use eyebox::low_level::files::{self, FileError, ManagedDir};
 use eyebox::low_level::gpu::Options;
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::optics::{Color, Display, Pupil, PupilDistribution};
-use eyebox::low_level::preview::{Overlay, Picture, draw_overlay};
+use eyebox::low_level::preview::{Overlay, Picture, develop, draw_overlay};
 use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
@@ -140,18 +140,12 @@ fn refine(args: &Demo, hologram: &Hologram, field: &LightField, pupil: &Pupil) -
 
 /// Draws planes at their exposures with a label below.
 fn panel(planes: &[Plane], exposures: &[f64], colors: &[Color], label: &str) -> Picture {
-    let (rows, columns) = planes.first().map_or((0, 0), |plane| (plane.rows, plane.columns));
-    let zoom = PANEL.div_ceil(rows.max(1)).max(1);
-    let mut picture = Picture::black([rows * zoom + LABEL, columns * zoom]);
-    for ((plane, exposure), color) in planes.iter().zip(exposures).zip(colors) {
-        for row in 0..rows * zoom {
-            for column in 0..columns * zoom {
-                let light = f64::from(plane.values[row / zoom * columns + column / zoom]) * exposure;
-                let level = (linear_to_srgb(light) * 255.0).round() as u8;
-                picture.rgb[3 * (row * columns * zoom + column) + color.channel()] = level;
-            }
-        }
-    }
+    let size = planes.first().map_or([0, 0], |plane| [plane.rows, plane.columns]);
+    let zoom = PANEL.div_ceil(size[0].max(1));
+    let colors: Vec<_> = colors.iter().copied().map(Some).collect();
+    let mut picture = develop(planes, &colors, exposures, size, size.map(|n| n * zoom));
+    picture.size[0] += LABEL;
+    picture.rgb.resize(3 * picture.size[0] * picture.size[1], 0);
     draw_overlay(&mut picture, &Overlay { line: Some(label.into()), ..Overlay::default() });
     picture
 }

@@ -12,6 +12,7 @@ use eyebox::low_level::solve::{RefineSettings, Settings};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Settings of an experiment, in every command that solves or refines.
 #[derive(Args, Clone, Default)]
@@ -22,6 +23,9 @@ pub struct ExperimentArgs {
     /// One setting, such as optimizer=adam or refine.pupils=4
     #[arg(help_heading = "Settings", long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+    /// The settings, once they are read.
+    #[arg(skip)]
+    read: OnceLock<GivenSettings>,
 }
 
 /// The jump after which a refinement begins again.
@@ -33,12 +37,15 @@ enum Restart {
 }
 
 impl ExperimentArgs {
-    /// Reads the file, and puts the single settings over it.
-    pub fn given(&self) -> Result<GivenSettings, Failure> {
+    /// Returns the settings of the file with the single settings over it. The file is read once.
+    pub fn given(&self) -> Result<&GivenSettings, Failure> {
+        if let Some(read) = self.read.get() {
+            return Ok(read);
+        }
         let file = self.settings.as_deref().filter(|file| *file != Path::new("-"));
         let mut given = file.map_or_else(|| Ok(GivenSettings::default()), GivenSettings::load)?;
         self.set.iter().try_for_each(|one| given.set(one))?;
-        Ok(given)
+        Ok(self.read.get_or_init(|| given))
     }
 
     /// Returns whether the settings are printed and nothing is computed.
@@ -48,13 +55,13 @@ impl ExperimentArgs {
 
     /// Reads a table of the settings.
     pub fn table<T: Args>(&self, name: &'static str) -> Result<T, Failure> {
-        table::read(&self.given()?, name)
+        table::read(self.given()?, name)
     }
 
     /// Prints the settings of refinements and these tables for `--settings -`. Returns whether it did.
     pub fn printed(&self, tables: &[TableOf]) -> Result<bool, Failure> {
         if self.is_printed() {
-            print(None, &self.given()?, tables)?;
+            print(None, self.given()?, tables)?;
         }
         Ok(self.is_printed())
     }
@@ -62,7 +69,7 @@ impl ExperimentArgs {
     /// Prints these tables alone for `--settings -`. Returns whether it did.
     pub fn printed_tables(&self, tables: &[TableOf]) -> Result<bool, Failure> {
         if self.is_printed() {
-            print_tables(&self.given()?, tables)?;
+            print_tables(self.given()?, tables)?;
         }
         Ok(self.is_printed())
     }

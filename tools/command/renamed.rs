@@ -1,5 +1,13 @@
 //! Names of earlier versions: an old command or option is refused with the name that it has now.
 
+use crate::args::TilesSettings;
+use crate::eval::compare::args::CompareSettings;
+use crate::eval::gaze::GazeSettings;
+use crate::experiment::{Table, TableOf};
+use crate::groups::CameraSettings;
+use crate::jod::ViewingArgs;
+use crate::show::args::ShowSettings;
+
 /// Commands that have another name now.
 const COMMANDS: [(&str, &str); 18] = [
     ("calibrate", "display calibrate"),
@@ -43,60 +51,34 @@ const OPTIONS: [(&str, &str); 17] = [
     ("vulkan-from", "--engine vulkan-from:KERNEL"),
 ];
 
-/// Options that are keys of a table of the settings now, by command. The key has the same name, with underscores.
-const KEYS: [(&str, &str, &[&str]); 6] = [
-    (
-        "eval gaze",
-        "gaze",
-        &[
-            "fixation",
-            "pursuit",
-            "blinks",
-            "tracker-delay",
-            "tracker-noise",
-            "eye-seed",
-            "content",
-            "sets",
-            "steps-per-set",
-            "moves",
-            "jumps-every",
-            "jumps-to",
-            "jumps-from",
-            "whole-sets",
-            "step-time",
-            "encode-time",
-        ],
-    ),
-    (
-        "show",
-        "show",
-        &[
-            "display-latency",
-            "whole-sets",
-            "moments",
-            "sources-out",
-            "ahead",
-            "speed",
-            "sync",
-            "mark",
-            "keep-phase",
-            "step-time",
-            "encode-time",
-            "ask",
-        ],
-    ),
-    ("eval compare", "compare", &["coherence", "etendue", "sources", "reference"]),
-    ("", "camera", &["iris", "settle"]),
-    ("", "tiles", &["passes", "picture"]),
-    ("", "viewing", &["luminance", "black", "pixels-per-degree"]),
+/// Tables of the settings that have former options as keys, by command.
+const TABLES_OF: [(&str, &str); 6] = [
+    ("eval gaze", "gaze"),
+    ("show", "show"),
+    ("eval compare", "compare"),
+    ("", "camera"),
+    ("", "tiles"),
+    ("", "viewing"),
 ];
-/// The same with another name.
+/// Former options that are keys with another name.
 const OTHER_KEYS: [(&str, &str); 4] = [
     ("camera-every", "camera.every"),
     ("camera-timeout", "camera.timeout"),
     ("captures-max", "camera.pictures"),
     ("no-speckle", "compare.speckle"),
 ];
+
+/// Returns all tables of the settings.
+pub fn tables() -> [TableOf; 6] {
+    [
+        ("camera", CameraSettings::table),
+        ("compare", CompareSettings::table),
+        ("gaze", GazeSettings::table),
+        ("show", ShowSettings::table),
+        ("tiles", TilesSettings::table),
+        ("viewing", ViewingArgs::table),
+    ]
+}
 
 /// Returns the new name of an old command.
 pub fn command(name: &str) -> Option<String> {
@@ -153,8 +135,12 @@ fn setting(command: &str, option: &str) -> Option<String> {
             _ => format!("refine.{name}"),
         });
     }
-    let of_table = |(of, _, keys): &&(&str, &str, &[&str])| (of.is_empty() || *of == command) && keys.contains(&option);
-    if let Some((_, table, _)) = KEYS.iter().find(of_table) {
+    let has = |table: &str| {
+        let found = tables().into_iter().find(|(known, _)| *known == table);
+        found.is_some_and(|(_, table)| table().get_arguments().any(|key| key.get_id() == name.as_str()))
+    };
+    let of_command = TABLES_OF.into_iter().filter(|(of, _)| of.is_empty() || *of == command);
+    if let Some((_, table)) = of_command.into_iter().find(|(_, table)| has(table)) {
         return Some(format!("{table}.{name}"));
     }
     if let Some((_, setting)) = OTHER_KEYS.iter().find(|(old, _)| *old == option) {
@@ -178,10 +164,27 @@ mod tests {
     use super::*;
     use crate::commands::Cli;
     use crate::headings;
-    use crate::units_tests::tables;
     use clap::Command;
     use eyebox::low_level::error::ErrorData;
     use eyebox::low_level::produce::GivenSettings;
+
+    #[test]
+    fn a_former_option_names_its_key() {
+        for (command, option, key) in [
+            ("eval gaze", "fixation", "gaze.fixation"),
+            ("eval gaze", "whole-sets", "gaze.whole_sets"),
+            ("show", "whole-sets", "show.whole_sets"),
+            ("show", "step-time", "show.step_time"),
+            ("eval compare", "etendue", "compare.etendue"),
+            ("solve", "iris", "camera.iris"),
+            ("display calibrate", "captures-max", "camera.pictures"),
+            ("bench", "passes", "tiles.passes"),
+            ("eval score", "pixels-per-degree", "viewing.pixels_per_degree"),
+        ] {
+            assert_eq!(setting(command, option).as_deref(), Some(key), "{command} --{option}");
+        }
+        assert_eq!(setting("solve", "fixation"), None);
+    }
 
     #[test]
     fn every_old_name_is_gone_and_its_new_name_exists() {
@@ -194,10 +197,7 @@ mod tests {
             let option = now[path.len()..].trim().strip_prefix("--");
             assert!(option.is_none_or(|long| has(sub, long)), "{now}");
         }
-        let keys = KEYS
-            .iter()
-            .flat_map(|(_, table, keys)| keys.iter().map(move |key| format!("{table}.{}", key.replace('-', "_"))));
-        for setting in keys.chain(OTHER_KEYS.map(|(_, setting)| setting.to_owned())) {
+        for (_, setting) in OTHER_KEYS {
             let (table, key) = setting.split_once('.').expect("a table");
             let found = tables().into_iter().find(|(name, _)| *name == table).expect(table);
             assert!((found.1)().get_arguments().any(|option| option.get_id() == key), "{setting}");

@@ -214,7 +214,7 @@ impl SolveRequest<'_> {
 
 /// Puts the options over the settings of the file.
 fn given(options: &SettingsArgs) -> Result<GivenSettings, Failure> {
-    let mut given = options.experiment.given()?;
+    let mut given = options.experiment.given()?.clone();
     if given.has("contrast") && options.frames.is_some() {
         let text = "contrast and --frames both decide the number of sub-frames: leave out one of them";
         return Err(Failure::Arguments(reason!("frames-and-contrast", "{text}")));

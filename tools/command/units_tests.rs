@@ -1,13 +1,7 @@
 //! Each option that has a unit takes it, and refuses units of other dimensions.
 
-use crate::args::TilesSettings;
 use crate::commands::Cli;
-use crate::eval::compare::args::CompareSettings;
-use crate::eval::gaze::GazeSettings;
-use crate::experiment::{Table, TableOf};
-use crate::groups::CameraSettings;
-use crate::jod::ViewingArgs;
-use crate::show::args::ShowSettings;
+use crate::renamed::tables;
 use crate::{headings, usage};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, Error, value_parser};
@@ -59,18 +53,6 @@ impl fmt::Display for Place {
             Self::Table(name, _) => write!(f, "the table {name}"),
         }
     }
-}
-
-/// Returns all tables of the settings.
-pub fn tables() -> [TableOf; 6] {
-    [
-        ("camera", CameraSettings::table),
-        ("compare", CompareSettings::table),
-        ("gaze", GazeSettings::table),
-        ("show", ShowSettings::table),
-        ("tiles", TilesSettings::table),
-        ("viewing", ViewingArgs::table),
-    ]
 }
 
 /// Returns the options of all commands and the keys of all tables, with the name of their value.

@@ -28,7 +28,7 @@ mod worker;
 pub use controls::{Action, Controls};
 pub use eye::{Eye, Opener};
 pub use overlay::{Overlay, draw_overlay};
-pub use picture::{Detail, Picture};
+pub use picture::{Detail, Picture, develop};
 pub use place::{Rect, places, pupil_at};
 pub use reader::{ReadHologram, Reader};
 pub use showing::{PreviewColor, PreviewContent};

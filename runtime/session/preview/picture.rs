@@ -124,7 +124,7 @@ fn resized(plane: &Plane, whole: [usize; 2], to: [usize; 2]) -> Vec<f32> {
 /// or grey where there is one plane, as `eyebox render` writes it.
 ///
 /// Light is resized before it is encoded: speckle keeps its brightness.
-pub(crate) fn develop(
+pub fn develop(
     planes: &[Plane],
     colors: &[Option<Color>],
     exposures: &[f64],

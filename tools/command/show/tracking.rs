@@ -2,33 +2,27 @@
 
 use crate::Failure;
 use crate::tracker::EyeName;
-use crate::values::{HZ, MS, depth, not_negative_in, positive_in};
+use crate::tracker::source::SourceOptions;
+use crate::values::depth;
 use clap::Args;
 use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::low_level::optics::Depth;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::Tracking;
 use eyebox::low_level::trackers::pushed::MouseHandle;
-use eyebox::low_level::trackers::{Options, Spec, TrackerError};
+use eyebox::low_level::trackers::{Spec, TrackerError};
 use std::path::PathBuf;
-use std::time::Duration;
 
 /// The tracker, in every command that follows one.
 #[derive(Args)]
 pub struct TrackerArgs {
-    /// Eye tracker (`eyebox tracker list`). hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view), simulated or simulated:SEED [default: none; with
-    /// --view mouse]
+    /// Eye tracker (`eyebox tracker list`). hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view),
+    /// simulated or simulated:SEED [default: none; with --view mouse]
     #[arg(help_heading = "Eye", long, value_name = "SOURCE")]
     pub tracker: Option<String>,
-    /// A HID device with a layout of its own, described in a TOML file
-    #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
-    pub device_file: Option<PathBuf>,
-    /// Time between the eye and the arrival of its sample, ms
-    #[arg(help_heading = "Eye", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
-    pub tracker_latency: f64,
-    /// Samples a second of the simulated tracker
-    #[arg(help_heading = "Eye", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive_in(HZ))]
-    pub tracker_rate: f64,
+    /// How it is opened
+    #[command(flatten)]
+    pub source: SourceOptions,
     /// Calibration of a user
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub calibration: Option<PathBuf>,
@@ -57,12 +51,7 @@ pub fn tracking(
     // Switchable sources reach farther than one.
     let settings = Settings { reach: settings.reach.max(reach), ..settings };
     let estimator = Estimator::new(settings, calibration)?;
-    let options = Options {
-        latency: Duration::from_secs_f64((args.tracker_latency * 1e-3).min(1e6)),
-        device_file: args.device_file.clone(),
-        real_time: real,
-        rate_hz: args.tracker_rate,
-    };
+    let options = args.source.options(real);
     match spec {
         Spec::Mouse if !view => Err(TrackerError::Setting(reason!(
             "mouse-without-view",

@@ -1,6 +1,6 @@
 //! `eyebox tracker calibrate`: a user looks at targets, one after another.
 
-use super::watch::SourceArgs;
+use super::source::SourceArgs;
 use crate::Failure;
 use crate::progress;
 use crate::values::{Targets, targets};
@@ -39,7 +39,7 @@ pub struct Calibrate {
 pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let file = &args.out;
     let spec: Spec = args.source.source.parse()?;
-    let stream = Stream::start(open(&spec, &args.source.options(true))?)?;
+    let stream = Stream::start(open(&spec, &args.source.how.options(true))?)?;
     progress::catch_interrupt();
     let radius = Settings::default().radius;
     let mut pairs: [Vec<(Unit, Pair)>; 3] = Default::default();

@@ -3,6 +3,7 @@
 mod calibrate;
 mod eye;
 mod list;
+pub mod source;
 mod watch;
 
 pub use eye::EyeName;

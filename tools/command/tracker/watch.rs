@@ -1,11 +1,12 @@
 //! `eyebox tracker watch` and `eyebox tracker record`: the samples of a tracker.
 
 use super::eye::EyeName;
+use super::source::SourceArgs;
 use crate::Failure;
 use crate::progress;
 use crate::show::args::ClockName;
 use crate::talk;
-use crate::values::{HZ, MM, MS, S, not_negative_in, positive_in};
+use crate::values::{MM, MS, S, not_negative_in, positive_in};
 use clap::Args;
 use eyebox::low_level::error::{ErrorData, Reason};
 use eyebox::low_level::files::{FileError, GrowingFile};
@@ -13,40 +14,11 @@ use eyebox::low_level::gaze::place::Counts;
 use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
 use eyebox::low_level::reason;
 use eyebox::low_level::trackers::recording::{self, Head};
-use eyebox::low_level::trackers::{Dropped, Event, Options, Sample, Source, Spec, Stream, TrackerError, line, open};
+use eyebox::low_level::trackers::{Dropped, Event, Sample, Source, Spec, Stream, TrackerError, line, open};
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-/// What a source is opened with, in every command that reads one.
-#[derive(Args)]
-pub struct SourceArgs {
-    /// Source: hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://HOST:PORT, udp://:PORT, simulated or simulated:SEED
-    #[arg(value_name = "SOURCE", default_value = "hid")]
-    pub source: String,
-    /// A HID device with a layout of its own, described in a TOML file
-    #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
-    pub device_file: Option<PathBuf>,
-    /// Time between the eye and the arrival of its sample, ms
-    #[arg(help_heading = "Eye", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
-    pub tracker_latency: f64,
-    /// Samples per second of the simulated tracker
-    #[arg(help_heading = "Eye", long, value_name = "HZ", default_value_t = 120.0, value_parser = positive_in(HZ))]
-    pub tracker_rate: f64,
-}
-
-impl SourceArgs {
-    /// Returns the options of the source, in real time or as fast as it is read.
-    pub fn options(&self, real_time: bool) -> Options {
-        Options {
-            latency: Duration::from_secs_f64((self.tracker_latency * 1e-3).min(1e6)),
-            device_file: self.device_file.clone(),
-            real_time,
-            rate_hz: self.tracker_rate,
-        }
-    }
-}
 
 /// `eyebox tracker watch`
 #[derive(Args)]
@@ -213,7 +185,7 @@ fn run(args: &Watch, record: Option<&Path>) -> Result<(), Failure> {
         // For a while that is asked for, a simulated eye need not be waited for.
         None => matches!(spec, Spec::Simulated(_)) && args.duration.is_none(),
     };
-    let options = args.source.options(real_time);
+    let options = args.source.how.options(real_time);
     let form = record.map(|file| form(file, &spec)).transpose()?;
     let source = open(&spec, &options)?;
     if matches!(spec, Spec::Recording(_) | Spec::Lines(_)) {
