@@ -1,30 +1,30 @@
-//! Adam with wrapping (Kingma and Ba 2015), on the closed-form gradient `2 Im(G conj(u))` (OPTICS 4). One frame.
+//! Moves phases by Adam with wrapping (Kingma and Ba 2015), on the gradient `2 Im(G conj(u))` (OPTICS 4). One frame.
 
 use crate::{Complex32, modulate, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// One step of Adam.
+/// Parameters of one step of Adam.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Where the SLM lies in the grid.
+    /// Position of the SLM in the grid.
     pub place: modulate::Args,
-    /// Learning rate, radians.
+    /// Learning rate in radians per step.
     pub rate: f32,
     /// Decay of the first moment.
     pub beta1: f32,
     /// Decay of the second moment.
     pub beta2: f32,
-    /// `1 / (1 - beta1^t)`.
+    /// Bias correction of the first moment, `1 / (1 - beta1^t)`.
     pub correct1: f32,
-    /// `1 / (1 - beta2^t)`.
+    /// Bias correction of the second moment, `1 / (1 - beta2^t)`.
     pub correct2: f32,
     /// Added to the root, in units of the gradient.
     pub epsilon: f32,
 }
 
-/// `change` (grid): G, transformed back; `shown`: the phases that made the field, where they are not `phases`
-/// themselves; `phases`, `first` and `second` (height, width).
+/// Updates `phases`, `first` and `second` (height, width). `change` (grid) is G, transformed back. `shown` holds the
+/// phases that made the field, if they are not `phases` themselves.
 pub fn adam(
     args: &Args,
     change: &[Complex32],
@@ -53,7 +53,8 @@ pub fn adam(
             {
                 let change = &change[place.left as usize..place.left as usize + w];
                 let values = phases.iter_mut().zip(first).zip(second).zip(change);
-                // Loops, for a closure given to `for_each` is compiled by itself, without these instructions.
+                // Loops instead of `for_each`, because a closure given to `for_each` is compiled separately, without
+                // these instructions.
                 match shown {
                     None => {
                         for (((phase, first), second), g) in values {

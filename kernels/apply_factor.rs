@@ -1,8 +1,8 @@
-//! Multiplies each field sample by its factor: `window *= factor`. One frame.
+//! Multiplies each field sample by its factor, `window *= factor`. One frame.
 
 use crate::{Complex32, simd};
 
-/// `factor` and `window` (count).
+/// Multiplies `window` (count) by `factor` (count).
 pub fn apply_factor(factor: &[f32], window: &mut [Complex32]) {
     simd(
         #[inline(always)]

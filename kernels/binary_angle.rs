@@ -1,49 +1,52 @@
-//! Phases stored as binary angles, 16 bits of a turn, and velocities as halves: the twin of `binary_angle.glsl`.
+//! Stores phases as binary angles, 16 bits per turn, and velocities as halves. This is the CPU twin of
+//! `binary_angle.glsl`.
 //!
-//! A unit is 2 pi / 65536 = 9.6e-5 rad. What a phase moves by is rounded up or down to whole units, up as often as its
-//! fraction says: rounded to the nearest, steps of less than half a unit would come to nothing however many there are. So are
-//! velocities. Which way decides a threshold of each pixel and step: for a pixel they are spread evenly over the steps, by
-//! the golden ratio, and from pixel to pixel at random. The twin keeps float32 values that a device's angles stand for.
+//! One unit is 2 pi / 65536 = 9.6e-5 rad. A phase moves by whole units. The movement is rounded up as often as its
+//! fraction says, otherwise down. With rounding to the nearest unit, steps of less than half a unit would have no
+//! effect, however many there are. Velocities are rounded in the same way. A threshold of each pixel and step
+//! determines the direction. The thresholds of a pixel are spread evenly over the steps by the golden ratio, and they
+//! are random from pixel to pixel. The twin keeps the float32 values that the angles of a device represent.
 
 use crate::half::{LARGEST, rounded as half_rounded};
 use crate::trig::PER_TURN;
 
-/// Units of a turn.
+/// Number of units per turn.
 const UNITS: f32 = 65536.0;
-/// Radians of a unit.
+/// Number of radians per unit.
 pub(crate) const UNIT: f32 = std::f32::consts::TAU / UNITS;
-/// Parts of a unit that thresholds know: 2^-24.
+/// Resolution of a threshold as a fraction of a unit: 2^-24.
 pub(crate) const PART: f32 = 1.0 / 16_777_216.0;
 
-/// The angle nearest to a phase.
+/// Returns the angle nearest to a phase.
 #[inline(always)]
 fn bits(phase: f32) -> u16 {
     let turns = phase * PER_TURN;
     ((turns - turns.round_ties_even()) * UNITS).round_ties_even() as i32 as u16
 }
 
-/// The phase of an angle, -pi .. pi.
+/// Returns the phase of an angle, -pi .. pi.
 #[inline(always)]
 pub(crate) fn value(bits: u16) -> f32 {
     f32::from(bits as i16) * UNIT
 }
 
-/// The angles nearest to these phases.
+/// Returns the angles nearest to these phases.
 pub fn pack(phases: &[f32]) -> Vec<u16> {
     phases.iter().map(|phase| bits(*phase)).collect()
 }
 
-/// The phases of angles.
+/// Returns the phases of these angles.
 pub fn unpack(angles: &[u16]) -> Vec<f32> {
     angles.iter().map(|angle| value(*angle)).collect()
 }
 
-/// Makes of phases those of the nearest angles.
+/// Replaces each phase by the phase of its nearest angle.
 pub fn round(phases: &mut [f32]) {
     phases.iter_mut().for_each(|phase| *phase = value(bits(*phase)));
 }
 
-/// The threshold of a pixel in a step. A mixer of 32 bits of its own, because the shaders (project.glsl) compute the same.
+/// Returns the threshold of a pixel in a step. The mixer of 32 bits is written out because the shaders (project.glsl)
+/// compute the same.
 #[inline(always)]
 pub(crate) fn threshold(pixel: u32, step: u32) -> u32 {
     let mut x = pixel;
@@ -52,8 +55,8 @@ pub(crate) fn threshold(pixel: u32, step: u32) -> u32 {
     (x ^ (x >> 16)).wrapping_add(step.wrapping_mul(0x9e37_79b9))
 }
 
-/// The phase of an angle that is turned by so many radians; `phase` is that of one. By whole turns, or where `bound` is not 0 held
-/// within 0 .. `bound` radians of the drive.
+/// Turns the phase of an angle by `by` radians and returns the phase of an angle. `phase` must be the phase of an
+/// angle. The result wraps by whole turns. If `bound` is not 0, it stays within 0 .. `bound` radians of the drive.
 #[inline(always)]
 pub(crate) fn turned(phase: f32, by: f32, bound: f32, threshold: u32) -> f32 {
     let turns = by * PER_TURN;
@@ -67,7 +70,7 @@ pub(crate) fn turned(phase: f32, by: f32, bound: f32, threshold: u32) -> f32 {
     value(bits(phase).wrapping_add(units as i32 as u16))
 }
 
-/// A half at `x` or beside it.
+/// Returns `x`, rounded up or down to a half as the threshold decides.
 #[inline(always)]
 pub(crate) fn velocity(x: f32, threshold: u32) -> f32 {
     let x = x.clamp(-LARGEST, LARGEST);
@@ -95,7 +98,7 @@ mod tests {
         }
     }
 
-    /// Two hundred steps of a fraction of a unit come to what they are in float32, within a unit or two.
+    /// Two hundred steps of a fraction of a unit add up to the float32 result within three units.
     #[test]
     fn small_steps_are_not_lost() {
         for part in [0.004f32, 0.02, 0.3, 0.5, 1.7, -0.01, -0.6] {
@@ -119,7 +122,7 @@ mod tests {
         }
     }
 
-    /// Held within a range of the drive, they reach its ends, pass neither, and lose no small step.
+    /// Angles within a range of the drive reach its ends, do not pass them, and lose no small step.
     #[test]
     fn bounded_angles_cross_no_wrap() {
         let bound = TURN * 255.0 / 256.0;

@@ -1,10 +1,11 @@
-//! Whether what a step asks of the phases is finite everywhere: where fields are stored as halves, a value may become
-//! too large for them behind the comparison, where no loss shows it. A transform spreads what is no number over its whole
-//! frame, so that looking at the change, transformed back, finds what any kernel before it did. All sub-frames.
+//! Checks that the change that a step requests is finite everywhere. With fields in halves, a value may become too
+//! large after the comparison, and no loss shows it there. A transform spreads a NaN or an infinity over its whole
+//! frame. A check of the change after the inverse transform therefore finds the faults of all earlier kernels. All
+//! sub-frames.
 
 use crate::{Complex32, simd};
 
-/// `change` (any number of values). True if none is infinite or NaN.
+/// Returns true if no value of `change` is infinite or NaN. The slice may have any length.
 pub fn check_finite(change: &[Complex32]) -> bool {
     simd(
         #[inline(always)]

@@ -1,47 +1,48 @@
-//! Crosstalk between pixels, along one axis after the other: each sub-pixel's phase is a sum over the drives of the pixels
-//! around it (OPTICS 10). The sub-pixels of all pixels that lie at one place in them are a plane; a plane follows from the pixels
-//! by an ordinary convolution, with weights of its own. One frame.
+//! Applies the crosstalk between pixels along one axis after the other (OPTICS 10). The phase of each sub-pixel is a
+//! sum over the drives of the pixels around it. The sub-pixels at the same place in all pixels form a plane. A plane
+//! follows from the pixels by an ordinary convolution with its own weights. One frame.
 
 use crate::{modulate, simd};
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
-/// How far crosstalk reaches.
+/// Reach of the crosstalk.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// Where the SLM lies in the grid: what is moved over the grid's edge comes in on the other side, and around the SLM
-    /// nothing is driven.
+    /// Position of the SLM in the grid. A line that moves past the edge of the grid enters on the other side. Nothing
+    /// is driven around the SLM.
     pub place: modulate::Args,
     /// Sub-pixels of a pixel along an axis.
     pub subpixels: u32,
-    /// Pixels that crosstalk reaches along y, at most half the grid,
+    /// Reach of the crosstalk in pixels along y, at most half the grid.
     pub reach_y: u32,
-    /// and along x.
+    /// Reach of the crosstalk in pixels along x, at most half the grid.
     pub reach_x: u32,
 }
 
 impl Args {
-    /// Weights along y, then along x: of each sub-pixel from the pixel `reach` before it to that behind it.
+    /// Splits the weights into those along y and those along x. Each sub-pixel has one weight per pixel, from the pixel
+    /// `reach` before it to the pixel `reach` after it.
     pub fn weights<'a>(&self, weights: &'a [f32]) -> [&'a [f32]; 2] {
         weights.split_at((self.subpixels * (2 * self.reach_y + 1)) as usize).into()
     }
 }
 
-/// Rows that a thread takes at once.
+/// Rows that a thread computes at once.
 const ROWS: usize = 32;
-/// Values that are summed side by side.
+/// Neighboring values that are summed together.
 const LANES: usize = 64;
 
-/// Place among `count` pixels, which begin at `first` of a grid of `whole`, of the one `offset` from the first; none around
-/// them.
+/// Returns the index of the pixel `offset` from the first, on a grid of `whole` points that wraps. `count` pixels begin
+/// at the point `first`. Returns `None` if the point is not a pixel.
 #[inline(always)]
 fn place(offset: isize, [first, count, whole]: [u32; 3]) -> Option<usize> {
     let at = (offset + first as isize).rem_euclid(whole as isize) - first as isize;
     (0..count as isize).contains(&at).then_some(at as usize)
 }
 
-/// `out += weight line`, over the same values.
+/// Adds `weight` times `line` to `out`, which has the same length.
 #[inline(always)]
 fn add(out: &mut [f32], weight: f32, line: &[f32]) {
     out.iter_mut().zip(line).for_each(|(o, v)| *o += weight * v);
@@ -66,7 +67,7 @@ fn sum<'a>(out: &mut [f32], adds: bool, lines: impl Iterator<Item = (f32, &'a [f
     }
 }
 
-/// Along rows: `pixels` (height, width) to `planes` (subpixels, height, width).
+/// Applies the crosstalk along rows, from `pixels` (height, width) to `planes` (subpixels, height, width).
 pub fn rows(args: &Args, weights: &[f32], pixels: &[f32], planes: &mut [f32]) {
     let count = (args.place.height * args.place.width) as usize;
     for (plane, weights) in planes.chunks_exact_mut(count).zip(weights.chunks_exact(2 * args.reach_x as usize + 1)) {
@@ -74,7 +75,7 @@ pub fn rows(args: &Args, weights: &[f32], pixels: &[f32], planes: &mut [f32]) {
     }
 }
 
-/// The same transposed.
+/// Applies the transpose of [`rows`].
 pub fn rows_back(args: &Args, weights: &[f32], planes: &[f32], pixels: &mut [f32]) {
     let count = (args.place.height * args.place.width) as usize;
     let all = planes.chunks_exact(count).zip(weights.chunks_exact(2 * args.reach_x as usize + 1));
@@ -111,8 +112,8 @@ fn along_rows(
     });
 }
 
-/// Along columns: `planes` (subpixels, height, width), by their place along x, to `wave` (subpixels, subpixels, height,
-/// width), by that along y and along x.
+/// Applies the crosstalk along columns, from `planes` (subpixels, height, width) to `wave` (subpixels, subpixels,
+/// height, width). The planes are ordered by their place along x, and `wave` by the place along y, then x.
 pub fn columns(args: &Args, weights: &[f32], planes: &[f32], wave: &mut [f32]) {
     let (count, p) = ((args.place.height * args.place.width) as usize, args.subpixels as usize);
     let taps = 2 * args.reach_y as usize + 1;
@@ -122,7 +123,7 @@ pub fn columns(args: &Args, weights: &[f32], planes: &[f32], wave: &mut [f32]) {
     }
 }
 
-/// The same transposed.
+/// Applies the transpose of [`columns`].
 pub fn columns_back(args: &Args, weights: &[f32], wave: &[f32], planes: &mut [f32]) {
     let (count, p) = ((args.place.height * args.place.width) as usize, args.subpixels as usize);
     let taps = 2 * args.reach_y as usize + 1;

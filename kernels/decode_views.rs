@@ -1,55 +1,57 @@
-//! Views as an application gives them, one colour of them, to values as photographs read them: samples of 8 or 16 bits or floats,
-//! linear or coded in sRGB, to whole numbers of 1/65535 of the brightest; and sums of their light on the way.
+//! Decodes one color of the views of an application to the values that target images are summed from. Samples are 8 or
+//! 16 bits or floats, linear or coded in sRGB. Values are whole numbers of 1/65535 of the brightest. The sums of the
+//! light are computed on the way.
 
 use crate::half;
 use bytemuck::{Pod, Zeroable};
 
-/// How a sample is stored: whole numbers whose largest is full scale, or floats whose 1 is.
+/// Samples are whole numbers of 8 bits, whose largest is full scale.
 pub const U8: u32 = 1;
-/// 16 bits.
+/// Samples are whole numbers of 16 bits, whose largest is full scale.
 pub const U16: u32 = 2;
-/// A float of 16 bits.
+/// Samples are floats of 16 bits, whose 1 is full scale.
 pub const F16: u32 = 3;
-/// A float of 32 bits.
+/// Samples are floats of 32 bits, whose 1 is full scale.
 pub const F32: u32 = 4;
-/// The largest sample that is light: the largest finite half.
+/// The largest sample that counts as light, which is the largest finite half.
 pub const BRIGHTEST: f32 = 65_504.0;
-/// Words that a part's sums take: those of the light, its square and its cube, the brightest, and the first pixel that is no light.
+/// Words of the sums of a part. They are the light, its square, its cube, the brightest value, and the first pixel
+/// without valid light.
 pub const SUMS: usize = 5;
-/// There is no pixel that is no light.
+/// Stored instead of a pixel number if all pixels have valid light.
 pub const ALL_LIGHT: u32 = u32::MAX;
-/// Values of the curve: the light of every sample of 16 bits. Those of 8 bits are every 257th.
+/// Number of values of the curve, one for the light of every sample of 16 bits. Samples of 8 bits use every 257th.
 pub const CURVE: usize = 65_536;
 
-/// What is decoded.
+/// Layout and coding of the views to decode.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
     /// Pixels of a view.
     pub pixels: u32,
-    /// Samples of a pixel, and which of them it is.
+    /// Samples of a pixel.
     pub channels: u32,
-    /// Which of them.
+    /// Index of the sample in the pixel that is decoded.
     pub channel: u32,
-    /// How a sample is stored.
+    /// Storage of a sample, one of [`U8`], [`U16`], [`F16`] and [`F32`].
     pub sample: u32,
-    /// Whether it is coded by the curve: whole numbers alone.
+    /// If not 0, the samples are coded by the sRGB curve, which only whole numbers can be.
     pub coded: u32,
-    /// The first view of the samples.
+    /// First view in the samples.
     pub first: u32,
-    /// Values from one view to the next where they go to, an even number.
+    /// Number of values from one view to the next in the output, an even number.
     pub stride: u32,
-    /// Light of the value 65535; 0 where there are sums alone and nothing is stored.
+    /// Light of the value 65535. If it is 0, only the sums are computed and nothing is stored.
     pub scale: f32,
 }
 
-/// The sRGB curve at all values of 16 bits.
+/// Returns the light of the sRGB curve at all values of 16 bits.
 pub fn curve() -> Vec<f32> {
     let light = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
     (0..CURVE).map(|v| light(v as f64 / 65_535.0) as f32).collect()
 }
 
-/// Linear light of a pixel of a view; none where it is no light: not finite, below 0, or above 65504.
+/// Returns the linear light of a pixel of a view. It is `None` if the value is not finite, below 0 or above 65504.
 pub fn light(args: &Args, samples: &[u8], curve: &[f32], view: usize, pixel: usize) -> Option<f32> {
     let at = ((args.first as usize + view) * args.pixels as usize + pixel) * args.channels as usize;
     let at = at + args.channel as usize;
@@ -65,8 +67,8 @@ pub fn light(args: &Args, samples: &[u8], curve: &[f32], view: usize, pixel: usi
     (0.0..=BRIGHTEST).contains(&value).then_some(value)
 }
 
-/// Values of a view: (height, width), as many as `values` has; and the sums of its light, all of it one part: `SUMS` words.
-/// What is no light is dark.
+/// Writes `values` (height, width) of one view, as many as the slice holds, and `SUMS` words of its light as one part.
+/// A pixel without valid light becomes dark.
 pub fn decode_views(args: &Args, samples: &[u8], curve: &[f32], view: usize, values: &mut [u16], sums: &mut [u32]) {
     let (mut parts, mut brightest, mut bad) = ([0.0f64; 3], 0.0f32, ALL_LIGHT);
     for (pixel, to) in values.iter_mut().enumerate().take(args.pixels as usize) {
@@ -100,7 +102,7 @@ mod tests {
         (values, [one, two, three, brightest].map(|bits| f64::from(f32::from_bits(bits))), bad)
     }
 
-    /// Two views of three pixels of two colours, against float64.
+    /// Two views of three pixels of two colors are compared with float64.
     #[test]
     fn every_kind_of_sample_is_its_light() {
         let light = |i: usize| (i as f64 * 0.083 + 0.01) % 1.0;
@@ -145,7 +147,7 @@ mod tests {
         let args = Args { sample: F16, channels: 1, channel: 0, scale: BRIGHTEST, ..ARGS };
         let (values, sums, bad) = decoded(&args, &halves, 0);
         assert_eq!((values, sums[3], bad), (vec![1, 1, 0], 1.0, ALL_LIGHT));
-        // The largest half; infinity; less than nothing.
+        // The largest half, infinity, and a value below 0.
         let (values, sums, bad) = decoded(&Args { first: 1, ..args }, &halves, 0);
         assert_eq!((values, sums[3], bad), (vec![65_535, 0, 0], f64::from(BRIGHTEST), 1));
         for wrong in [f32::NAN, f32::NEG_INFINITY, -1e-30, 65_505.0] {

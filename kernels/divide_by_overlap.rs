@@ -1,9 +1,9 @@
-//! Divides the change by a power of the overlap: `change /= max(hits, 1)^power`, in the columns in use. One frame.
+//! Divides the change by a power of the overlap, `change /= max(hits, 1)^power`, in the columns in use. One frame.
 
 use crate::{Complex32, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// The grid and the columns in use.
+/// Size of the grid, and the power of the overlap.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
@@ -11,11 +11,12 @@ pub struct Args {
     pub grid_height: u32,
     /// Columns of the grid.
     pub grid_width: u32,
-    /// 1 for the mean over the pupils that overlap (OPTICS 6b), 1/2 to let overlap speak (OPTICS 6e).
+    /// Power of the overlap. 1 gives the mean over the overlapping pupils (OPTICS 6b), 1/2 lets overlap count more
+    /// (OPTICS 6e).
     pub power: f32,
 }
 
-/// `hits` and `change` (grid_height, grid_width). `power` is 1, 1/2 or anything between.
+/// Divides `change` by `hits^power`, both (grid_height, grid_width). `power` is 1, 1/2 or any value between.
 pub fn divide_by_overlap(args: &Args, hits: &[f32], change: &mut [Complex32]) {
     let power = args.power;
     simd(

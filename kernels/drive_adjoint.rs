@@ -1,10 +1,11 @@
-//! What is asked of the phases, back through the look-up table: `tau' = tau dw'/dw`, left as the change `i tau' exp(i phi)` of
-//! a field of the phases themselves, from which `project` and `adam` take it (OPTICS 10). One frame.
+//! Carries the gradient of the phases back through the look-up table, `tau' = tau dw'/dw`. The result is the change `i
+//! tau' exp(i phi)` of a field of the phases themselves. `project` and `adam` read it from there (OPTICS 10). One
+//! frame.
 
 use crate::drive::Args;
 use crate::{Complex32, simd, trig};
 
-/// `level`, `shown` and `wave` (height, width); `change` (grid_height, grid_width), of which the SLM's part is replaced.
+/// Replaces the SLM's part of `change` (grid_height, grid_width). `level`, `shown` and `wave` are (height, width).
 pub fn drive_adjoint(args: &Args, level: &[f32], shown: &[f32], wave: &[f32], change: &mut [Complex32]) {
     let Args { place, bend_sin, bend_cos, .. } = *args;
     let (w, gw, left) = (place.width as usize, place.grid_width as usize, place.left as usize);

@@ -1,50 +1,51 @@
-//! Phases to what the SLM receives: offsets, wrapping, levels, and the levels' bits into the pixels of a video frame.
+//! Encodes phases as gray levels, and packs the bits of the levels into the pixels of a video frame.
 //!
-//! Everything after the phase itself is integer arithmetic, and the four float operations before it are exact, so the
-//! shader gives the same bytes whatever a device does with rounding: a phase is split into whole radians and the rest
-//! (both exact), each is turned into units of 2^-32 turns by integer products, and a turn wraps as `u32` does.
+//! The four float operations at the beginning are exact, and everything after them is integer arithmetic. The shader
+//! therefore gives the same bytes on every device, however the device rounds. A phase is split into whole radians and
+//! the rest, both exact. Integer products turn each into units of 2^-32 turns, and a turn wraps as `u32` does.
 //!
-//! The shader takes one colour of one video frame at a time, and ORs it into the frame.
+//! The shader takes one color of one video frame at a time, and ORs it into the frame.
 
 use crate::{simd, trig::ROUND};
 use bytemuck::{Pod, Zeroable};
 
-/// Phases must be smaller than this many radians, either sign; beyond, float32 tells no phases apart.
+/// Phases must be smaller than this number of radians, with either sign. Beyond it float32 cannot distinguish phases.
 pub const LARGEST_PHASE: f32 = 4_194_304.0;
-/// Entries of a colour's table of levels, one for each 1/65536 turn.
+/// Entries of the table of levels of a color, one for each 1/65536 turn.
 pub const TABLE: usize = 65536;
-/// How the shader finds levels: of a power of two by a shift.
+/// The shader finds the level by a shift. This requires a power of two of evenly spaced levels.
 pub const POWER: u32 = 0;
-/// Of any even levels by a product.
+/// The shader finds the level by a product. This requires evenly spaced levels.
 pub const EVEN: u32 = 1;
-/// Of others in the table.
+/// The shader looks the level up in the table.
 pub const TABLED: u32 = 2;
-/// How the shader goes over the picture: row by row.
+/// The shader goes over the picture row by row.
 pub const ROWS: u32 = 0;
-/// Fours of pixels: rows follow each other on both sides.
+/// The shader goes over the picture in groups of four pixels. This requires rows without gaps on both sides.
 pub const FOURS: u32 = 1;
-/// Fours of such fours, which one entry fills.
+/// The shader goes over the picture in groups of sixteen pixels, which one entry fills.
 pub const WIDE: u32 = 2;
-/// Entries of a run of the shader.
+/// Entries in one run of the shader.
 pub const ENTRIES: usize = 24;
-/// Cells that a pixel may have.
+/// Maximum number of memory cells of a pixel.
 const MOST_CELLS: usize = 4;
 
-/// Units of 2^-32 turns in a radian: 683565275 + 148 / 256.
+/// Units of 2^-32 turns per radian, which is 683565275 + 148 / 256.
 pub(crate) const RADIAN: [i32; 2] = [683_565_275, 148];
-/// Parts of a radian that what is left of a phase is rounded to.
+/// Parts of a radian to which the rest of a phase is rounded.
 pub(crate) const PARTS: f32 = 4_194_304.0;
-/// Units in 2^-12 radian, and 128 times the units in 2^-22 radian: less than 2^15, which processors multiply faster.
+/// Units per 2^-12 radian, and 128 times the units per 2^-22 radian. The second is less than 2^15, which processors
+/// multiply faster.
 pub(crate) const PART: [i32; 2] = [166_886, 20_861];
-/// Pixels that are encoded at once, in the nearest cache. A set is many sub-frames, each a stream of its own: blocks are
-/// long, for a processor fetches ahead along a stream.
+/// Pixels that are encoded at once, in the nearest cache. A set has several sub-frames, and each is a separate stream.
+/// Blocks are long because a processor fetches ahead along a stream.
 pub const BLOCK: usize = 8192;
-/// Phases in a line of a processor's cache.
+/// Phases in one cache line of a processor.
 const LINE: usize = 16;
-/// Pixels of a block whose phases do not lie side by side, or that have several cells.
+/// Pixels of a block if its phases are not contiguous, or if the pixels have several cells.
 const SMALL: usize = BLOCK / MOST_CELLS;
 
-/// The size of the SLM and of its video frame, and which pixel of the hologram each pixel shows.
+/// The size of the SLM and of its video frame, and the map from the pixels of the SLM to the pixels of the hologram.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -55,107 +56,109 @@ pub struct Args {
     /// Pixel (y, x) shows phase `first + yy step_y + xx step_x` (wrapping), `yy = (y + shift_y) mod height`,
     /// `xx = (x + shift_x) mod width`.
     pub first: u32,
-    /// From one row to the next.
+    /// Phases from one row to the next.
     pub step_y: u32,
-    /// From one column to the next.
+    /// Phases from one column to the next.
     pub step_x: u32,
-    /// Rows, less than `height`.
+    /// Shift in rows, less than `height`.
     pub shift_y: u32,
-    /// Columns, less than `width`.
+    /// Shift in columns, less than `width`.
     pub shift_x: u32,
-    /// Rows of memory cells in a pixel.
+    /// Rows of memory cells per pixel.
     pub cell_rows: u32,
-    /// Columns of memory cells in a pixel.
+    /// Columns of memory cells per pixel.
     pub cell_columns: u32,
-    /// Bytes of a pixel of the video frame: 1 or 3.
+    /// Bytes per pixel of the video frame, 1 or 3.
     pub channels: u32,
-    /// Of the video frame, after everything else: 1 left-right, 2 up-down.
+    /// Mirroring of the video frame after everything else. Bit 1 mirrors left-right, bit 2 up-down.
     pub flips: u32,
 }
 
 impl Args {
-    /// Rows of the video frame.
+    /// Returns the number of rows of the video frame.
     pub fn video_height(&self) -> usize {
         self.height as usize * self.cell_rows as usize
     }
 
-    /// Columns of the video frame.
+    /// Returns the number of columns of the video frame.
     pub fn video_width(&self) -> usize {
         self.width as usize * self.cell_columns as usize
     }
 
-    /// Bytes of the video frame's rows that one row of the SLM fills.
+    /// Returns the bytes of the rows of the video frame that one row of the SLM fills.
     pub fn row_bytes(&self) -> usize {
         self.cell_rows as usize * self.video_width() * self.channels as usize
     }
 }
 
-/// How the phases of one colour become levels.
+/// The conversion from the phases of one color to levels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Color {
-    /// Added to every phase, per pixel of the SLM, in 2^-32 turns; empty adds nothing.
+    /// Added to every phase, per pixel of the SLM, in 2^-32 turns. An empty vector adds nothing.
     pub offsets: Vec<u32>,
-    /// The levels.
+    /// The levels that the phases are converted to.
     pub levels: Levels,
 }
 
-/// The levels of one colour.
+/// The levels of one color.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Levels {
-    /// So many levels, 2 to 256, evenly over a turn: round to nearest, and the level after the last is level 0.
+    /// Number of levels, 2 to 256, evenly spaced over a turn. A phase is rounded to the nearest, and the level after
+    /// the last is level 0.
     Even(u32),
     /// The level, or its memory code, for each of [`TABLE`] equal parts of a turn.
     Table(Box<[u8]>),
 }
 
-/// Where the levels of one sub-frame of one colour go.
+/// The destination of the levels of one sub-frame of one color.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Slot {
-    /// Index of the colour.
+    /// Index of the color.
     pub color: usize,
-    /// Sub-frame of the colour.
+    /// Sub-frame of the color.
     pub sub_frame: usize,
-    /// The pieces that the level's bits go to the pixel in.
+    /// The pieces in which the bits of the level go to the pixel.
     pub parts: Vec<Part>,
 }
 
-/// Some bits of a level, and their place: `pixel[cell][channel] |= ((level >> from) & mask) << to`.
+/// Some bits of a level, and their destination, as in `pixel[cell][channel] |= ((level >> from) & mask) << to`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Part {
-    /// Cell, row by row.
+    /// Memory cell of the pixel, counted row by row.
     pub cell: u32,
     /// Byte of the pixel.
     pub channel: u32,
-    /// First bit of the level.
+    /// First of the bits in the level.
     pub from: u32,
-    /// The bits, shifted down.
+    /// Mask of the bits after the shift to bit 0.
     pub mask: u32,
-    /// First bit of the byte.
+    /// First of the bits in the byte.
     pub to: u32,
 }
 
-/// What is to be encoded, decided before any phase is seen: the video frames of a set.
+/// The plan for encoding the video frames of a set, made before the phases arrive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Sizes and the hologram's place.
+    /// Sizes, and the position of the hologram.
     pub args: Args,
-    /// Offsets and levels per colour.
+    /// Offsets and levels, per color.
     pub colors: Vec<Color>,
     /// The slots of each video frame.
     pub video_frames: Vec<Vec<Slot>>,
-    /// Sub-frames of a colour.
+    /// Number of sub-frames per color.
     pub sub_frames: usize,
 }
 
-/// A phase in 2^-32 turns, wrapped: within 2^-25 turns for phases of a few turns, 2^-20 at [`LARGEST_PHASE`].
+/// Returns a phase in 2^-32 turns, wrapped. The error is at most 2^-25 turns for phases of a few turns, and 2^-20 turns
+/// at [`LARGEST_PHASE`].
 ///
-/// Total: what is no phase gives some number.
+/// The function is total. NaN and values beyond the range give some number.
 #[inline(always)]
 pub fn turns(phase: f32) -> u32 {
     let shifted = phase + ROUND;
     let whole = shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32;
-    // Exact: both are multiples of the phase's last bit, and the rest is at most a half.
+    // Both are multiples of the last bit of the phase, and the rest is at most a half, so the difference is exact.
     let rest = phase - (shifted - ROUND);
     let rest = (rest * PARTS + ROUND).to_bits().wrapping_sub(ROUND.to_bits()) as i32;
     let whole = whole.wrapping_mul(RADIAN[0]).wrapping_add(whole.wrapping_mul(RADIAN[1]) >> 8);
@@ -164,14 +167,14 @@ pub fn turns(phase: f32) -> u32 {
     whole.wrapping_add(high).wrapping_add(low) as u32
 }
 
-/// The nearest of `count` levels, `count` not a power of two, 3 to 255.
+/// Returns the nearest of `count` levels. `count` is 3 to 255 and not a power of two.
 #[inline(always)]
 fn nearest(turns: u32, count: u32) -> u32 {
     let level = ((turns >> 8) * count + (1 << 23)) >> 24;
     if level == count { 0 } else { level }
 }
 
-/// The levels of some phases. `offsets` are those of the same pixels, or none.
+/// Writes the levels of some phases. `offsets` belong to the same pixels, or are empty.
 #[inline(always)]
 fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
     #[inline(always)]
@@ -194,26 +197,27 @@ fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
         }
         Levels::Even(count) => each(phases, offsets, out, |t| nearest(t, *count) as u8),
         Levels::Table(table) => {
-            // A length that the compiler knows: no index is checked.
+            // The compiler knows this length, so it checks no index.
             let table: &[u8; TABLE] = (&**table).try_into().expect("a table has an entry for each part of a turn");
             each(phases, offsets, out, |t| table[(t >> 16) as usize]);
         }
     }
 }
 
-/// Memory of a block.
+/// Working memory for one block.
 struct Scratch {
-    /// Bytes of the video frame: cell and channel, then pixel.
+    /// Bytes of the video frame, ordered by cell, channel and pixel.
     planes: [u8; 3 * BLOCK],
     levels: [u8; BLOCK],
-    /// Phases, where they do not lie side by side.
+    /// Phases of the block, if they are not contiguous in the sub-frame.
     phases: [f32; SMALL],
 }
 
-/// Rows of the SLM in one video frame, from the `first`-th of the video frame on: `out` is the rows of the frame that
-/// they fill, whole and all of it written.
+/// Encodes the rows of the SLM from row `first` on into one video frame. `out` is the rows of the frame that they fill.
+/// They are complete, and all bytes are written.
 ///
-/// `slots` are those of the frame; `phases` (sub-frame, row, column) per colour, in the hologram's own orientation.
+/// `slots` are the slots of the frame. `phases` (sub-frame, row, column) has one slice per color, in the orientation of
+/// the hologram.
 pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], first: usize, out: &mut [u8]) {
     let frame = Frame { args, colors, slots, phases };
     simd(
@@ -223,7 +227,7 @@ pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], 
             let (height, width) = (args.height as usize, args.width as usize);
             let rows = out.len() / args.row_bytes();
             let yy = (first + args.shift_y as usize) % height;
-            // Rows that follow each other in memory, on both sides, are one run.
+            // Rows that are contiguous in memory on both sides form one run.
             let plain = args.flips == 0 && args.shift_x == 0 && args.cell_rows * args.cell_columns == 1;
             if plain && args.step_x == 1 && args.step_y == args.width && yy + rows <= height {
                 let source = args.first as usize + yy * width;
@@ -246,16 +250,16 @@ pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], 
     );
 }
 
-/// Where a block's phases lie in a sub-frame.
+/// The location of the phases of a block in a sub-frame.
 #[derive(Clone, Copy)]
 enum Source {
-    /// Side by side, from here on.
+    /// Contiguous, from this index on.
     Along(usize),
-    /// At `row + xx step_x`, `xx` from this column on, round the edge.
+    /// At `row + xx step_x`. `xx` begins at this column and wraps at the edge.
     Scattered { row: u32, column: usize },
 }
 
-/// The phases that pixels x .. of a row show.
+/// Returns the location of the phases for `count` pixels of row `y`, from column `x` on.
 #[inline(always)]
 fn source(args: &Args, y: usize, x: usize, count: usize) -> Source {
     let yy = (y + args.shift_y as usize) % args.height as usize;
@@ -267,7 +271,7 @@ fn source(args: &Args, y: usize, x: usize, count: usize) -> Source {
     Source::Scattered { row, column }
 }
 
-/// One video frame.
+/// The input of one video frame.
 struct Frame<'a> {
     args: &'a Args,
     colors: &'a [Color],
@@ -276,7 +280,7 @@ struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// The bytes of `count` pixels from the `at`-th of the SLM on, into the scratch's planes.
+    /// Encodes `count` pixels, from pixel `at` of the SLM on, into the planes of the working memory.
     #[inline(always)]
     fn block(&self, at: usize, source: Source, count: usize, scratch: &mut Scratch) {
         let args = self.args;
@@ -297,8 +301,8 @@ impl Frame<'_> {
                 }
             };
             if self.slots.len() > 1 {
-                // Many streams: waiting for memory once, for all lines of the block, takes less than waiting for each
-                // where it is used.
+                // There are many streams here. One wait for the memory of all lines of the block takes less time than a
+                // wait for each line at its use.
                 std::hint::black_box(phases.iter().step_by(LINE).fold(0, |sum: u32, p| sum ^ p.to_bits()));
             }
             let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
@@ -312,12 +316,12 @@ impl Frame<'_> {
     }
 }
 
-/// Some bits of levels into the bytes of pixels.
+/// ORs some bits of levels into the bytes of pixels.
 #[inline(always)]
 fn place(part: &Part, levels: &[u8], plane: &mut [u8]) {
     let (from, mask, to) = (part.from & 7, part.mask as u8, part.to & 7);
     if mask == 1 {
-        // No processor shifts bytes in SIMD: one bit is chosen instead.
+        // No processor shifts bytes in SIMD, so one bit is chosen instead.
         let (bit, value) = (1 << from, 1 << to);
         for (byte, level) in plane.iter_mut().zip(levels) {
             *byte |= if level & bit == 0 { 0 } else { value };
@@ -333,7 +337,7 @@ fn place(part: &Part, levels: &[u8], plane: &mut [u8]) {
     }
 }
 
-/// Puts a block's bytes into pixels that follow each other.
+/// Copies the bytes of a block into contiguous pixels.
 #[inline(always)]
 fn interleave(args: &Args, planes: &[u8], count: usize, out: &mut [u8]) {
     if args.channels == 1 {
@@ -346,7 +350,7 @@ fn interleave(args: &Args, planes: &[u8], count: usize, out: &mut [u8]) {
     }
 }
 
-/// Puts a block's bytes into the rows of the video frame, at their cells.
+/// Copies the bytes of a block into the rows of the video frame, at their cells.
 #[inline(always)]
 fn scatter(args: &Args, planes: &[u8], x: usize, count: usize, out: &mut [u8]) {
     let (rows, columns, channels) = (args.cell_rows as usize, args.cell_columns as usize, args.channels as usize);
@@ -377,7 +381,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::TAU;
 
-    /// The distance of two places on a turn, in turns.
+    /// Returns the distance of two places on a turn, in turns.
     fn apart(got: u32, phase: f32) -> f64 {
         let off = f64::from(got) / 4_294_967_296.0 - f64::from(phase) / TAU;
         (off - off.round()).abs()

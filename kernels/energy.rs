@@ -1,10 +1,10 @@
-//! The light in each patch of the eyebox: `energy[patch] += sum |field|^2`, over a square of the spectrum that is
-//! divided into `patches` x `patches` (OPTICS 7, pupil-aware). All sub-frames.
+//! Sums the light in each patch of the eyebox, `energy[patch] += sum |field|^2`. A square of the spectrum is divided
+//! into `patches` x `patches` (OPTICS 7, pupil-aware). All sub-frames.
 
 use crate::{Complex32, modulate, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// Where the eyebox lies in the spectrum.
+/// Position of the eyebox in the spectrum.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -14,23 +14,23 @@ pub struct Args {
     pub grid_width: u32,
     /// First row of the eyebox, as an index of the DFT.
     pub y0: u32,
-    /// First column.
+    /// First column of the eyebox, as an index of the DFT.
     pub x0: u32,
-    /// Rows of the eyebox, at most the grid's.
+    /// Rows of the eyebox, at most the rows of the grid.
     pub rows: u32,
     /// Columns of the eyebox.
     pub columns: u32,
     /// Patches along each axis, 1 to [`MOST`].
     pub patches: u32,
-    /// Add to what `energy` holds.
+    /// If not 0, the sums are added to the contents of `energy`.
     pub accumulate: u32,
 }
 
-/// Most patches along an axis.
+/// Maximum number of patches along an axis.
 pub const MOST: u32 = 16;
 
 impl Args {
-    /// Whether they are for a grid of this size, and patches that there may be.
+    /// Returns true if the arguments match a grid of this size, and the number of patches is valid.
     pub fn fits(&self, grid: &modulate::Args) -> bool {
         (self.grid_height, self.grid_width) == (grid.grid_height, grid.grid_width)
             && (1..=MOST).contains(&self.patches)
@@ -40,21 +40,21 @@ impl Args {
             && self.x0 < self.grid_width
     }
 
-    /// Rows (or columns) of patch `p` out of `n` in all.
+    /// Returns the rows (or columns) of patch `p`, if the eyebox has `n` of them.
     pub(crate) fn part(&self, p: u32, n: u32) -> std::ops::Range<u32> {
         p * n / self.patches..(p + 1) * n / self.patches
     }
 
-    /// Whether the centre of patch (`a`, `b`) lies in the disc that the eyebox holds: its corners are where light
-    /// may go that no centred pupil sees.
+    /// Returns true if the center of patch (`a`, `b`) is inside the disc inscribed in the eyebox. No centered pupil
+    /// sees the corners outside it, so light may go there.
     pub(crate) fn counts(&self, a: u32, b: u32) -> bool {
         let off = |p: u32| (2 * p + 1) as i64 - i64::from(self.patches);
         off(a) * off(a) + off(b) * off(b) <= i64::from(self.patches) * i64::from(self.patches)
     }
 }
 
-/// `field`: spectra, (frames, grid_height, grid_width); `energy`: the first `patches` squared of them,
-/// (patches, patches).
+/// Sums `field`, spectra of shape (frames, grid_height, grid_width). `energy` receives the sums (patches, patches) in
+/// its first `patches` squared values.
 pub fn energy(args: &Args, field: &[Complex32], energy: &mut [f32]) {
     let (height, width) = (args.grid_height as usize, args.grid_width as usize);
     simd(

@@ -1,31 +1,32 @@
-//! Evens out the light over the eyebox: adds to the change of the spectrum what brings each patch nearer to the mean of
-//! all (after Chakravarthula et al. 2022; OPTICS 7). One sub-frame; the patches' light is that of all.
+//! Evens out the light over the eyebox by changing the spectrum (Chakravarthula et al. 2022, OPTICS 7). The
+//! change brings the light of each patch nearer to the mean of all patches. One sub-frame is changed at a time, and the
+//! light of the patches is the sum over all sub-frames.
 
 use crate::{Complex32, energy, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// `mode`: scale each patch's amplitudes to the mean energy, the projection's way.
+/// The `mode` that scales the amplitudes of each patch to the mean energy, as the projection does.
 pub const PROJECTION: u32 = 0;
-/// `mode`: derivative of `weight` times the mean of `(energy / mean - 1)^2`.
+/// The `mode` with the derivative of `weight` times the mean of `(energy / mean - 1)^2`.
 pub const GRADIENT: u32 = 1;
 
-/// The patches, and how strongly they pull.
+/// The patches, and the strength of the term.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Where the patches lie.
+    /// Position of the patches in the spectrum.
     pub place: energy::Args,
-    /// [`PROJECTION`] or [`GRADIENT`].
+    /// One of [`PROJECTION`] and [`GRADIENT`].
     pub mode: u32,
-    /// Of the term; in [`PROJECTION`] over the grid's points, in whose units `change` is.
+    /// Weight of the term. In [`PROJECTION`] it is divided by the points of the grid, because `change` has these units.
     pub weight: f32,
     /// Largest ratio of amplitudes in [`PROJECTION`].
     pub limit: f32,
 }
 
 impl Args {
-    /// The factor of each patch's spectrum, from the patches' energies (patches, patches). Patches outside the disc
-    /// have none.
+    /// Returns the factor for the spectrum of each patch, from the energies of the patches (patches, patches). Patches
+    /// outside the disc have the factor 0.
     fn factors(&self, energy: &[f32]) -> Vec<f32> {
         let patches = self.place.patches;
         let counts = |i: usize| self.place.counts(i as u32 / patches, i as u32 % patches);
@@ -49,7 +50,7 @@ impl Args {
                 let ratio = (mean / e.max(f32::MIN_POSITIVE)).sqrt();
                 self.weight * (ratio.min(self.limit) - 1.0)
             } else {
-                // The mean moves with the energies: that is the variance's part.
+                // The mean depends on the energies too, which gives the term with the variance.
                 2.0 * self.weight / (n * mean) * (e / mean - 1.0 - variance)
             }
         };
@@ -57,7 +58,8 @@ impl Args {
     }
 }
 
-/// `energy`: the first `patches` squared of them, (patches, patches); `field`: the spectrum, `change`: its change, both (grid_height, grid_width).
+/// Adds to `change` (grid_height, grid_width) the spectrum `field` (grid_height, grid_width) times the factors of the
+/// patches. `energy` holds the energies (patches, patches) in its first `patches` squared values.
 pub fn equalise_eyebox(args: &Args, energy: &[f32], field: &[Complex32], change: &mut [Complex32]) {
     let place = &args.place;
     let (height, width) = (place.grid_height as usize, place.grid_width as usize);

@@ -1,51 +1,53 @@
-//! What the fitted exposure and PSNR at any exposure follow from: `<I, T>`, `<I, I>` and `<T, T>` of an image and its
-//! target after 2 x 2 averaging. One pupil.
+//! Computes `<I, T>`, `<I, I>` and `<T, T>` of an image and its target after 2 x 2 averaging. One pupil. The fitted
+//! exposure, and the PSNR at any exposure, follow from these sums.
 //!
-//! The squared error at exposure s is `s^2 <I, I> - 2 s <I, T> + <T, T>`: at 60 dB a millionth of each term. The sums
-//! are therefore kept as pairs of float32 (48 bits): what is left of the error after the difference is good to 0.01 dB
-//! up to 100 dB, where the rounding of the float32 images themselves begins to show.
+//! The squared error at exposure s is `s^2 <I, I> - 2 s <I, T> + <T, T>`, which at 60 dB is a millionth of each term.
+//! The sums are therefore stored as pairs of float32 (48 bits). The difference is then good to 0.01 dB up to 100 dB. At
+//! 100 dB the rounding of the float32 images begins to matter.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Averaged pixels of which a part holds the sums.
+/// Averaged pixels whose sums one part holds.
 pub const SHARE: usize = 2048;
-/// float32 values of a part: three sums as (high, low).
+/// Number of float32 values of a part, which holds three sums as (high, low).
 pub const PART: usize = 6;
 
-/// The pixels looked at: a rectangle of an image whose rows are `pitch` apart.
+/// The rectangle of an image that is compared. The rows of the image are `pitch` apart.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// Rows.
+    /// Rows of the rectangle.
     pub height: u32,
-    /// Columns.
+    /// Columns of the rectangle.
     pub width: u32,
     /// Pixels from one row of the image to the next.
     pub pitch: u32,
-    /// First row.
+    /// First row of the rectangle.
     pub top: u32,
-    /// First column.
+    /// First column of the rectangle.
     pub left: u32,
 }
 
 impl Args {
-    /// Side of the blocks that are averaged: 2, but 1 for a single row or column, which has none.
+    /// Returns the side of the blocks that are averaged. It is 2, but 1 for a single row or column, which has no such
+    /// block.
     fn block(&self) -> usize {
         if self.height >= 2 && self.width >= 2 { 2 } else { 1 }
     }
 
-    /// Averaged pixels: a last odd row or column is dropped.
+    /// Returns the number of averaged pixels. A last odd row or column is dropped.
     pub fn pixels(&self) -> usize {
         (self.height as usize / self.block()) * (self.width as usize / self.block())
     }
 
-    /// Parts that the sums come in, at least one.
+    /// Returns the number of parts that hold the sums, at least one.
     pub fn parts(&self) -> usize {
         self.pixels().div_ceil(SHARE).max(1)
     }
 }
 
-/// `image` and `target` -> `sums` (parts, [`PART`]): `<I, T>`, `<I, I>`, `<T, T>` of [`SHARE`] averaged pixels each.
+/// Writes `sums` (parts, [`PART`]) of `image` and `target`. Each part holds `<I, T>`, `<I, I>` and `<T, T>` of
+/// [`SHARE`] averaged pixels.
 pub fn exposure(args: &Args, image: &[f32], target: &[f32], sums: &mut [f32]) {
     let (block, pixels, pitch) = (args.block(), args.pixels(), args.pitch as usize);
     let columns = args.width as usize / block;
@@ -60,7 +62,7 @@ pub fn exposure(args: &Args, image: &[f32], target: &[f32], sums: &mut [f32]) {
         let end = ((part + 1) * SHARE).min(pixels);
         let mut i = part * SHARE;
         while i < end {
-            // As much of a row as belongs to this part.
+            // The share of a row that belongs to this part.
             let n = (columns - i % columns).min(end - i);
             let at = (args.top as usize + block * (i / columns)) * pitch + args.left as usize + block * (i % columns);
             let row = |data, down| blocks_of_row(data, at + down * pitch, n, block);

@@ -1,10 +1,10 @@
-//! The error of the eye that looks: `transfer *= exp(i 2 pi E)`, E a polynomial about the pupil's centre (OPTICS 11).
-//! One pupil pass.
+//! Applies the aberration of the viewer's eye (OPTICS 11). The kernel becomes `transfer *= exp(i 2 pi E)`, with a
+//! polynomial E about the center of the pupil. One pupil pass.
 
 use crate::{Complex32, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// A pupil pass's window.
+/// The window of a pupil pass, and the degree of the polynomial.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -16,33 +16,34 @@ pub struct Args {
     pub degree: u32,
 }
 
-/// The polynomial: `E = sum c_ij u^i v^j` turns, `i + j <= degree`, at `u = first[0] + column step[0]`,
-/// `v = first[1] + row step[1]`.
+/// The polynomial `E = sum c_ij u^i v^j` in turns, with `i + j <= degree`, at `u = first[0] + column step[0]` and `v =
+/// first[1] + row step[1]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
-    /// Where the window's first bin lies, (u, v).
+    /// Coordinates (u, v) of the first bin of the window.
     pub first: [f64; 2],
-    /// From one bin to the next.
+    /// Distance (u, v) of neighboring bins.
     pub step: [f64; 2],
     /// Degree of the polynomial.
     pub degree: u32,
-    /// c_ij, by i and then j.
+    /// The coefficients c_ij, ordered by i, then j.
     pub coefficients: Vec<f64>,
 }
 
 impl Terms {
-    /// How many coefficients a polynomial of this degree has.
+    /// Returns the number of coefficients of a polynomial of this degree.
     pub fn count(degree: u32) -> usize {
         (degree as usize + 1) * (degree as usize + 2) / 2
     }
 
-    /// As the shader takes them, each a pair of float32 (high, low): the first place, the step, the coefficients.
+    /// Returns the first coordinates, the step and the coefficients as the shader reads them, each as a pair of float32
+    /// (high, low).
     pub fn pairs(&self) -> Vec<f32> {
         let values = self.first.iter().chain(&self.step).chain(&self.coefficients);
         values.flat_map(|x| [*x as f32, (x - f64::from(*x as f32)) as f32]).collect()
     }
 
-    /// The polynomial in u alone, at this v: by the power of u.
+    /// Evaluates the polynomial at this v. `out` receives the coefficients of the polynomial in u, ordered by power.
     fn along(&self, v: f64, out: &mut Vec<f64>) {
         out.clear();
         let mut rest = &self.coefficients[..];
@@ -56,7 +57,8 @@ impl Terms {
 
 const BLOCK: usize = 16;
 
-/// `spans`: per row, the half-open interval of columns that pass. `transfer` (rows, columns).
+/// Multiplies `transfer` (rows, columns) by the error of the eye. `spans` holds, per row, the half-open interval of
+/// columns that pass.
 pub fn eye(args: &Args, terms: &Terms, spans: &[[u32; 2]], transfer: &mut [Complex32]) {
     let mut along = Vec::with_capacity(args.degree as usize + 1);
     simd(

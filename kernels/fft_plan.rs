@@ -1,60 +1,63 @@
-//! How the shaders transform a length: which method, which radices, in what memory. Pure data, chosen without a device.
+//! Plans the transform of a length for the shaders, with a method, radices and the kind of memory.
 //!
-//! Rows that fit a workgroup's shared memory are read once and written once (`fft_shared.comp`), and so are columns where
-//! that is worth it ([`Axis::ColumnPairs`]). Other columns, and rows that do not fit, take one Stockham pass through global
-//! memory per radix (`fft_pass.comp`; Govindaraju et al. 2008).
-//! Lengths with a prime factor above 13 are convolutions with a chirp (`fft_chirp.comp`; Bluestein 1970).
-//! Each pass costs a trip through memory, so a plan has as few as the largest radix allows, of radices as equal as can
-//! be. Larger radices than 16 were measured and are slower: more strides than a cache has ways, more values than
-//! registers. Tables are made here, in float64.
+//! Plans are pure data, chosen without a device. Rows that fit the shared memory of a workgroup are read once and
+//! written once (`fft_shared.comp`). So are columns, if that is worth it ([`Axis::ColumnPairs`]). Other columns, and
+//! rows that do not fit, take one Stockham pass through global memory per radix (`fft_pass.comp`, Govindaraju et al.
+//! 2008). Lengths with a prime factor above 13 are convolutions with a chirp (`fft_chirp.comp`, Bluestein 1970).
+//!
+//! Each pass costs one trip through memory. A plan therefore has as few passes as the largest radix allows, with
+//! radices as equal as possible. Radices above 16 were measured and are slower, because they need more strides than a
+//! cache has ways, and more values than registers. Tables are computed here, in float64.
 
 use crate::fft::{Direction, transform_f64};
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-/// What a plan must fit.
+/// The limits of a device for a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlanLimits {
-    /// Bytes of memory that a workgroup shares.
+    /// Bytes of shared memory per workgroup.
     pub shared_bytes: u32,
-    /// Invocations in a workgroup.
+    /// Number of invocations per workgroup.
     pub invocations: u32,
 }
 
-/// Longest line that is planned: the longest chirp's indices, squared, stay far within u64, and its grid within limits.
+/// Longest line that can be planned. With it, the squared indices of the longest chirp stay far within u64, and its
+/// grid within limits.
 pub const LONGEST: u32 = 1 << 15;
 
-/// Largest radix: what an invocation transforms in registers.
+/// Largest radix, which is the number of values that an invocation transforms in registers.
 pub(crate) const LARGEST_RADIX: u32 = 16;
 
-/// Of shared memory, the slot after so many stays free: invocations that write a radix apart meet different banks.
+/// One slot of shared memory stays free after this number of slots. Invocations that write a radix apart then use
+/// different banks.
 pub(crate) const FREE_SLOT: u32 = 16;
 
 /// Invocations of a workgroup of `fft_chirp.comp`, along memory and across it.
 pub const CHIRP_WORKGROUP: [u32; 2] = [16, 4];
-/// Its mode: work = data chirp, and zeros.
+/// The mode of `fft_chirp.comp` that computes work = data chirp, padded with zeros.
 pub const CHIRP_BEGIN: u32 = 0;
-/// Its mode: work = work filter.
+/// The mode of `fft_chirp.comp` that computes work = work filter.
 pub const CHIRP_FILTER: u32 = 1;
-/// Its mode: data = work chirp.
+/// The mode of `fft_chirp.comp` that computes data = work chirp.
 pub const CHIRP_END: u32 = 2;
 
-/// Stages that `fft_shared.comp` has.
+/// Maximum number of stages of `fft_shared.comp`.
 const STAGES: usize = 5;
 
-/// Values that an invocation transforms at once: `a b` of them, as transforms of `b` after transforms of `a`.
-/// Each is 1, 2, 4, 8 or an odd prime up to 13.
+/// The number of values that an invocation transforms at once, `a b`, as transforms of `b` after transforms of `a`.
+/// Each factor is 1, 2, 4, 8 or an odd prime up to 13.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Radix {
-    /// First.
+    /// First of the two factors.
     pub a: u32,
-    /// Second; 1 if the radix has a butterfly of its own.
+    /// Second factor, which is 1 if the radix has its own butterfly.
     pub b: u32,
 }
 
 impl Radix {
-    /// The butterflies that make up `size`.
+    /// Returns the butterflies that make up `size`, or `None` if there are none.
     pub fn new(size: u32) -> Option<Self> {
         let (a, b) = match size {
             2 | 3 | 4 | 5 | 7 | 8 | 11 | 13 => (size, 1),
@@ -70,66 +73,68 @@ impl Radix {
         Some(Self { a, b })
     }
 
-    /// `a b`.
+    /// Returns the number of values, `a b`.
     pub fn size(self) -> u32 {
         self.a * self.b
     }
 
-    /// Tables hold `w` and this power of it; the other powers are products.
+    /// Returns the power of `w` that tables hold in addition to `w`. The other powers are products of the two.
     pub(crate) fn table_power(self) -> u32 {
         if self.size() <= 4 { 2 } else { 4 }
     }
 }
 
-/// Rows, or columns two by two, through shared memory.
+/// A plan for rows, or for pairs of columns, through shared memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shared {
     /// Radices, first to last.
     pub radices: Vec<Radix>,
-    /// Butterflies (or pairs of them) that an invocation takes, per stage.
+    /// Butterflies (or pairs of them) per invocation, for each stage.
     pub counts: Vec<u32>,
-    /// Whether invocations work on neighbouring butterflies of a row two by two, 16 bytes at a time. Of columns they always
-    /// do: on two columns.
+    /// True if invocations compute neighboring butterflies of a row in pairs, 16 bytes at a time. For columns it is
+    /// always true, and a pair then belongs to two columns.
     pub pair: bool,
-    /// Invocations per row, or pair of columns.
+    /// Invocations per row, or per pair of columns.
     pub threads: u32,
     /// Rows, or pairs of columns, per workgroup.
     pub lines: u32,
-    /// Slots of one, of 16 bytes (pairs) or 8; one in `FREE_SLOT` + 1 stays free.
+    /// Slots per line, of 16 bytes (pairs) or 8 bytes. One slot in `FREE_SLOT` + 1 stays free.
     pub slots: u32,
 }
 
-/// Rows of several sub-frames in one workgroup (`compare_rows.comp`).
+/// A plan for rows of several sub-frames in one workgroup (`compare_rows.comp`).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Together {
-    /// How, with as many rows as are transformed at once.
+    /// The plan of the rows. Its `lines` is the number of rows that are transformed at once.
     pub shared: Shared,
-    /// Rows that shared memory holds.
+    /// Number of rows that fit in shared memory.
     pub kept: u32,
-    /// Whether those are all there are.
+    /// True if these are all rows.
     pub whole: bool,
 }
 
-/// Invocations of a workgroup of rows of several sub-frames at most.
+/// Maximum number of invocations of a workgroup for rows of several sub-frames.
 const TOGETHER: u32 = 512;
 
-/// Pairs of values that an invocation of them holds at once at most, and in all stages together, with several butterflies in
-/// one stage at most: more took more than 128 registers of RADV's.
+/// Maximum number of value pairs that one invocation of such a workgroup holds at once. The second limit is for all
+/// stages together. At most one stage may have several butterflies. Larger limits took more than 128 registers of RADV.
 const HELD: u32 = 16;
 const HELD_IN_ALL: u32 = 40;
 
-/// Butterflies (or pairs of them) that each of so many invocations takes of a line of `units` slots, per stage.
+/// Returns, per stage, the butterflies (or pairs of them) of each invocation, if `threads` invocations share a line of
+/// `units` slots.
 fn counts(units: u32, radices: &[u32], threads: u32) -> Vec<u32> {
     radices.iter().map(|r| (units / r).div_ceil(threads)).collect()
 }
 
-/// Most that an invocation holds in a stage.
+/// Returns the largest number of values that an invocation holds in a stage.
 fn held(counts: &[u32], radices: &[u32]) -> u32 {
     counts.iter().zip(radices).map(|(c, r)| c * r).max().unwrap_or(0)
 }
 
-/// As many invocations as some stage has butterflies and that `allowed` allows by what one then takes; of these, what leaves
-/// fewest idle. Eight run in step or more.
+/// Returns a number of invocations per line. Candidates are the numbers of butterflies of the stages, as far as
+/// `allowed` accepts the work of one invocation. The candidate with the fewest idle invocations wins. At least eight
+/// invocations run in step.
 fn threads(units: u32, radices: &[u32], most: u32, allowed: impl Fn(&[u32]) -> bool) -> Option<u32> {
     let work = |threads: u32| -> u32 {
         let counts = counts(units, radices, threads);
@@ -140,7 +145,8 @@ fn threads(units: u32, radices: &[u32], most: u32, allowed: impl Fn(&[u32]) -> b
 }
 
 impl Shared {
-    /// The same rows of `n` values with more invocations each, where one would hold more than that.
+    /// Returns a plan of the same rows of `n` values with more invocations per row, if one would hold more than the
+    /// limits.
     fn spread(&self, n: u32, limits: &PlanLimits) -> Self {
         let units = if self.pair { n / 2 } else { n };
         let radices: Vec<u32> = self.radices.iter().map(|radix| radix.size()).collect();
@@ -156,17 +162,17 @@ impl Shared {
         }
     }
 
-    /// The same row of `frames` sub-frames, with a sum over them for each of its `n` pixels: of all at once if shared memory
-    /// holds them, else of as many as it does.
+    /// Returns a plan for the same row of `frames` sub-frames, with a sum over the sub-frames for each of the `n`
+    /// pixels. The sum is over all sub-frames at once if shared memory holds them, otherwise over as many as fit.
     pub fn together(&self, n: u32, frames: u32, limits: &PlanLimits) -> Option<Together> {
         let room = limits.shared_bytes.min(TILE_BYTES);
         let row = self.spread(n, limits);
         let area = row.slots * if row.pair { 16 } else { 8 };
         let most = (TOGETHER.min(limits.invocations) / row.threads).clamp(1, frames.max(1));
-        // Sums, shares of the loss, and the array that is not used.
+        // Sums, shares of the loss, and the unused array.
         let beside = |lines: u32| 4 * (n + lines * row.threads) + 16;
         let fits = |kept: u32, lines: u32| kept.saturating_mul(area).saturating_add(beside(lines)) <= room;
-        // Equal rounds, so that few invocations wait in the last.
+        // The rounds are equal, so that few invocations wait in the last one.
         let even = |lines: u32| frames.max(1).div_ceil(frames.max(1).div_ceil(lines));
         let kept = |lines: u32| lines * frames.max(1).div_ceil(lines);
         let lines = even(most);
@@ -177,58 +183,58 @@ impl Shared {
         Some(Together { shared: Self { lines, ..row.clone() }, kept: lines, whole: false })
     }
 
-    /// Bytes per workgroup.
+    /// Returns the bytes of shared memory per workgroup.
     pub fn bytes(&self) -> u32 {
-        // The array that is not used has one slot.
+        // The unused array has one slot.
         self.lines * self.slots * if self.pair { 16 } else { 8 } + if self.pair { 8 } else { 16 }
     }
 }
 
-/// How a length is transformed.
+/// The method that transforms a length.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Method {
-    /// A length of 1.
+    /// No transform, for a length of 1.
     Nothing,
     /// Whole lines through shared memory.
     Shared(Shared),
     /// One pass through global memory per radix.
     Passes {
-        /// First to last.
+        /// Radices of the passes, first to last.
         radices: Vec<Radix>,
-        /// Whether neighbouring butterflies of a row can be worked on two by two. (Of columns, whose neighbours are
-        /// other columns, they can where the width is even.)
+        /// True if neighboring butterflies of a row can be computed in pairs. For columns, whose neighbors are other
+        /// columns, an even width suffices.
         pair: bool,
     },
-    /// A convolution with a chirp.
+    /// A convolution with a chirp (Bluestein).
     Bluestein {
-        /// How its length is transformed.
+        /// The plan for the length of the convolution.
         inner: Box<Plan>,
     },
 }
 
-/// A length and its method.
+/// A length and the method of its transform.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Plan {
-    /// Points.
+    /// Number of points per line.
     pub n: u32,
-    /// How.
+    /// Method of the transform.
     pub method: Method,
 }
 
-/// Along memory, or across it.
+/// The direction of the lines in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Axis {
-    /// Elements are neighbours in memory.
+    /// Elements of a line are neighbors in memory.
     Rows,
-    /// Elements are a row apart; neighbouring invocations take neighbouring columns.
+    /// Elements of a line are one row apart. Neighboring invocations take neighboring columns.
     Columns,
-    /// The same of frames of even width, through shared memory where a pair of columns fits. For GPUs: on a device in
-    /// software, whose shared memory is memory like any other, this takes five times as long as the passes.
+    /// Columns of frames of even width, through shared memory if a pair of columns fits. This is for GPUs. The shared
+    /// memory of a software device is ordinary memory, and there this takes five times as long as the passes.
     ColumnPairs,
 }
 
 impl Plan {
-    /// Plans lines of `n` points; none of 0 points, or of more than [`LONGEST`].
+    /// Plans lines of `n` points. Returns `None` for 0 points, and for more than [`LONGEST`].
     pub fn new(n: u32, axis: Axis, limits: &PlanLimits) -> Option<Self> {
         if n == 0 || n > LONGEST {
             return None;
@@ -236,7 +242,7 @@ impl Plan {
         Some(Self::with_convolution(n, axis, limits))
     }
 
-    /// Also of the lengths of convolutions, twice as long.
+    /// Plans lengths of convolutions too, which are twice as long.
     fn with_convolution(n: u32, axis: Axis, limits: &PlanLimits) -> Self {
         let method = if n == 1 {
             Method::Nothing
@@ -257,7 +263,7 @@ impl Plan {
         Self { n, method }
     }
 
-    /// Radices of the method, first to last; of a convolution, those of its length.
+    /// Returns the radices of the method, first to last. For a convolution they are the radices of its length.
     pub fn radices(&self) -> &[Radix] {
         match &self.method {
             Method::Nothing => &[],
@@ -267,8 +273,9 @@ impl Plan {
         }
     }
 
-    /// For each radix `R` but the first, with `s` the product of those before: for all `j < s` the powers 1 and
-    /// `Radix::table_power` of `exp(-i 2 pi j / (s R))`. Where each radix's part starts comes second.
+    /// Returns the table of twiddle factors, and the start of each radix's part in it. For each radix `R` but the
+    /// first, with `s` the product of the radices before, the table has the powers 1 and `Radix::table_power` of
+    /// `exp(-i 2 pi j / (s R))`, for all `j < s`.
     pub fn twiddles(&self) -> (Vec<[f32; 4]>, Vec<u32>) {
         let (mut table, mut starts, mut s) = (Vec::new(), Vec::new(), 1);
         for radix in self.radices() {
@@ -285,12 +292,12 @@ impl Plan {
         (table, starts)
     }
 
-    /// Of a convolution: the chirp `exp(-i pi k^2 / n)`, `k < n`, and the transform of its inverse over the inner
-    /// length, divided by that length.
+    /// Returns the chirp and the filter of a convolution, or `None` for other methods. The chirp is `exp(-i pi k^2 /
+    /// n)`, `k < n`. The filter is the transform of its inverse over the inner length, divided by that length.
     pub fn chirp(&self) -> Option<[Vec<[f32; 2]>; 2]> {
         let Method::Bluestein { inner } = &self.method else { return None };
         let (n, m) = (self.n as usize, inner.n as usize);
-        // k^2 modulo 2 n, as exact as integers are.
+        // Integer arithmetic keeps k^2 modulo 2 n exact.
         let chirp: Vec<Complex64> =
             (0..n as u64).map(|k| Complex64::cis(-PI * (k * k % (2 * n as u64)) as f64 / n as f64)).collect();
         let mut filter = vec![Complex64::default(); m];
@@ -304,13 +311,14 @@ impl Plan {
     }
 }
 
-/// `exp(-i 2 pi k / n)`.
+/// Returns `exp(-i 2 pi k / n)`.
 fn root(k: u32, n: u32) -> [f32; 2] {
     let (sin, cos) = (TAU * f64::from(k) / f64::from(n)).sin_cos();
     [cos as f32, -sin as f32]
 }
 
-/// The length from `2 n - 1` to a quarter more, or the next power of two, that has fewest radices, then least work.
+/// Returns the length of the convolution. Candidates are smooth lengths from `2 n - 1` to a quarter more, and the next
+/// power of two. The one with the fewest radices wins, then the one with the least work.
 fn convolution(n: u32) -> u32 {
     let least = 2 * n - 1;
     let smooth = |m: &u32| {
@@ -332,15 +340,16 @@ fn convolution(n: u32) -> u32 {
         .map_or(least.next_power_of_two(), |best| best.3)
 }
 
-/// Whether all stages have an even number of butterflies, and the first radix is even.
+/// Returns true if all stages have an even number of butterflies, and the first radix is even.
 fn pairs(n: u32, radices: &[u32]) -> bool {
     radices[0].is_multiple_of(2) && radices.iter().all(|r| (n / r).is_multiple_of(2))
 }
 
-/// Fewest radices whose product is `n`, then such as go in pairs, then those of least sum; even ones first.
+/// Returns the fewest radices whose product is `n`. Radices that allow pairs come before others, then the least sum
+/// decides. Even radices come first in the result.
 fn split(n: u32) -> Option<Vec<u32>> {
     let radices: Vec<u32> = (2..=LARGEST_RADIX.min(n)).rev().filter(|r| n.is_multiple_of(*r)).collect();
-    // 2^32 is 16^8, and primes up to 13 come two by two below 16^2.
+    // 2^32 is 16^8, and primes up to 13 fit two by two below 16^2.
     (1..=16).find_map(|count| {
         let mut best = None;
         search(n, n, count, &radices, &mut Vec::new(), &mut best);
@@ -348,7 +357,7 @@ fn split(n: u32) -> Option<Vec<u32>> {
     })
 }
 
-/// All products of `count` falling radices that are `rest`.
+/// Tries all products of `count` falling radices that equal `rest`.
 fn search(
     n: u32,
     rest: u32,
@@ -369,7 +378,7 @@ fn search(
         return;
     }
     for (i, r) in radices.iter().enumerate().filter(|(_, r)| rest.is_multiple_of(**r)) {
-        // What is left must be reachable with radices no greater than this one.
+        // The rest must be reachable with radices no larger than this one.
         if u64::from(*r).checked_pow(count).is_some_and(|most| most < u64::from(rest)) {
             break;
         }
@@ -379,13 +388,14 @@ fn search(
     }
 }
 
-/// Invocations of a workgroup that is neither too small to fill a device nor too large to have neighbours.
+/// Invocations of a workgroup that is large enough to fill a device, and small enough to leave room for others next to
+/// it.
 const CROWD: u32 = 64;
 
-/// Pairs of columns of a workgroup at most: 128 bytes of each row.
+/// Maximum number of pairs of columns per workgroup, which is 128 bytes of each row.
 const TILE: u32 = 8;
 
-/// Shared memory of a workgroup of columns: two of them fit a multiprocessor of any GPU.
+/// Shared memory of a workgroup of columns. Two such workgroups fit a multiprocessor of any GPU.
 const TILE_BYTES: u32 = 48 << 10;
 
 fn shared(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
@@ -395,15 +405,15 @@ fn shared(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
     lines(units, unit_bytes, radices, limits, most).map(|shared| Shared { pair, ..shared })
 }
 
-/// Columns two by two: as many pairs as fit, for the wider a tile, the longer what is read of a row.
+/// Plans pairs of columns, as many as fit. A wider tile reads longer pieces of a row.
 fn tile(n: u32, radices: &[u32], limits: &PlanLimits) -> Option<Shared> {
     let limits = PlanLimits { shared_bytes: limits.shared_bytes.min(TILE_BYTES), ..*limits };
     let shared = lines(n, 16, radices, &limits, |_| TILE)?;
-    // A power of two, so that what is read of a row is aligned.
+    // A power of two keeps the pieces of a row aligned.
     Some(Shared { lines: 1 << shared.lines.ilog2(), ..shared })
 }
 
-/// Lines of `units` slots each, at most so many as `most` says for the invocations of one.
+/// Plans lines of `units` slots each. `most` returns the maximum number of lines for the invocations of one line.
 fn lines(
     units: u32,
     unit_bytes: u32,

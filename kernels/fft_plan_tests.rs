@@ -1,4 +1,4 @@
-//! Plans within their limits, and the arithmetic of the shaders' passes on them, index by index, without a device.
+//! Checks that plans stay within their limits, and that their passes compute the transform, without a device.
 
 use super::*;
 use rustfft::num_complex::Complex32;
@@ -41,7 +41,7 @@ impl Plan {
     }
 }
 
-/// Largest prime factor.
+/// Returns the largest prime factor.
 fn prime(mut n: u32) -> u32 {
     let mut largest = 1;
     for p in 2.. {
@@ -72,7 +72,7 @@ fn plans_make_up_their_length_within_the_limits() {
     assert_eq!(Plan::new(LONGEST + 1, Axis::Rows, &LARGE), None);
 }
 
-/// Fewest factors up to 16, by trying all.
+/// Returns the fewest factors up to 16, found by trying all.
 fn fewest(n: u32) -> Option<u32> {
     if n == 1 {
         return Some(0);
@@ -116,7 +116,7 @@ fn dft(x: &[Complex64], sign: f64) -> Vec<Complex64> {
     (0..n).map(|k| (0..n).map(|j| x[j] * Complex64::cis(sign * TAU * (j * k % n) as f64 / n as f64)).sum()).collect()
 }
 
-/// The passes of the shaders, one butterfly after the other.
+/// Runs the passes of the shaders, one butterfly after the other.
 fn emulate(plan: &Plan, x: &mut Vec<Complex32>) {
     if let (Method::Bluestein { inner }, Some([chirp, filter])) = (&plan.method, plan.chirp()) {
         let value = |z: &[f32; 2]| Complex32::new(z[0], z[1]);
@@ -139,7 +139,7 @@ fn emulate(plan: &Plan, x: &mut Vec<Complex32>) {
         let mut to = vec![Complex32::new(f32::NAN, 0.0); n];
         for j in 0..n / r {
             let (block, rest) = (j / s, j % s);
-            // As the shader divides.
+            // This is the division of the shader.
             assert_eq!(((j as f32 + 0.5) * (1.0 / s as f32)) as usize, block, "{j} / {s}");
             let mut v: Vec<Complex32> = (0..r).map(|k| x[j + k * n / r]).collect();
             if s > 1 {
@@ -177,7 +177,7 @@ fn the_passes_are_the_transform() {
     }
 }
 
-/// In the last pass every invocation writes what it read, so that it may run in place.
+/// In the last pass every invocation writes the elements that it read, so the pass can run in place.
 #[test]
 fn last_passes_stay_in_place() {
     for n in [12, 96, 1080, 4160] {
@@ -192,7 +192,7 @@ fn last_passes_stay_in_place() {
     }
 }
 
-/// What of a row an invocation holds of several sub-frames leaves it registers for the rest, whatever the length.
+/// For any length, the rows of several sub-frames leave an invocation enough registers for its other values.
 #[test]
 fn rows_of_several_sub_frames_hold_little_each() {
     for n in (64..2200).step_by(2).filter(|n| prime(*n) <= 5) {

@@ -1,27 +1,27 @@
-//! Complex fields stored as two halves (IEEE 754 binary16), the arithmetic staying in float32: the twin of `half.glsl`.
+//! Stores complex fields as two halves (IEEE 754 binary16), with arithmetic in float32. CPU twin of `half.glsl`.
 //!
-//! A half has 11 bits and reaches from 6e-8 to 65504. Rounding is to the nearest, ties to even, on every device: Vulkan
-//! leaves the rounding of `packHalf2x16` to the device, so shaders round in integers where it does not promise that. What
-//! is too large becomes infinite, and what is no number stays none: `check_finite` finds both. The twin keeps float32 values and rounds them to what
-//! a half would hold, where a shader would store one.
+//! A half has 11 bits and reaches from 6e-8 to 65504. All devices round to the nearest, ties to even. Vulkan leaves the
+//! rounding of `packHalf2x16` to the device, so shaders round in integers if the device does not guarantee this. Values
+//! that are too large become infinite, and NaN stays NaN. `check_finite` finds both. The twin keeps float32 values and
+//! rounds them to halves at the points where a shader would store one.
 
 use crate::{Complex32, simd};
 
-/// The largest half.
+/// The largest finite half.
 pub const LARGEST: f32 = 65504.0;
 
-/// The half nearest to `x`.
+/// Returns the half nearest to `x`.
 #[inline(always)]
 pub fn rounded(x: f32) -> f32 {
     let bits = x.to_bits();
     let (sign, size) = (bits & 0x8000_0000, bits & 0x7fff_ffff);
-    // Eleven bits, ties to even; a carry goes on into the exponent.
+    // Eleven bits, ties to even. A carry continues into the exponent.
     let normal = f32::from_bits((size + 0xfff + ((size >> 13) & 1)) & !0x1fff);
     // Below 2^-14 halves are 2^-24 apart, as float32 is next to 1/2.
     let small = (f32::from_bits(size) + 0.5) - 0.5;
     let large = if size > 0x7f80_0000 { f32::NAN } else { f32::INFINITY };
     let value = if size < 0x3880_0000 { small } else { normal };
-    // 65520 is half-way to what a half cannot hold.
+    // 65520 is half-way between the largest half and the next value, which a half cannot hold.
     let value = if size >= 0x477f_f000 { large } else { value };
     f32::from_bits(value.to_bits() | sign)
 }
@@ -38,12 +38,12 @@ pub fn round(values: &mut [Complex32]) {
     );
 }
 
-/// The bits of the half nearest to `x`.
+/// Returns the bits of the half nearest to `x`.
 fn bits(x: f32) -> u16 {
     let value = rounded(x).to_bits();
     let (sign, size) = ((value >> 16) as u16 & 0x8000, value & 0x7fff_ffff);
     sign | match size {
-        // Below 2^-14: whole multiples of 2^-24.
+        // Below 2^-14 halves are whole multiples of 2^-24.
         0..0x3880_0000 => (f32::from_bits(size) * 16_777_216.0) as u16,
         0x3880_0000..0x7f80_0000 => ((size - 0x3800_0000) >> 13) as u16,
         0x7f80_0000 => 0x7c00,
@@ -51,7 +51,7 @@ fn bits(x: f32) -> u16 {
     }
 }
 
-/// The value of a half, exactly.
+/// Returns the exact value of a half.
 pub fn value(bits: u16) -> f32 {
     let (sign, size) = (u32::from(bits & 0x8000) << 16, u32::from(bits & 0x7fff));
     let size = match size {
@@ -62,7 +62,7 @@ pub fn value(bits: u16) -> f32 {
     f32::from_bits(sign | size)
 }
 
-/// The same of drives, what is asked of them, and velocities: what is beyond the range is the largest half.
+/// Rounds drives, their gradients and velocities to halves. Values beyond the range become the largest half.
 pub fn round_drives(drives: &mut [f32]) {
     simd(
         #[inline(always)]
@@ -70,12 +70,12 @@ pub fn round_drives(drives: &mut [f32]) {
     );
 }
 
-/// The bits of the nearest halves.
+/// Returns the bits of the nearest halves.
 pub fn pack(values: &[f32]) -> Vec<u16> {
     values.iter().map(|v| bits(*v)).collect()
 }
 
-/// Halves as float32, exactly.
+/// Returns halves as exact float32.
 pub fn unpack(halves: &[u16]) -> Vec<f32> {
     halves.iter().map(|b| value(*b)).collect()
 }
@@ -85,7 +85,8 @@ mod tests {
     use super::*;
     use half::f16;
 
-    /// Every half, what lies just beside it and half-way to the next: the same as a conversion that others wrote.
+    /// Tests every half, its closest neighbors, and the point half-way to the next half, against an independent
+    /// conversion.
     #[test]
     fn rounds_as_conversions_do() {
         let same = |x: f32| {
@@ -114,8 +115,8 @@ mod tests {
         assert!(rounded(f32::NAN).is_nan() && rounded(f32::from_bits(0x7fff_ffff)).is_nan());
     }
 
-    /// Drives over a turn: (36 % 2^-16 + 32 % 2^-18 + 16 % 2^-20 + ...) / 12 of error power, 62 dB below that of the light that they
-    /// turn.
+    /// Tests drives over a turn. Their error power is (36 % 2^-16 + 32 % 2^-18 + 16 % 2^-20 + ...) / 12, which is 62 dB
+    /// below the light that they turn.
     #[test]
     fn drives_keep_62_decibels() {
         let exact: Vec<f32> = (0..100_000).map(|i| i as f32 / 100_000.0 * std::f32::consts::TAU).collect();

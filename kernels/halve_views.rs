@@ -1,27 +1,27 @@
-//! A level of the views' pyramid from the finer one: values of 16 bits, by the separable weights of [`Table::area`].
+//! Computes a level of the views' pyramid from the finer one. Values have 16 bits, and the weights are [`Table::area`].
 
 use crate::resample::{self, Table};
 use bytemuck::{Pod, Zeroable};
 
-/// Both sizes, and where weights and views lie.
+/// Both sizes, and the positions of weights and views.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// The finer level's and this one's.
+    /// Sizes of the finer level and of this one.
     pub sizes: resample::Args,
     /// Values from one view to the next in the finer level, an even number.
     pub in_stride: u32,
     /// Values from one view to the next in this one, an even number.
     pub stride: u32,
-    /// Where in the tables those of the rows begin, words.
+    /// Word at which the tables of the rows begin.
     pub rows_at: u32,
-    /// Where those of the columns begin, words.
+    /// Word at which the tables of the columns begin.
     pub columns_at: u32,
 }
 
 impl Args {
-    /// From a level of one size (rows, columns) to the next, with its tables of rows and columns, which begin at the word `tables_at`.
-    /// Of one view: strides are 0.
+    /// Returns the arguments and the tables of rows and columns, from a level of one size (rows, columns) to the next.
+    /// The tables begin at the word `tables_at`. The arguments are for one view, so the strides are 0.
     pub fn between(finer: (usize, usize), coarser: (usize, usize), tables_at: u32) -> (Self, [Table; 2]) {
         let (rows, columns) = (Table::area(finer.0, coarser.0), Table::area(finer.1, coarser.1));
         let sizes = resample::Args::between(finer, coarser, &rows, &columns);
@@ -31,7 +31,7 @@ impl Args {
     }
 }
 
-/// Tables of both axes as the shader has them: for each axis `first`, then the bits of `weights`.
+/// Packs the tables of both axes for the shader. Each axis has `first`, then the bits of `weights`.
 pub fn packed(rows: &Table, columns: &Table) -> Vec<u32> {
     let words = |table: &Table| {
         let weights: Vec<u32> = table.weights.iter().map(|w| w.to_bits()).collect();
@@ -40,7 +40,7 @@ pub fn packed(rows: &Table, columns: &Table) -> Vec<u32> {
     [words(rows), words(columns)].concat()
 }
 
-/// `finer` (in_height, in_width) to `values` (height, width): of one view.
+/// Writes `values` (height, width) of one view from `finer` (in_height, in_width).
 pub fn halve_views(args: &Args, finer: &[u16], rows: &Table, columns: &Table, values: &mut [u16]) {
     let resample::Args { in_height, in_width, height, width, .. } = args.sizes;
     let from: Vec<f32> = finer.iter().take((in_height * in_width) as usize).map(|v| f32::from(*v)).collect();
@@ -53,7 +53,7 @@ pub fn halve_views(args: &Args, finer: &[u16], rows: &Table, columns: &Table, va
 mod tests {
     use super::*;
 
-    /// Against the weights in float64, for sizes that halve and sizes that do not.
+    /// Compared with the weights in float64, for sizes that halve and sizes that do not.
     #[test]
     fn is_the_mean_around_each_sample() {
         for [in_height, in_width] in [[8, 6], [7, 9], [5, 8]] {

@@ -1,23 +1,24 @@
-//! The intensity that the eye averages over sub-frames: `image += gain * sum_f |window_f|^2`. One pupil.
+//! Sums the intensity that the eye averages over sub-frames, `image += gain * sum_f |window_f|^2`. One pupil.
 
 use crate::{Complex32, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// How many values, and their scale.
+/// The number of values, and their scale.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
     /// Pixels of the window.
     pub count: u32,
-    /// Sub-frames in `window`.
+    /// Number of sub-frames in `window`.
     pub frames: u32,
-    /// `1 / (F share)`: the mean over all F sub-frames, divided by the pupil's share of the eyebox (OPTICS 2).
+    /// The factor `1 / (F share)`. It gives the mean over all F sub-frames, divided by the pupil's share of the eyebox
+    /// (OPTICS 2).
     pub gain: f32,
-    /// 0: overwrite `image`; 1: add to it (sub-frames that come in groups).
+    /// If 0, `image` is overwritten. If 1, the sum is added to it, for sub-frames that arrive in groups.
     pub accumulate: u32,
 }
 
-/// `window` (frames, count), `image` (count).
+/// Sums `window` (frames, count) into `image` (count).
 pub fn intensity(args: &Args, window: &[Complex32], image: &mut [f32]) {
     let (gain, frames) = (args.gain, args.frames as usize);
     if args.accumulate == 0 {

@@ -1,11 +1,12 @@
-//! First-order lag over the sub-frames of a set that repeats, `m_t = (1 - h) w_t + h m_(t-1)`, or transposed (OPTICS 10).
+//! Applies the first-order lag over the sub-frames of a repeating set (OPTICS 10), `m_t = (1 - h) w_t + h m_(t-1)`.
 
 use crate::{drive::Args, simd};
 
-/// Pixels that are settled side by side.
+/// Neighboring pixels whose states are computed together.
 const LANES: usize = 64;
 
-/// `frames`: the same part of each sub-frame. `back`: transposed, from the last to the first.
+/// Applies the lag to `frames`, the same part of each sub-frame. If `back` is true, it applies the transpose, from the
+/// last sub-frame to the first.
 pub fn lag(args: &Args, back: bool, frames: &mut [&mut [f32]]) {
     let count = frames.len();
     let (h, settled) = (args.lag, args.settled(count));

@@ -1,12 +1,13 @@
-//! A view of Fourier disparity layers (OPTICS 14): the sum of their spectra, each with the ramp of phase that moves it. It stands
-//! here because a build for debugging leaves this crate fast.
+//! Computes a view of Fourier disparity layers (OPTICS 14). A view is the sum of the spectra of the layers, each times
+//! the phase ramp that moves the layer. The code is in this crate because a debug build still optimizes it.
 
 use crate::{Complex32, ZERO, simd};
 use std::f64::consts::TAU;
 
-/// The sum of `layers` (layer, `height`, width / 2 + 1: the columns of frequencies from 0 up), each moved up and left by its share
-/// `moves` (y, x) of the grid: of `spectrum` (height, width) those columns are written, doubled but for column 0 and divided by the
-/// grid's points, so that the real part of the unnormalised inverse transform is the view.
+/// Sums `layers` (layer, `height`, width / 2 + 1), whose columns are the frequencies from 0 up, into `spectrum`
+/// (height, width). `moves` (y, x) moves each layer up and left, in shares of the grid. Only those columns of
+/// `spectrum` are written. They are doubled, except column 0, and divided by the number of points of the grid. The real
+/// part of the unnormalized inverse transform is therefore the view.
 pub fn seen(layers: &[Complex32], moves: &[[f64; 2]], height: usize, spectrum: &mut [Complex32]) {
     let width = spectrum.len() / height;
     let half = width / 2 + 1;
@@ -47,7 +48,7 @@ mod tests {
     use super::*;
     use crate::fft::{Columns, Direction, Plans};
 
-    /// Of two layers a wave on the second, moved: against its formula.
+    /// One wave on the second of two layers is moved, and compared with its formula.
     #[test]
     fn a_wave_moves() {
         let (h, w, ky, kx) = (20, 24, -3i64, 4usize);

@@ -1,14 +1,15 @@
-//! The compute kernels: GLSL source and, beside each, its CPU twin in Rust under the same name.
+//! Implements the kernels of a step as GLSL shaders, with a CPU twin of the same name for each, in Rust.
 //!
-//! A twin takes its arguments (plain data, `#[repr(C)]`), then its input buffers, then its outputs, in the order of
-//! the bindings of its shader. Twins work on one frame or one pupil pass (a pupil pass is what one pupil needs); the engines
-//! decide how many run at once. Field buffers are complex, in float32 or in halves ([`half`]); the frames axis comes first; spectra are in the
-//! order of the DFT. Twins are what the shaders are compared with, and are themselves compared with float64.
+//! A CPU twin is the implementation of a kernel on the CPU, and the reference for its shader. Tests compare each twin
+//! with float64. A twin takes its arguments (plain data, `#[repr(C)]`), then its input buffers, then its outputs, in
+//! the order of the bindings of its shader. Twins work on one frame or one pupil pass. A pupil pass is the work of one
+//! step for one pupil. The engines decide how many of them run at once. Field buffers are complex, in float32 or in
+//! halves ([`half`]). The axis of the frames comes first. Spectra are in the order of the DFT.
 //!
-//! This room imports nothing from the runtime.
-//! [`kernels!`] lists them. [`encode`] and [`pixels`], which belong to a display and not to a step, stand beside the list, and so do
-//! [`decode_views`] and [`halve_views`], which belong to what an application gives, and [`pupil_light`] and [`table_start`], which belong
-//! to what a solve begins with.
+//! This crate imports nothing from the runtime. The macro [`kernels!`] lists the kernels of a step. [`encode`] and
+//! [`pixels`] are not in the list, because they belong to a display. Neither are [`decode_views`] and [`halve_views`],
+//! which work on the views that an application gives. [`pupil_light`] and [`table_start`] run once, at the beginning of
+//! a solve.
 
 pub mod adam;
 pub mod apply_factor;
@@ -62,22 +63,22 @@ pub mod trig;
 
 pub use simd::{simd, simd_name};
 
-/// Columns or pixels of a workgroup, as all shaders but those that sum have it.
+/// Columns or pixels of a workgroup, for all shaders that do not compute sums.
 pub const WIDTH: u32 = 64;
-/// Pupils of a dispatch at most, of shaders that take several.
+/// Maximum number of pupils in one dispatch of a shader that takes several.
 pub const BATCH: usize = 16;
-/// Rows and columns of pixels that a workgroup of shaders over tiles takes,
+/// Rows, and columns, of the square of pixels that one workgroup of a shader over tiles computes.
 pub const TILE: u32 = 32;
-/// and its invocations.
+/// Invocations of a workgroup of a shader over tiles.
 pub const TILE_THREADS: u32 = 128;
-/// Invocations of a workgroup of shaders that sum.
+/// Invocations of a workgroup of a shader that computes sums.
 pub const SUM_WIDTH: u32 = 128;
 
-/// A complex number in float32, as all field buffers hold it: (re, im).
+/// A complex number in float32, stored as (re, im) in all field buffers.
 pub type Complex32 = num_complex::Complex32;
 
-/// The same in float64, for what is made once.
+/// A complex number in float64, for values that are computed once.
 pub type Complex64 = num_complex::Complex64;
 
-/// Complex zero.
+/// The complex number 0.
 pub const ZERO: Complex32 = Complex32::new(0.0, 0.0);

@@ -1,9 +1,9 @@
-//! `field = scale exp(i phases)` on the SLM, zero in the padding around it. One frame.
+//! Computes `field = scale exp(i phases)` on the SLM, and zero in the padding around it. One frame.
 
 use crate::{Complex32, ZERO, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// Where the SLM lies in the grid.
+/// Sizes of the SLM and of the grid, and the position of the SLM in the grid.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -21,8 +21,8 @@ pub struct Args {
     pub left: u32,
 }
 
-/// `scale`: 1, or a power of two that suits how the field is stored; `phases` (height, width) radians, |phase| < 10^4;
-/// `field` (grid_height, grid_width).
+/// Writes `field` (grid_height, grid_width) from `phases` (height, width) in radians, |phase| < 10^4. `scale` is 1, or
+/// a power of two that suits the storage of the field.
 pub fn modulate(args: &Args, scale: f32, phases: &[f32], field: &mut [Complex32]) {
     let (w, gw) = (args.width as usize, args.grid_width as usize);
     let (top, left) = (args.top as usize, args.left as usize);

@@ -1,28 +1,29 @@
-//! `field = scale (amplitude exp(i W) + rest) mask` on the mask's pixels, `factor` x `factor` of which cover a pixel of the SLM; zero
-//! in the padding around it: a static mask of finer pixels (OPTICS 12). One frame.
+//! Computes the field on the pixels of a static phase mask with finer pixels than the SLM (OPTICS 12). It is `field =
+//! scale (amplitude exp(i W) + rest) mask`, and zero in the padding around it. `factor` x `factor` mask pixels cover a
+//! pixel of the SLM. One frame.
 
 use crate::{Complex32, ZERO, modulate, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// The most pixels of a mask along an axis of one of the SLM's.
+/// Maximum number of mask pixels along an axis of an SLM pixel.
 pub const MOST: usize = 4;
 
-/// Of this kernel and of `phase_gradient_mask`.
+/// Arguments of this kernel and of `phase_gradient_mask`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// The SLM's own size, and where its first mask pixel lies in the grid, which is one of mask pixels.
+    /// Size of the SLM, and the position of its first mask pixel in the grid, whose points are mask pixels.
     pub place: modulate::Args,
-    /// Mask pixels of an SLM pixel along an axis.
+    /// Mask pixels per SLM pixel along an axis.
     pub factor: u32,
-    /// 1 where the light meets the mask at once, 0 where it stands further on and is met there.
+    /// 1 if the mask is at the SLM, 0 if the light reaches it later.
     pub here: u32,
-    /// How much of each of these the SLM's pixel fills, along an axis.
+    /// Share of each mask pixel that the SLM pixel fills, along an axis.
     pub cover: [f32; MOST],
 }
 
 impl Args {
-    /// Whether they are for this SLM in this grid.
+    /// Returns true if the arguments match this SLM in this grid.
     pub fn fits(&self, place: &modulate::Args) -> bool {
         let reaches = |first: u32, count: u32, all: u32| {
             u64::from(first) + u64::from(count) * u64::from(self.factor) <= u64::from(all)
@@ -34,8 +35,8 @@ impl Args {
     }
 }
 
-/// `tables`: level, amplitude, real and imaginary part of the rest, each (height, width); `wave` (height, width); `mask` (height
-/// factor, width factor); `field` (grid_height, grid_width).
+/// Writes `field` (grid_height, grid_width). `tables` holds the level, the amplitude, and the real and imaginary part
+/// of the rest, each (height, width). `wave` is (height, width), and `mask` is (height factor, width factor).
 pub fn modulate_mask(
     args: &Args,
     scale: f32,

@@ -1,10 +1,11 @@
-//! `field = scale (amplitude exp(i W) + rest)` on the SLM, zero in the padding around it: source profile and undiffracted
-//! light with the phases W of the pixels, or of one sub-pixel of each (OPTICS 10). One frame.
+//! Computes `field = scale (amplitude exp(i W) + rest)` on the SLM, and zero in the padding around it. The field
+//! includes the source profile and the zero order. W is the phase of the pixels, or of one sub-pixel of each (OPTICS
+//! 10). One frame.
 
 use crate::{Complex32, ZERO, modulate, simd, trig};
 
-/// `tables`: level, amplitude, real and imaginary part of the rest, each (height, width); `wave` (height, width); `field`
-/// (grid_height, grid_width).
+/// Writes `field` (grid_height, grid_width) from `wave` (height, width). `tables` holds the level, the amplitude, and
+/// the real and imaginary part of the rest, each (height, width).
 pub fn modulate_wave(args: &modulate::Args, scale: f32, tables: &[f32], wave: &[f32], field: &mut [Complex32]) {
     let (w, gw, pixels) = (args.width as usize, args.grid_width as usize, (args.width * args.height) as usize);
     let [amplitude, re, im] = [1, 2, 3].map(|i| &tables[i * pixels..][..pixels]);

@@ -1,15 +1,16 @@
-//! An eye that moves while the sub-frames are shown: each sub-frame's field is shifted by a phase of its own, cut by the pupil
-//! as it stands at that moment, and weighed: `window[f] *= weight_f A_f exp(2 pi i turns)`, turns linear in the bins
-//! (OPTICS 15). The way back is the adjoint. One sub-frame of one pupil.
+//! Compensates the motion of an eye during the sub-frames (OPTICS 15). The field becomes
+//! `window[f] *= weight_f A_f exp(2 pi i turns)`. The field of each sub-frame is shifted by its own phase, whose turns
+//! are linear in the bins. The pupil at that moment cuts the field, and a factor weights it. The way back is the
+//! adjoint. One sub-frame of one pupil.
 
 use crate::{Complex32, ZERO, simd, trig};
 use bytemuck::{Pod, Zeroable};
 use std::f32::consts::TAU;
 
-/// Columns whose factors are made at once.
+/// Columns whose factors are computed at once.
 const BLOCK: usize = 64;
 
-/// A pupil pass's window.
+/// The window of a pupil pass, and the range of sub-frames.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -17,36 +18,37 @@ pub struct Args {
     pub rows: u32,
     /// Columns of the window.
     pub columns: u32,
-    /// Sub-frames that the table has.
+    /// Number of sub-frames in the table.
     pub frames: u32,
-    /// Which sub-frame of the table the first of the dispatch is.
+    /// Sub-frame of the table with which the dispatch begins.
     pub first: u32,
-    /// 0: the way down; 1: its adjoint.
+    /// 0 for the forward direction, 1 for its adjoint.
     pub back: u32,
 }
 
-/// What happens to the bins of one sub-frame's window.
+/// The shift of one sub-frame, applied to the bins of its window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shift {
-    /// Turns from one row to the next, from one column to the next, and at the window's first bin.
+    /// Turns from one row to the next, from one column to the next, and at the first bin of the window.
     pub turns: [f64; 3],
-    /// Factor on the field; 0 for a sub-frame that the eye does not see.
+    /// Factor on the field. It is 0 for a sub-frame that the eye does not see.
     pub weight: f64,
 }
 
-/// The shifts of all sub-frames, and per sub-frame and row the columns that its own pupil passes: as the shader takes them.
-/// By default of no sub-frame.
+/// The table of the shader. It holds the shifts of all sub-frames and, per sub-frame and row, the columns that the
+/// pupil of that sub-frame passes. The default has no sub-frames.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
     frames: usize,
     rows: usize,
-    /// Four float32 of each sub-frame (turns per row, per column, at the first bin; weight), then spans (sub-frames, rows, 2).
+    /// Four float32 per sub-frame (turns per row, turns per column, turns at the first bin, weight), then spans
+    /// (sub-frames, rows, 2).
     words: Vec<u32>,
 }
 
 impl Table {
-    /// Becomes the table of these sub-frames, in the memory that it has; `spans` are those of all rows of the first sub-frame,
-    /// then of the second, and so on.
+    /// Replaces the contents by these sub-frames, in the memory that the table already has. `spans` gives all rows of
+    /// the first sub-frame, then of the second, and so on.
     pub fn refill(&mut self, shifts: impl Iterator<Item = Shift>, spans: impl Iterator<Item = [u32; 2]>) {
         let bits = |x: f64| (x as f32).to_bits();
         let shift = |s: Shift| {
@@ -60,17 +62,17 @@ impl Table {
         self.rows = (self.words.len() / 2 - 2 * self.frames) / self.frames.max(1);
     }
 
-    /// Becomes that of no sub-frame, and keeps its memory.
+    /// Removes all sub-frames, and keeps the memory.
     pub fn clear(&mut self) {
         self.refill(std::iter::empty(), std::iter::empty());
     }
 
-    /// Sub-frames.
+    /// Returns the number of sub-frames.
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// As the shader is given it.
+    /// Returns the table as the shader reads it.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
@@ -85,7 +87,7 @@ impl Table {
     }
 }
 
-/// `window` (rows, columns) of sub-frame `args.first`; outside that sub-frame's spans it is zero.
+/// Shifts `window` (rows, columns) of sub-frame `args.first`. It is zero outside the spans of that sub-frame.
 pub fn motion(args: &Args, table: &Table, window: &mut [Complex32]) {
     let (frame, columns) = (args.first as usize, args.columns as usize);
     let ([down, along, first, weight], spans) = (table.shift(frame), table.spans(frame));
@@ -159,7 +161,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against the formula in float64, and the way back as the adjoint: <a, M b> = <M* a, b>.
+        /// Compared with the formula in float64. The way back must be the adjoint, <a, M b> = <M* a, b>.
         #[test]
         fn is_a_shift_with_its_adjoint(rows in 1usize..9, columns in 1usize..150, seed in 0u64..1000) {
             let (table, exact) = table(rows, columns, 3, seed);
@@ -181,7 +183,7 @@ mod tests {
                     let turns = shift.turns[2] + shift.turns[0] * j as f64 + shift.turns[1] * k as f64;
                     let factor = Complex64::from_polar(if inside { shift.weight } else { 0.0 }, turns * std::f64::consts::TAU);
                     let want = Complex64::new(was.re.into(), was.im.into()) * factor;
-                    // A few hundred turns are known to 2^-18 of one where they are float32.
+                    // A phase of a few hundred turns in float32 has a precision of 2^-18 turns.
                     prop_assert!((Complex64::new(got.re.into(), got.im.into()) - want).norm() < 2e-4, "({j}, {k}): {got} {want}");
                 }
             }

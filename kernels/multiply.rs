@@ -1,10 +1,10 @@
-//! `field = scale factor field`, or with the factor's conjugate: the mask's phases, and propagation to it, bin by bin (OPTICS 12).
-//! One frame.
+//! Multiplies the field by factors, `field = scale factor field`, or by their conjugates (OPTICS 12). The factors are
+//! the phases of the mask, or the propagation to it per bin. One frame.
 
 use crate::{Complex32, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// Of the part of the grid that factors are for.
+/// The part of the grid that has factors.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
@@ -18,15 +18,15 @@ pub struct Args {
     pub grid_width: u32,
     /// First grid row that has a factor.
     pub top: u32,
-    /// First grid column that has one.
+    /// First grid column that has a factor.
     pub left: u32,
-    /// 1 for the factors' conjugates.
+    /// 1 to multiply by the conjugates of the factors.
     pub conjugate: u32,
-    /// Multiplies every value, also those that have no factor.
+    /// Factor on every value, also on those without an entry in `factors`.
     pub scale: f32,
 }
 
-/// `factors` (rows, columns); `field` (grid_height, grid_width).
+/// Multiplies `field` (grid_height, grid_width) by `factors` (rows, columns).
 pub fn multiply(args: &Args, factors: &[Complex32], field: &mut [Complex32]) {
     let (columns, width) = (args.columns as usize, args.grid_width as usize);
     let (top, left, scale) = (args.top as usize, args.left as usize, args.scale);

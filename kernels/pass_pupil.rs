@@ -1,9 +1,9 @@
-//! Cuts a pupil's window out of the spectrum and applies K: `window = scale * spectrum * transfer`. One frame.
+//! Cuts the window of a pupil out of the spectrum and applies K, `window = scale * spectrum * transfer`. One frame.
 
 use crate::{Complex32, ZERO, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// A window on the DFT grid; also the arguments of `pupil_adjoint` and `overlap`.
+/// A window on the DFT grid. `pupil_adjoint` and `overlap` have the same arguments.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
@@ -11,9 +11,9 @@ pub struct Args {
     pub grid_height: u32,
     /// Columns of the grid.
     pub grid_width: u32,
-    /// Index of the window's first row on the grid, `0 .. grid_height`; the window wraps.
+    /// Index of the window's first row on the grid, `0 .. grid_height`. The window wraps.
     pub y0: u32,
-    /// Index of its first column.
+    /// Index of the window's first column on the grid, `0 .. grid_width`.
     pub x0: u32,
     /// Rows of the window.
     pub rows: u32,
@@ -40,7 +40,7 @@ impl Args {
         }
     }
 
-    /// The same compiled for the processor's widest SIMD.
+    /// Does the same, compiled for the widest SIMD of the processor.
     #[inline(always)]
     pub(crate) fn simd_pieces(&self, spans: &[[u32; 2]], visit: impl FnMut(usize, usize, usize)) {
         simd(
@@ -50,7 +50,8 @@ impl Args {
     }
 }
 
-/// `spectrum` (grid_height, grid_width), `transfer` and `window` (rows, columns); outside the spans `window` is zero.
+/// Writes `window` from `transfer`, both (rows, columns), and `spectrum` (grid_height, grid_width). Outside the spans
+/// `window` is zero.
 pub fn pass_pupil(
     args: &Args,
     spectrum: &[Complex32],

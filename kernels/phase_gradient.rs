@@ -1,9 +1,10 @@
-//! What the change of the field asks of the phases: `tau = Im(g conj(amplitude exp(i W)))`, in place of W, of the pixels or of
-//! one sub-pixel of each (OPTICS 10). One frame.
+//! Turns the change of the field into the gradient of the phases, `tau = Im(g conj(amplitude exp(i W)))`. The gradient
+//! replaces W of the pixels or of one sub-pixel of each (OPTICS 10). One frame.
 
 use crate::{Complex32, modulate, simd, trig};
 
-/// `tables` as `modulate_wave` has them; `change` (grid_height, grid_width); `wave` (height, width).
+/// Replaces `wave` (height, width) by the gradient. `tables` has the layout of `modulate_wave`, and `change` is
+/// (grid_height, grid_width).
 pub fn phase_gradient(args: &modulate::Args, tables: &[f32], change: &[Complex32], wave: &mut [f32]) {
     let (w, gw, pixels) = (args.width as usize, args.grid_width as usize, (args.width * args.height) as usize);
     let amplitude = &tables[pixels..2 * pixels];

@@ -1,10 +1,12 @@
-//! What the change of the field behind a mask asks of the phases in front of it: `tau = Im(sum g conj(mask) conj(amplitude exp(i
-//! W)))` over the mask's pixels of a pixel of the SLM, in place of W (OPTICS 12). One frame.
+//! Turns the change of the field behind a mask into the gradient of the phases in front of it (OPTICS 12). The gradient
+//! `tau = Im(sum g conj(mask) conj(amplitude exp(i W)))` replaces W. The sum is over the mask pixels of a pixel of the
+//! SLM. One frame.
 
 use crate::modulate_mask::Args;
 use crate::{Complex32, ZERO, simd, trig};
 
-/// `tables` and `mask` as `modulate_mask` has them; `change` (grid_height, grid_width); `wave` (height, width).
+/// Replaces `wave` (height, width) by the gradient. `tables` and `mask` have the layout of `modulate_mask`, and
+/// `change` is (grid_height, grid_width).
 pub fn phase_gradient_mask(args: &Args, tables: &[f32], mask: &[Complex32], change: &[Complex32], wave: &mut [f32]) {
     let Args { place, here, cover, .. } = *args;
     let (k, w, gw) = (args.factor as usize, place.width as usize, place.grid_width as usize);

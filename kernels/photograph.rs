@@ -1,17 +1,18 @@
-//! Light-field photograph by shift-and-add (OPTICS 3): `accumulator = sum_v weight_v shift(view_v)`, bilinear and
-//! periodic, on one level of the views' pyramid. One pupil.
+//! Sums the target image of a light field by shift-and-add (OPTICS 3). The sum is
+//! `accumulator = sum_v weight_v shift(view_v)`. Shifts are bilinear and periodic, on one level of the views' pyramid.
+//! One pupil.
 //!
-//! A shift is the same for a whole view, so its four bilinear weights are two along x, applied while a row of views is
-//! added up, and two along y, applied once to the sum.
+//! A shift is the same for a whole view, so its four bilinear weights separate. Two along x apply while a row of views
+//! is added up, and two along y apply once to the sum.
 
 use crate::simd;
 use bytemuck::{Pod, Zeroable};
 use std::cell::RefCell;
 
-/// Rows that an invocation of the shader takes at once.
+/// Rows that an invocation of the shader computes at once.
 pub const STRIP: u32 = 8;
 
-/// The level, and the views' scale.
+/// The level of the pyramid, and the scale of the views.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
@@ -19,38 +20,39 @@ pub struct Args {
     pub height: u32,
     /// Columns of the level.
     pub width: u32,
-    /// How many taps.
+    /// Number of taps of the pupil.
     pub taps: u32,
-    /// Value of 65535 in the views, times the weights' norm.
+    /// Light of the value 65535 in the views, times the norm of the weights.
     pub scale: f32,
-    /// 0: overwrite the accumulator; 1: add to it (views that come in groups).
+    /// If 0, the accumulator is overwritten. If 1, the sum is added to it, for views that arrive in groups.
     pub accumulate: u32,
 }
 
-/// One view that the pupil covers. Taps with the same (`dy`, `fy`) stand together.
+/// One view that the pupil covers. Taps with the same (`dy`, `fy`) must be neighbors.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Tap {
-    /// Which view.
+    /// Index of the view.
     pub view: u32,
-    /// Its share of the pupil.
+    /// Share of the pupil that the view has.
     pub weight: f32,
-    /// Whole rows by which its content moves down, `0 .. height`.
+    /// Whole rows by which the content moves down, `0 .. height`.
     pub dy: u32,
-    /// Whole columns by which its content moves right, `0 .. width`.
+    /// Whole columns by which the content moves right, `0 .. width`.
     pub dx: u32,
-    /// Rest of the move down, `0 ..= 1`.
+    /// Fraction of a row by which it moves further down, `0 ..= 1`.
     pub fy: f32,
-    /// Rest of the move right.
+    /// Fraction of a column by which it moves further right, `0 ..= 1`.
     pub fx: f32,
 }
 
 thread_local! {
-    /// Two rows of samples, the last and the one before.
+    /// Two rows of samples, the current one and the one above.
     static ROWS: RefCell<[Vec<f32>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
 }
 
-/// `views` (views, height, width) as u16, linear light; `rows` says which rows of the level `accumulator` holds.
+/// Sums `views` (views, height, width), linear light as u16, into `accumulator`. The accumulator holds rows of the
+/// level from `first_row` on.
 pub fn photograph(args: &Args, views: &[u16], taps: &[Tap], first_row: usize, accumulator: &mut [f32]) {
     let w = args.width as usize;
     if args.accumulate == 0 {
@@ -66,7 +68,7 @@ pub fn photograph(args: &Args, views: &[u16], taps: &[Tap], first_row: usize, ac
     });
 }
 
-/// Adds the views of all taps; `above` and `here` are room for a row each.
+/// Adds the views of all taps. `above` and `here` are memory for one row each.
 fn add_views(
     args: &Args,
     views: &[u16],
@@ -95,7 +97,7 @@ fn add_views(
     }
 }
 
-/// `out = sum over the group of weight * (row moved right by dx + fx)`, for one row of the level.
+/// Computes `out = sum over the group of weight * (row moved right by dx + fx)` for one row of the level.
 #[inline(always)]
 fn blend(args: &Args, views: &[u16], group: &[Tap], row: usize, out: &mut [f32]) {
     let (h, w) = (args.height as usize, args.width as usize);
@@ -105,7 +107,8 @@ fn blend(args: &Args, views: &[u16], group: &[Tap], row: usize, out: &mut [f32])
         let weight = tap.weight * args.scale;
         let (near, far) = (weight * (1.0 - tap.fx), weight * tap.fx);
         let dx = tap.dx as usize % w;
-        // Column x reads x - dx and x - dx - 1: two runs, each without a wrap, and the column where the pair wraps.
+        // Column x reads x - dx and x - dx - 1. That is two runs without a wrap, and the column at which the pair
+        // wraps.
         out[dx] += near * f32::from(line[0]) + far * f32::from(line[w - 1]);
         let (left, right) = out.split_at_mut(dx);
         add_run(&mut right[1..], &line[1..w - dx], &line[..w - dx - 1], near, far);
@@ -128,7 +131,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Against the formula, in float64.
+        /// Compared with the formula in float64.
         #[test]
         fn is_shift_and_add(h in 1usize..9, w in 1usize..40, moves in prop::collection::vec((0u32..9, 0u32..40, 0.0f32..1.0, 0.0f32..1.0, 0.1f32..1.0), 1..5), seed in 0u32..1000) {
             let taps: Vec<Tap> = moves.iter().enumerate().map(|(i, &(dy, dx, fy, fx, weight))| Tap { view: i as u32, weight, dy: dy % h as u32, dx: dx % w as u32, fy, fx }).collect();

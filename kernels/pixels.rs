@@ -1,24 +1,24 @@
-//! A packed video frame as a display takes it: four bytes a pixel, red, green and blue in one order or the other, then 255.
+//! Unpacks a video frame into four bytes per pixel, which are red, green and blue (or reversed), then 255.
 
 use bytemuck::{Pod, Zeroable};
 
-/// Sizes and order.
+/// Sizes of the frame, and the order of the colors.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// Rows.
+    /// Rows of the frame.
     pub height: u32,
-    /// Columns.
+    /// Columns of the frame.
     pub width: u32,
-    /// Bytes from one row of the frame to the next; for the shader, a multiple of 4.
+    /// Bytes from one row of the frame to the next. The shader requires a multiple of 4.
     pub row: u32,
-    /// Bytes of a pixel of the frame: 1 (grey) or 3.
+    /// Bytes per pixel of the frame, 1 (gray) or 3.
     pub channels: u32,
-    /// Whether blue comes first.
+    /// If not 0, blue comes first.
     pub blue_first: u32,
 }
 
-/// Fills `pixels`, four bytes for each of `height * width`.
+/// Fills `pixels`, which has four bytes for each of `height * width` pixels.
 pub fn pixels(args: &Args, frame: &[u8], pixels: &mut [u8]) {
     let (width, channels) = (args.width.max(1) as usize, args.channels as usize);
     let rows = frame.chunks(args.row.max(1) as usize).take(args.height as usize);

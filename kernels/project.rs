@@ -1,34 +1,35 @@
-//! The projection's step: turns each phase by the part of the change that a phase can follow (OPTICS 6b). One frame.
+//! Moves each phase by the share of the change that a phase can follow (OPTICS 6b). One frame.
 
 use crate::{Complex32, binary_angle, modulate, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// Gain and momentum.
+/// Gain, momentum and bound of the projection.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Where the SLM lies in the grid.
+    /// Position of the SLM in the grid.
     pub place: modulate::Args,
     /// Factor on the turn.
     pub gain: f32,
-    /// Share of the last step's velocity that is kept.
+    /// Share of the velocity of the previous step that is kept.
     pub momentum: f32,
-    /// Drive that no phase goes beyond, radians: phases then stay within 0 .. `bound` and cross no wrap. 0: they wrap.
+    /// Largest drive in radians. Phases then stay within 0 .. `bound` and cross no wrap. If it is 0, phases wrap.
     pub bound: f32,
-    /// Which step: what decides how binary angles are rounded.
+    /// Number of the step, which determines the rounding of binary angles.
     pub step: u32,
 }
 
-/// A phase, turned.
+/// Returns the phase after a turn by `by` radians.
 #[inline(always)]
 fn turned(phase: f32, by: f32, bound: f32) -> f32 {
     if bound > 0.0 { trig::wrap((trig::wrapped(phase) + by).max(0.0).min(bound)) } else { trig::wrap(phase + by) }
 }
 
-/// `change` (grid): the wanted change du of the field; `shown`: the phases that made the field, where they are not
-/// `phases` themselves; `phases` and `velocity` (height, width).
+/// Moves `phases` and `velocity` (height, width) towards the change. `change` (grid) is the requested change du of the
+/// field. `shown` holds the phases that made the field, if they are not `phases` themselves.
 ///
-/// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`, wrapped or bounded.
+/// `turn = gain Im(conj(u) du)`, `velocity = momentum velocity + turn`, `phases += momentum velocity + turn`. Phases
+/// are wrapped or bounded.
 pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases: &mut [f32], velocity: &mut [f32]) {
     let Args { place, gain, momentum, bound, .. } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);
@@ -48,7 +49,8 @@ pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases:
             {
                 let change = &change[place.left as usize..place.left as usize + w];
                 let values = phases.iter_mut().zip(velocity).zip(change);
-                // Loops, for a closure given to `for_each` is compiled by itself, without these instructions.
+                // Loops instead of `for_each`, because a closure given to `for_each` is compiled separately, without
+                // these instructions.
                 match shown {
                     None => {
                         for ((phase, velocity), du) in values {
@@ -66,7 +68,7 @@ pub fn project(args: &Args, change: &[Complex32], shown: Option<&[f32]>, phases:
     );
 }
 
-/// The same of phases that are [binary angles](binary_angle), and of velocities that are halves.
+/// Does the same for phases that are [binary angles](binary_angle), with velocities that are halves.
 pub fn project_angles(args: &Args, change: &[Complex32], phases: &mut [f32], velocity: &mut [f32]) {
     let Args { place, gain, momentum, bound, step } = *args;
     let (w, gw) = (place.width as usize, place.grid_width as usize);

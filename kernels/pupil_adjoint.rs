@@ -1,9 +1,11 @@
-//! The adjoint way back: `change += scale * window * conj(transfer)`, inside the spans. One frame, one pupil.
+//! Applies the adjoint of the pupil, `change += scale * window * conj(transfer)`, inside the spans. One frame, one
+//! pupil.
 
 use crate::Complex32;
 pub use crate::pass_pupil::Args;
 
-/// `window` and `transfer` (rows, columns); `change` (grid_height, grid_width), in the order of the DFT.
+/// Adds `window` times conj(`transfer`), both (rows, columns), to `change` (grid_height, grid_width), which is in the
+/// order of the DFT.
 pub fn pupil_adjoint(
     args: &Args,
     window: &[Complex32],

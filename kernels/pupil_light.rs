@@ -1,24 +1,24 @@
-//! What a pupil sees in focus, on the SLM's pixels: the views in it, each by its share. In whole numbers, so that every engine has the
-//! same.
+//! Sums the light that a pupil sees in focus, on the SLM's pixels, from the views in it and their shares. The sums are
+//! whole numbers, so that every engine has the same result.
 
 use crate::simd;
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 
-/// What the shares of all views in a pupil add up to: full light in all of them fits 32 bits.
+/// Sum of the shares of all views in a pupil. With this value, full light in all views fits 32 bits.
 pub const WHOLE: u32 = 65_536;
 
-/// A view and its share.
+/// A view and its share of the pupil.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Share {
-    /// Which one.
+    /// Index of the view.
     pub view: u32,
-    /// Of [`WHOLE`].
+    /// Share in units of 1 / [`WHOLE`].
     pub weight: u32,
 }
 
-/// Where the SLM lies in the views.
+/// Position of the SLM in the views, and the range of shares.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -28,21 +28,21 @@ pub struct Args {
     pub width: u32,
     /// Values from one row of a view to the next.
     pub line: u32,
-    /// Where the SLM's first pixel lies in a view.
+    /// Index of the value of the SLM's first pixel in a view.
     pub first: u32,
     /// Values from one view to the next.
     pub stride: u32,
-    /// The view that those that are bound begin with.
+    /// First of the views that are bound.
     pub from: u32,
-    /// The first share that counts.
+    /// First share that counts.
     pub begin: u32,
-    /// The one behind the last.
+    /// End of the shares that count, exclusive.
     pub end: u32,
-    /// Whether light is added to what is there.
+    /// If not 0, light is added to the contents of `light`.
     pub adds: u32,
 }
 
-/// Shares of [`WHOLE`] by shares of 1: rounded, and the largest takes what that leaves.
+/// Converts shares of 1 to shares of [`WHOLE`]. They are rounded, and the largest share takes the remainder.
 pub fn shares(parts: &[(usize, f64)]) -> Vec<Share> {
     let whole = |part: f64| (part * f64::from(WHOLE)).round() as u32;
     let mut all: Vec<Share> =
@@ -54,10 +54,11 @@ pub fn shares(parts: &[(usize, f64)]) -> Vec<Share> {
     all
 }
 
-/// Rows of a view that are added before the next view: memory is read in long pieces, and their sums stay in the first cache.
+/// Rows of a view that are added before the next view. Memory is then read in long pieces, and the sums stay in the
+/// first cache.
 const ROWS: usize = 8;
 
-/// `views` to `light` (height, width).
+/// Sums `views` into `light` (height, width), each view by its share.
 pub fn pupil_light(args: &Args, views: &[u16], shares: &[Share], light: &mut [u32]) {
     let [width, line, stride] = [args.width, args.line, args.stride].map(|n| n as usize);
     light.par_chunks_mut(ROWS * width).enumerate().for_each(|(block, light)| {
@@ -85,7 +86,7 @@ pub fn pupil_light(args: &Args, views: &[u16], shares: &[Share], light: &mut [u3
 mod tests {
     use super::*;
 
-    /// Shares add up to the whole, whatever they round to, and each view is seen by its own.
+    /// Shares add up to the whole, however they round, and each view counts by its own share.
     #[test]
     fn is_the_mean_of_the_views_by_their_shares() {
         for count in [1, 3, 7, 81] {

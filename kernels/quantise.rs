@@ -1,34 +1,34 @@
-//! The levels that an SLM can show: `shown = the level nearest to the phase, round the circle`, or a share of the way to
-//! it. Used straight-through: what is shown makes the field, and the change it asks for moves the phase behind it. One
+//! Moves each phase to the nearest level that an SLM can show, or a share of the way. Distances are around the circle.
+//! The method is straight-through. The levels make the field, and the change that they cause moves the phase. One
 //! frame.
 
 use crate::{simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// How many levels there are.
+/// The number of levels, and the share of the way.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Pixels of a frame.
+    /// Number of pixels of a frame.
     pub count: u32,
-    /// Levels, 1 to [`MOST`].
+    /// Number of levels, 1 to [`MOST`].
     pub levels: u32,
-    /// Share of the way to the level, 0 to 1: a solve begins softly.
+    /// Share of the way to the level, 0 to 1. A solve begins with a small share.
     pub hardness: f32,
 }
 
-/// Most levels.
+/// Maximum number of levels.
 pub const MOST: usize = 256;
 
 impl Args {
-    /// Whether they are for frames of so many pixels, and levels that there may be.
+    /// Returns true if the arguments are for frames of `pixels` pixels, and the number of levels is valid.
     pub fn fits(&self, pixels: usize) -> bool {
         self.count as usize == pixels && (1..=MOST).contains(&(self.levels as usize))
     }
 }
 
-/// `phases` (count), radians in -pi .. pi; `levels`: at least `args.levels` phases in -pi .. pi, ascending; `shown`
-/// (count). Half-way between two levels, the lower one is taken.
+/// Writes `shown` (count) from `phases` (count), in radians from -pi to pi. `levels` holds at least `args.levels`
+/// phases from -pi to pi, in ascending order. Half-way between two levels, the lower one is taken.
 pub fn quantise(args: &Args, phases: &[f32], levels: &[f32], shown: &mut [f32]) {
     let levels = &levels[..args.levels as usize];
     let n = levels.len();
@@ -36,7 +36,7 @@ pub fn quantise(args: &Args, phases: &[f32], levels: &[f32], shown: &mut [f32]) 
         #[inline(always)]
         || {
             for (phase, shown) in phases.iter().zip(shown) {
-                // The number of levels below, by halving.
+                // Number of levels below the phase, found by bisection.
                 let (mut low, mut high) = (0, n);
                 while low < high {
                     let middle = (low + high) / 2;
@@ -46,7 +46,7 @@ pub fn quantise(args: &Args, phases: &[f32], levels: &[f32], shown: &mut [f32]) 
                         high = middle;
                     }
                 }
-                // Its neighbours, round the circle.
+                // The two neighboring levels, around the circle.
                 let below = levels[(low + n - 1) % n];
                 let above = levels[low % n];
                 let level = if distance(*phase, below) <= distance(*phase, above) { below } else { above };
@@ -73,11 +73,11 @@ mod tests {
         let phases = [-PI, -2.1, -1.3, -1.2, 0.0, 0.25, 1.3, 1.5, 3.1, -2.8, 2.9];
         let mut shown = [0.0; 11];
         quantise(&Args { count: 11, levels: 4, hardness: 1.0 }, &phases, &levels, &mut shown);
-        // -pi is 0.64 from 2.5 round the circle, and 1.14 from -2.
+        // -pi is 0.64 from 2.5 around the circle, and 1.14 from -2.
         assert_eq!(shown, [2.5, -2.0, -2.0, -0.5, 0.25, 0.25, 0.25, 2.5, 2.5, -2.0, 2.5]);
         quantise(&Args { count: 11, levels: 1, hardness: 1.0 }, &phases, &[1.0], &mut shown);
         assert_eq!(shown, [1.0; 11]);
-        // Half the way, the shorter way round.
+        // Half the way, in the shorter direction.
         let half = Args { count: 2, levels: 4, hardness: 0.5 };
         quantise(&half, &[3.1, 0.05], &[-3.1, -0.5, 0.25, 2.0], &mut shown[..2]);
         assert!((shown[0].abs() - PI).abs() < 1e-5 && (shown[1] - 0.15).abs() < 1e-6, "{shown:?}");

@@ -1,56 +1,57 @@
-//! Fourier disparity layers (OPTICS 14), solved: ridge regression at one frequency, in float64. It stands here because a build
-//! for debugging leaves this crate fast.
+//! Solves Fourier disparity layers (OPTICS 14) by ridge regression at one frequency, in float64. The code is in this
+//! crate because a debug build still optimizes it.
 
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 
-/// Views on a grid around the axis, and the layers that shall explain them.
+/// Views on a grid around the axis, and the layers that explain them.
 #[derive(Debug, Clone)]
 pub struct Regression {
-    /// Rows and columns of views.
+    /// Rows and columns of the grid of views.
     pub grid: [usize; 2],
-    /// Pixels by which content of the first layer moves from view to view,
+    /// Pixels by which the content of the first layer moves from view to view.
     pub disparity: f64,
-    /// and by how many more that of each further layer: they are even.
+    /// Additional pixels for each further layer. Layers are evenly spaced.
     pub step: f64,
-    /// Pixels by which each layer's content moves across the eyebox.
+    /// Pixels by which the content of each layer moves across the eyebox.
     pub movement: Vec<f64>,
-    /// Noise that is expected, and how much layers are quietened that views cannot tell apart.
+    /// Expected noise, which regularizes all layers.
     pub ridge: f64,
-    /// See `ridge`.
+    /// Weight that damps layers that the views cannot distinguish.
     pub smooth: f64,
 }
 
-/// What is found at a frequency.
+/// Results at one frequency, and reusable memory.
 #[derive(Debug, Clone, Default)]
 pub struct Found {
-    /// The layers.
+    /// Spectra of the layers.
     pub layers: Vec<Complex64>,
-    /// Of each view what it is beyond what the other views predict.
+    /// Difference of each view from the prediction by the other views.
     pub left_out: Vec<Complex64>,
     matrix: Vec<f64>,
     seen: Vec<Complex64>,
     solved: Vec<Complex64>,
-    /// Of each row, then of each column of views, how content of the first layer is turned there, and by how much more of each further
-    /// layer; of each view the latter.
+    /// Factors for each row, then for each column of views. The first turns the content of the first layer, and the
+    /// second is the additional turn of each further layer.
     turns: Vec<[Complex64; 2]>,
     steps: Vec<Complex64>,
-    /// Per difference of two layers' places.
+    /// One entry per distance of two layers.
     diagonals: Vec<f64>,
-    /// The inverse of the normal equations' factor, row by row.
+    /// Inverse of the factor of the normal equations, row by row.
     inverse: Vec<f64>,
 }
 
 impl Regression {
-    /// At frequency `omega` (y, x), cycles per pixel, from the views' spectra there. The views stand symmetrically, so the
-    /// normal equations are real: `(A^H A + Gamma) L = A^H V`; and as the layers are even, the entries of `A^H A`, like what
-    /// the equations' inverse is seen as by a view, follow from the differences of the layers' places alone.
+    /// Solves the layers at frequency `omega` (y, x) in cycles per pixel, from the spectra of the views there. The
+    /// views are symmetric, so the normal equations `(A^H A + Gamma) L = A^H V` are real. The layers are evenly spaced.
+    /// The entries of `A^H A`, and the inverse of the equations as a view sees it, therefore depend on the distances of
+    /// the layers only.
     pub fn solve(&self, omega: [f64; 2], views: &[Complex64], found: &mut Found) {
         let (k, [rows, columns]) = (self.movement.len(), self.grid);
         found.layers.resize(k, Complex64::ZERO);
         self.turn(omega, found);
         let Found { layers, left_out, matrix, seen, turns, steps, diagonals, inverse, .. } = found;
-        // The Gram matrix, by its diagonals.
+        // The Gram matrix, stored by its diagonals.
         diagonals.clear();
         diagonals.resize(k, 0.0);
         let mut powers = [Complex64::ONE; 2];
@@ -75,7 +76,7 @@ impl Regression {
             matrix[i * k + i] += n * (self.ridge + self.smooth * moved);
         }
         cholesky(matrix, k);
-        // A, view by view: content of disparity d stands displaced by -d views.
+        // The rows of A, one per view. Content of disparity d is displaced by -d views.
         seen.clear();
         for (first, step) in down.iter().flat_map(|a| along.iter().map(|b| a[0] * b[0])).zip(steps.iter()) {
             let mut turn = first;
@@ -89,7 +90,8 @@ impl Regression {
         left_out.clear();
         for ((row, view), step) in seen.chunks_exact(k).zip(views).zip(steps.iter()) {
             let shown: Complex64 = row.iter().zip(layers.iter()).map(|(a, l)| a * l).sum();
-            // a^H P a = the sum over lags of P's, times the turns between layers so far apart: Chebyshev's recurrence.
+            // a^H P a is the sum over lags of P's diagonal sums, times the turns between layers at that distance
+            // (Chebyshev's recurrence).
             let (mut before, mut now, mut sum) = (1.0, step.re, diagonals[0]);
             for lag in &diagonals[1..] {
                 sum += 2.0 * lag * now;
@@ -99,7 +101,7 @@ impl Regression {
         }
     }
 
-    /// How the rows, columns and views turn layers at frequency `omega`.
+    /// Computes the turns of the layers at frequency `omega` for the rows, the columns and the views.
     fn turn(&self, omega: [f64; 2], found: &mut Found) {
         let Found { turns, steps, .. } = found;
         turns.clear();
@@ -113,23 +115,23 @@ impl Regression {
     }
 }
 
-/// Pictures through one round aperture, each focused at a depth of its own, and the layers that shall explain them: a focal stack
-/// (Le Pendu, Guillemot and Smolic, IEEE Transactions on Image Processing 28, 2019).
+/// Pictures through one round aperture, each focused at another depth, and the layers that explain them. This is a
+/// focal stack (Le Pendu, Guillemot and Smolic, IEEE Transactions on Image Processing 28, 2019).
 #[derive(Debug, Clone)]
 pub struct Defocus {
-    /// Diameter of each layer's blur in each picture, pixels: picture by picture.
+    /// Pixels by which the content of each layer moves across the eyebox, as in [`Regression`].
     pub blur: Vec<f64>,
-    /// As of [`Regression`].
+    /// Expected noise, which regularizes all layers, as in [`Regression`].
     pub movement: Vec<f64>,
-    /// As of [`Regression`].
+    /// Weight that damps layers that the pictures cannot distinguish, as in [`Regression`].
     pub ridge: f64,
-    /// As of [`Regression`].
+    /// Weight that damps layers that the pictures cannot distinguish, as in [`Regression`].
     pub smooth: f64,
 }
 
 impl Defocus {
-    /// At frequency `omega` (y, x), cycles per pixel, from the pictures' spectra there: each layer is seen through the spectrum of a
-    /// disc, `2 J1(t) / t` with `t = pi |omega| blur`, which is real.
+    /// Solves the layers at frequency `omega` (y, x) in cycles per pixel, from the spectra of the pictures there. Each
+    /// picture shows each layer through the real spectrum of a disc, `2 J1(t) / t` with `t = pi |omega| blur`.
     pub fn solve(&self, omega: [f64; 2], pictures: &[Complex64], found: &mut Found) {
         let k = self.movement.len();
         let frequency = omega[0].hypot(omega[1]);
@@ -159,7 +161,8 @@ impl Defocus {
     }
 }
 
-/// The layers, as many as there are, from the factor of the normal equations and the rows of `A`.
+/// Computes the layers from the factor of the normal equations and the rows of `A`. The length of `layers` gives their
+/// number.
 fn layers_of(factor: &[f64], seen: &[Complex64], views: &[Complex64], layers: &mut [Complex64]) {
     layers.fill(Complex64::ZERO);
     for (row, view) in seen.chunks_exact(layers.len()).zip(views) {
@@ -169,9 +172,10 @@ fn layers_of(factor: &[f64], seen: &[Complex64], views: &[Complex64], layers: &m
     backward(factor, layers);
 }
 
-/// The sums along the diagonals of the inverse of `factor factor^T`, `n` x `n`, from the main one outwards.
+/// Computes the sums along the diagonals of the inverse of `factor factor^T`, `n` x `n`, from the main diagonal
+/// outwards.
 fn lag_sums(factor: &[f64], n: usize, inverse: &mut Vec<f64>, sums: &mut [f64]) {
-    // The factor's inverse, row by row, lower triangle; the inverse of all is its transpose times it.
+    // Inverse of the factor, row by row, lower triangle. The inverse of the product is its transpose times it.
     inverse.clear();
     inverse.resize(n * n, 0.0);
     for i in 0..n {
@@ -193,11 +197,11 @@ fn lag_sums(factor: &[f64], n: usize, inverse: &mut Vec<f64>, sums: &mut [f64]) 
     }
 }
 
-/// `2 J1(t) / t` of `t >= 0`, by its integral over the disc's chords where that has few nodes, and by Hankel's expansion beyond: off by less
-/// than 1e-5.
+/// Returns `2 J1(t) / t` for `t >= 0`, with an error below 1e-5. Below 16 it integrates over the chords of the disc,
+/// which takes few nodes there. Beyond, it uses Hankel's expansion.
 pub fn disc(t: f64) -> f64 {
     if t < 16.0 {
-        // The trapezoidal rule over a period is exact to rounding with so many nodes.
+        // The trapezoidal rule over a period is exact to rounding with this number of nodes.
         const NODES: usize = 24;
         let node = |i: usize| (2.0 * i as f64 - 1.0) * PI / (4.0 * NODES as f64);
         let chord = |i: usize| 2.0 * node(i).sin().powi(2) * (t * node(i).cos()).cos();
@@ -208,7 +212,7 @@ pub fn disc(t: f64) -> f64 {
     2.0 / t * (2.0 / (PI * t)).sqrt() * (even * turn.cos() - odd * turn.sin())
 }
 
-/// The lower triangle becomes its factor.
+/// Replaces the lower triangle by its Cholesky factor.
 fn cholesky(matrix: &mut [f64], n: usize) {
     for i in 0..n {
         for j in 0..=i {
@@ -249,7 +253,7 @@ mod tests {
 
     #[test]
     fn the_spectrum_of_a_disc_is_that_of_tables() {
-        // Abramowitz and Stegun, table 9.1: J1 at 1, 5, 10, 17.5; and its first zero.
+        // Abramowitz and Stegun, table 9.1, has J1 at 1, 5, 10 and 17.5, and its first zero.
         for (t, j) in [(1.0, 0.4400505857), (5.0, -0.3275791376), (10.0, 0.0434727462), (17.5, -0.1634199694)] {
             assert!((disc(t) - 2.0 * j / t).abs() < 1e-5, "{t}: {}, not {}", disc(t), 2.0 * j / t);
         }
@@ -257,7 +261,7 @@ mod tests {
         assert!((disc(15.999999) - disc(16.000001)).abs() < 1e-5);
     }
 
-    /// Pictures that layers blurred by discs make are these layers' again, where the pictures tell them apart.
+    /// Pictures of layers blurred by discs give these layers back, if the pictures distinguish them.
     #[test]
     fn layers_of_a_focal_stack_are_found() {
         let (k, focus) = (3, [-6.0, -2.0, 2.0, 6.0]);
@@ -276,7 +280,7 @@ mod tests {
         assert!(found.left_out.iter().all(|e| e.norm() < 1e-3), "{:?}", found.left_out);
     }
 
-    /// Against the equations themselves: the residual of the normal equations, and each view left out in earnest.
+    /// Checks the residual of the normal equations, and compares each left-out view with a fit that really omits it.
     #[test]
     fn layers_solve_their_equations_and_leaving_out_is_leaving_out() {
         let disparities = [-1.4, -0.45, 0.5, 1.45];
@@ -297,7 +301,7 @@ mod tests {
             let back: Complex64 = (0..6).map(|v| a(v, *d).conj() * (views[v] - shown(v, &found.layers))).sum();
             assert!((back - found.layers[k] * gamma(problem.movement[k])).norm() < 1e-12, "layer {k}");
         }
-        // Without a view: steepest descent on the other five, the same ridge.
+        // Steepest descent on the other five views, with the same ridge.
         for left in 0..6 {
             let mut layers = found.layers.clone();
             for _ in 0..20_000 {

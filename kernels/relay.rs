@@ -1,8 +1,10 @@
-//! What the pixels' aperture and the relay do to each bin: `transfer *= relay`, inside the spans (OPTICS 10).
+//! Multiplies each bin inside the spans by the response of the pixel aperture and the relay (OPTICS 10).
+//!
+//! `transfer *= relay`.
 
 use crate::{Complex32, pass_pupil::Args};
 
-/// `relay` (grid_height, grid_width), in the order of the spectrum; `transfer` (rows, columns).
+/// Multiplies `transfer` (rows, columns) by `relay` (grid_height, grid_width), which is in the order of the spectrum.
 pub fn relay(args: &Args, relay: &[Complex32], spans: &[[u32; 2]], transfer: &mut [Complex32]) {
     args.simd_pieces(
         spans,

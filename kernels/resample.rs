@@ -1,4 +1,5 @@
-//! Brings an image from a level of the pyramid to a pupil's window, by separable weights from a table. One pupil.
+//! Resamples an image from a level of the pyramid to the window of a pupil, by separable weights from a table. One
+//! pupil.
 
 use crate::simd;
 use bytemuck::{Pod, Zeroable};
@@ -22,28 +23,29 @@ pub struct Args {
 }
 
 impl Args {
-    /// From one size (rows, columns) to another, by these weights along rows and columns.
+    /// Returns the arguments from one size (rows, columns) to another, with these weights along rows and columns.
     pub fn between(from: (usize, usize), to: (usize, usize), rows: &Table, columns: &Table) -> Self {
         let [in_height, in_width, height, width] = [from.0, from.1, to.0, to.1].map(|n| n as u32);
         Self { in_height, in_width, height, width, row_taps: rows.taps as u32, column_taps: columns.taps as u32 }
     }
 }
 
-/// Weights of one axis: output sample `j` is the sum over `t` of `weights[j * taps + t] * input[(first[j] + t) mod n]`.
+/// Weights of one axis. Output sample `j` is the sum over `t` of `weights[j * taps + t] * input[(first[j] + t) mod n]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
     /// First input sample per output sample, `0 .. n`.
     pub first: Vec<u32>,
-    /// Weights, `taps` per output sample, summing to 1.
+    /// Weights, `taps` per output sample, whose sum is 1.
     pub weights: Vec<f32>,
-    /// Weights per output sample.
+    /// Number of weights per output sample.
     pub taps: usize,
 }
 
 impl Table {
-    /// Mean over the interval of one output sample, periodic: sample `j` of `n_out` lies at `j n_in / n_out`, where the
-    /// inverse transform of a window puts it, and an input sample stands for the interval of width 1 around it. Where there
-    /// are more samples out than in, between the two that are next to it.
+    /// Returns weights for the mean over the interval of one output sample, periodic. Sample `j` of `n_out` is at
+    /// `j n_in / n_out`, the place that the inverse transform of a window gives it. An input sample covers the interval
+    /// of width 1 around it. If there are more output samples than input samples, each output sample is interpolated
+    /// between its two neighbors.
     pub fn area(n_in: usize, n_out: usize) -> Self {
         let step = n_in as f64 / n_out as f64;
         if n_out > n_in {
@@ -68,7 +70,7 @@ impl Table {
     }
 }
 
-/// Sum of the samples, each by its weight, in order.
+/// Returns the sum of the samples times their weights, in order.
 #[inline(always)]
 fn weighted(samples: &[f32], weights: &[f32]) -> f32 {
     let mut sum = 0.0;
@@ -78,7 +80,7 @@ fn weighted(samples: &[f32], weights: &[f32]) -> f32 {
     sum
 }
 
-/// A line by a table of `N` weights for each sample.
+/// Resamples a line by a table of `N` weights per sample.
 #[inline(always)]
 fn along<const N: usize>(line: &[f32], table: &Table, out: &mut [f32]) {
     let weights = table.weights.as_chunks::<N>().0;
@@ -87,7 +89,8 @@ fn along<const N: usize>(line: &[f32], table: &Table, out: &mut [f32]) {
     }
 }
 
-/// `input` (in_height, in_width), `output` (height, width), `scratch` (in_width or more) is overwritten.
+/// Resamples `input` (in_height, in_width) to `output` (height, width). `scratch` is overwritten, and grows to at least
+/// in_width values.
 pub fn resample(args: &Args, input: &[f32], rows: &Table, columns: &Table, output: &mut [f32], scratch: &mut Vec<f32>) {
     let (ih, iw, w) = (args.in_height as usize, args.in_width as usize, args.width as usize);
     if args.in_height == args.height && args.in_width == args.width {
@@ -108,11 +111,11 @@ pub fn resample(args: &Args, input: &[f32], rows: &Table, columns: &Table, outpu
                         *sum += weight * v;
                     }
                 }
-                // Unrolls the period, so that no column below has to wrap.
+                // Repeats the beginning of the line after its end, so that no column below has to wrap.
                 for t in 0..columns.taps {
                     scratch[iw + t] = scratch[t % iw];
                 }
-                // What halves a level has three weights: an unrolled loop.
+                // Halving a level takes three weights, so that loop is unrolled.
                 match columns.taps {
                     2 => along::<2>(scratch, columns, out),
                     3 => along::<3>(scratch, columns, out),
@@ -145,7 +148,7 @@ mod tests {
                 prop_assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5);
                 for (t, w) in weights.iter().enumerate() { used[(table.first[j] as usize + t) % n_in] += f64::from(*w); }
             }
-            // Each input sample counts the same in all.
+            // Each input sample has the same total weight.
             for u in used { prop_assert!((u - n_out as f64 / n_in as f64).abs() < 1e-4, "{}", u); }
         }
     }
@@ -161,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_wave_keeps_its_phase() {
-        // A slow cosine stays where it was: samples lie at j n_in / n_out.
+        // A slow cosine keeps its phase, because samples are at j n_in / n_out.
         let (n_in, n_out) = (96, 40);
         let wave = |n: usize| {
             (0..n).map(|i| (std::f64::consts::TAU * 2.0 * i as f64 / n as f64).cos() as f32).collect::<Vec<_>>()

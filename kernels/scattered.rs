@@ -1,5 +1,5 @@
-//! Fourier disparity layers (OPTICS 14) of views at any positions: ridge regression at one frequency, in float64. Positions that are
-//! not symmetric make the normal equations complex.
+//! Solves Fourier disparity layers (OPTICS 14) of views at any positions. The method is ridge regression at one
+//! frequency, in float64. Positions without symmetry make the normal equations complex.
 
 use crate::regression::Found;
 use num_complex::Complex64;
@@ -10,21 +10,22 @@ use std::f64::consts::TAU;
 pub struct Scattered {
     /// Position (y, x) of each view.
     pub places: Vec<[f64; 2]>,
-    /// Pixels by which content of the first layer moves per unit of position,
+    /// Pixels by which the content of the first layer moves per unit of position.
     pub slope: f64,
-    /// and by how many more that of each further layer: they are even.
+    /// Additional pixels for each further layer. Layers are evenly spaced.
     pub step: f64,
-    /// As of [`Regression`](crate::regression::Regression).
+    /// Pixels by which the content of each layer moves across the eyebox, as in
+    /// [`Regression`](crate::regression::Regression).
     pub movement: Vec<f64>,
-    /// As of [`Regression`](crate::regression::Regression).
+    /// Expected noise, which regularizes all layers.
     pub ridge: f64,
-    /// As of [`Regression`](crate::regression::Regression).
+    /// Weight that damps layers that the views cannot distinguish.
     pub smooth: f64,
 }
 
 impl Scattered {
-    /// At frequency `omega` (y, x), cycles per pixel, from the views' spectra there: the layers, and what each view is beyond what
-    /// the others predict.
+    /// Solves the layers at frequency `omega` (y, x) in cycles per pixel, from the spectra of the views there. It also
+    /// computes the difference of each view from the prediction by the others.
     pub fn solve(&self, omega: [f64; 2], views: &[Complex64], found: &mut Found) {
         let k = self.movement.len();
         let turns: Vec<f64> = self.places.iter().map(|[y, x]| TAU * (omega[0] * y + omega[1] * x)).collect();
@@ -61,7 +62,7 @@ impl Scattered {
     }
 }
 
-/// The lower triangle of a Hermitian matrix becomes its factor.
+/// Replaces the lower triangle of a Hermitian matrix by its Cholesky factor.
 fn cholesky(matrix: &mut [Complex64], n: usize) {
     for i in 0..n {
         for j in 0..=i {
@@ -96,7 +97,7 @@ mod tests {
     use super::*;
     use crate::regression::Regression;
 
-    /// On a grid it finds the layers that the regression of a grid finds.
+    /// With positions on a grid, the result equals the regression of the grid.
     #[test]
     fn positions_of_a_grid_are_the_grid() {
         let movement: Vec<f64> = [-1.4, -0.45, 0.5].iter().map(|d| 5.0 * d).collect();

@@ -1,5 +1,5 @@
-//! Constants that shaders share with Rust: each stands once, in Rust, and reaches GLSL through `constants.glsl`, which
-//! `cargo run -p eyebox-spirv-tool -- build` writes.
+//! Lists the constants that shaders share with Rust. Each constant is defined once, in Rust. `cargo run -p
+//! eyebox-spirv-tool -- build` writes them to `constants.glsl` for the shaders.
 
 use crate::{
     BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, encode, energy, equalise_eyebox,
@@ -7,7 +7,7 @@ use crate::{
 };
 use std::fmt::Write;
 
-/// The text of `kernels/constants.glsl`.
+/// Returns the text of `kernels/constants.glsl`.
 pub fn glsl() -> String {
     let integers = [
         ("WIDTH", WIDTH),

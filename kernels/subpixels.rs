@@ -1,19 +1,21 @@
-//! The central order of a field on sub-pixels (OPTICS 10): the sub-pixels that lie at one place in their pixels are a plane of
-//! the grid's size, and the spectra of the planes, each moved by its offset, add up to the field's. One frame.
+//! Combines the central order of a field on sub-pixels (OPTICS 10). The sub-pixels at the same place in all pixels form
+//! a plane of the grid's size. The spectra of the planes, each moved by its offset, add up to the spectrum of the
+//! field. One frame.
 //!
-//! Planes go through their rows, those of a pixel's row of sub-pixels are added, and only these sums through their columns.
+//! All planes are transformed along rows. Then the planes of one row of sub-pixels are added, and only these sums are
+//! transformed along columns.
 
 use crate::{Complex32, simd};
 
-/// `a b`, or `conj(a) b`.
+/// Returns `a b`, or `conj(a) b` if `back` is true.
 #[inline(always)]
 fn times(a: &Complex32, b: &Complex32, back: bool) -> Complex32 {
     let im = if back { -a.im } else { a.im };
     Complex32::new(a.re * b.re - im * b.im, a.re * b.im + im * b.re)
 }
 
-/// Adds planes whose rows are transformed: `planes` (subpixels, height, width), of which the first becomes the sum; `factors`
-/// (subpixels, width).
+/// Adds planes whose rows are transformed. The first of `planes` (subpixels, height, width) becomes the sum. `factors`
+/// is (subpixels, width).
 pub fn add_rows(width: usize, factors: &[Complex32], planes: &mut [Complex32]) {
     let (first, others) = planes.split_at_mut(planes.len() * width / factors.len());
     let points = first.len();
@@ -33,7 +35,7 @@ pub fn add_rows(width: usize, factors: &[Complex32], planes: &mut [Complex32]) {
     );
 }
 
-/// The same transposed: the first of the planes is spread over all of them.
+/// Applies the transpose of [`add_rows`], which spreads the first plane over all planes.
 pub fn spread_rows(width: usize, factors: &[Complex32], planes: &mut [Complex32]) {
     let (first, others) = planes.split_at_mut(planes.len() * width / factors.len());
     simd(
@@ -53,8 +55,8 @@ pub fn spread_rows(width: usize, factors: &[Complex32], planes: &mut [Complex32]
     );
 }
 
-/// Adds planes whose columns are transformed: the first of each `subpixels` in `planes` (subpixels, subpixels, height, width)
-/// to `field` (height, width); `factors` (subpixels, height).
+/// Adds planes whose columns are transformed. The first of each `subpixels` planes in `planes` (subpixels, subpixels,
+/// height, width) is added to `field` (height, width). `factors` is (subpixels, height).
 pub fn add_columns(width: usize, factors: &[Complex32], planes: &[Complex32], field: &mut [Complex32]) {
     let height = field.len() / width;
     let each = field.len() * (factors.len() / height);
@@ -75,7 +77,8 @@ pub fn add_columns(width: usize, factors: &[Complex32], planes: &[Complex32], fi
     );
 }
 
-/// The same transposed: `change` (height, width) to the first of each `subpixels` in `planes`.
+/// Applies the transpose of [`add_columns`], from `change` (height, width) to the first of each `subpixels` planes in
+/// `planes`.
 pub fn spread_columns(width: usize, factors: &[Complex32], change: &[Complex32], planes: &mut [Complex32]) {
     let height = change.len() / width;
     let each = change.len() * (factors.len() / height);

@@ -1,19 +1,21 @@
-//! The table of kernels.
+//! Lists the kernels in one table, from which plans and engines follow.
 
-/// The table of kernels, in the order of a step: calls the macro `$then` with all rows. Everything that knows kernels one
-/// by one follows from it: `Kernel` and `Step` in the runtime's plan, costs, checks, barriers, hand-over, and the dispatch
-/// of both engines.
+/// The table of kernels, in the order of a step. It calls the macro `$then` with all rows. All code that handles
+/// kernels one by one follows from it. This is `Kernel` and `Step` in the runtime's plan, costs, checks, barriers,
+/// hand-over, and the dispatch of both engines.
 ///
-/// A row has: `over`, what the CPU engine runs it over; `group`, whose rate its work is priced with; `binds`, what it
-/// reads, writes or updates, in the order of the shader's bindings; `args`, its arguments where a step has one set of them;
-/// `fits`, whether they are for these buffers; `work`, about nanoseconds of one core: of a pupil pass (`u.pass`) for kernels
-/// that look at pupil passes, of a sub-frame for all others; `twin`, how the CPU engine calls the twin; `shader`, how the
-/// Vulkan engine runs the module of the kernel's name, `Once`, for `Each` pupil pass, or for each of its source's `Modes`.
+/// These are the entries of a row. `over` is the unit over which the CPU engine runs the kernel. `group` is the group
+/// whose rate prices its work. `binds` lists the buffers that it reads, writes or updates, in the order of the shader's
+/// bindings. `args` has its arguments, if a step has one set of them. `fits` checks that the arguments match these
+/// buffers. `work` is an estimate in nanoseconds of one core. It is per pupil pass for kernels that work on pupil
+/// passes (`u.pass`), and per sub-frame for all others. `twin` is the call of the twin by the CPU engine. `shader` is
+/// the way in which the Vulkan engine runs the module of the kernel's name. The engine runs it `Once`, for `Each` pupil
+/// pass, or for each of its source's `Modes`.
 #[macro_export]
 macro_rules! kernels {
     ($then:ident) => {
         $then! {
-            /// Zeroes what the pupils add to.
+            /// Zeroes the buffers to which the pupils add.
             Clear = "clear" {
                 over: Whole, group: Field,
                 binds: [Write Change, Write Hits],
@@ -21,7 +23,7 @@ macro_rules! kernels {
                 twin: |c| c.clear(),
                 shader: Once |c| c.clear(),
             }
-            /// The level nearest to each phase, where the SLM has levels.
+            /// Moves each phase to the nearest level, if the SLM has levels.
             Quantise = "quantise" {
                 over: Frames, group: Levels,
                 binds: [Read Phases, Read Levels, Write Shown],
@@ -31,7 +33,7 @@ macro_rules! kernels {
                 twin: |c| $crate::quantise::quantise(&c.step.quantise, c.phases, c.levels, c.shown),
                 shader: Once |c| c.values(c.shape.pixels(), &c.step.quantise),
             }
-            /// Phases, or what is shown of them, to the field.
+            /// Computes the field from the phases, or from the levels shown for them.
             Modulate = "modulate" {
                 over: Frames, group: Field,
                 binds: [Read Shown, Write Field],
@@ -43,7 +45,7 @@ macro_rules! kernels {
                 },
                 shader: Once |c| c.modulate(),
             }
-            /// The phases that the drives give, where the display's model has more than phases.
+            /// Computes the phases that the drives give, if the display model has more than phases.
             Drive = "drive" {
                 over: Frames, group: Field,
                 binds: [Read Shown, Read Pixels, Write Wave],
@@ -53,7 +55,7 @@ macro_rules! kernels {
                 twin: |c| c.drive(),
                 shader: Once |c| c.drive(),
             }
-            /// The lag of the liquid crystal over the sub-frames.
+            /// Applies the lag of the liquid crystal over the sub-frames.
             Lag = "lag" {
                 over: Whole, group: Field,
                 binds: [Update Wave],
@@ -61,7 +63,7 @@ macro_rules! kernels {
                 twin: |c| c.lag(false),
                 shader: Once |c| c.lag(),
             }
-            /// Crosstalk between pixels along rows, to each sub-pixel.
+            /// Applies crosstalk between pixels along rows, to each sub-pixel.
             CrosstalkRows = "crosstalk_rows" {
                 over: Frames, group: Field,
                 binds: [Read Crosstalk, Read Wave, Write Blurred],
@@ -69,7 +71,7 @@ macro_rules! kernels {
                 twin: |c| c.crosstalk(false),
                 shader: Once |c| c.crosstalk([false, false]),
             }
-            /// And along columns.
+            /// Applies crosstalk between pixels along columns.
             CrosstalkColumns = "crosstalk_columns" {
                 over: Frames, group: Field,
                 binds: [Read Crosstalk, Read Blurred, Write Wave],
@@ -77,7 +79,7 @@ macro_rules! kernels {
                 twin: |c| c.crosstalk(true),
                 shader: Once |c| c.crosstalk([true, false]),
             }
-            /// Their field, with the source's profile and undiffracted light.
+            /// Computes the field of these phases, with the source's profile and the zero order.
             ModulateWave = "modulate_wave" {
                 over: Frames, group: Field,
                 binds: [Read Wave, Read Pixels, Write Field],
@@ -85,7 +87,7 @@ macro_rules! kernels {
                 twin: |c| c.modulate_wave(),
                 shader: Once |c| c.modulate_wave(),
             }
-            /// Their field on the pixels of a static mask, and behind it where it stands at the SLM.
+            /// Computes the field on the pixels of a static mask, and behind the mask if it is at the SLM.
             ModulateMask = "modulate_mask" {
                 over: Frames, group: Field,
                 binds: [Read Wave, Read Pixels, Read Mask, Write Field],
@@ -95,7 +97,7 @@ macro_rules! kernels {
                 twin: |c| c.modulate_mask(),
                 shader: Once |c| c.modulate_mask(),
             }
-            /// From the SLM to a mask at a distance, and through it.
+            /// Propagates the field from the SLM to a mask at a distance, and through it.
             ToMask = "to_mask" {
                 over: Frames, group: Field,
                 binds: [Update Field, Read Mask, Read MaskTransfer],
@@ -103,7 +105,7 @@ macro_rules! kernels {
                 twin: |c| c.through_mask(false),
                 shader: Once |c| c.through_mask(false),
             }
-            /// The same of each sub-pixel, where a pixel has several.
+            /// Computes the field of each sub-pixel, if a pixel has several.
             ModulateSubpixels = "modulate_subpixels" {
                 over: Frames, group: Field,
                 binds: [Read Wave, Read Pixels, Write Subpixels],
@@ -111,7 +113,7 @@ macro_rules! kernels {
                 twin: |c| c.modulate_wave(),
                 shader: Once |c| c.modulate_wave(),
             }
-            /// The central order of their spectra, in the step's columns.
+            /// Computes the central order of the sub-pixels' spectra, in the step's columns.
             SubpixelsForward = "subpixels_forward" {
                 over: Frames, group: Field,
                 binds: [Update Subpixels, Read Offsets, Write Field],
@@ -119,7 +121,7 @@ macro_rules! kernels {
                 twin: |c| c.subpixels_forward(),
                 shader: Once |c| c.subpixels($crate::fft::Direction::Forward),
             }
-            /// The field's spectrum, in the step's columns.
+            /// Computes the spectrum of the field, in the step's columns.
             FieldForward = "field_forward" {
                 over: Frames, group: Field,
                 binds: [Update Field],
@@ -127,7 +129,7 @@ macro_rules! kernels {
                 twin: |c| c.fft.run(c.field, $crate::fft::Direction::Forward),
                 shader: Once |c| c.grid_transform($crate::fft::Direction::Forward),
             }
-            /// The light in each patch of the eyebox.
+            /// Sums the light in each patch of the eyebox.
             Energy = "energy" {
                 over: Whole, group: Field,
                 binds: [Read Field, Write Energy],
@@ -147,7 +149,7 @@ macro_rules! kernels {
                 },
                 shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.overlap_args()),
             }
-            /// The propagation kernel of each pupil's window.
+            /// Computes the propagation kernel of each pupil's window.
             Transfer = "transfer" {
                 over: PupilPasses, group: Window,
                 binds: [Read Spans, Write Transfer],
@@ -155,7 +157,7 @@ macro_rules! kernels {
                 twin: |c| c.each_mode(|_, p, transfer| $crate::transfer::transfer(&p.transfer, &p.spans, transfer)),
                 shader: Once |c| c.transfer(),
             }
-            /// What the pixels' aperture and the relay do to each bin.
+            /// Applies the response of the pixel aperture and the relay to each bin.
             Relay = "relay" {
                 over: PupilPasses, group: Window,
                 binds: [Read Relay, Read Spans, Update Transfer],
@@ -169,7 +171,7 @@ macro_rules! kernels {
                 },
                 shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
             }
-            /// What the eye that looks does to each bin, where it is not perfect.
+            /// Applies the aberration of the viewer's eye to each bin, if the eye is not perfect.
             Eye = "eye" {
                 over: PupilPasses, group: Window,
                 binds: [Read EyeTerms, Read Spans, Update Transfer],
@@ -182,7 +184,7 @@ macro_rules! kernels {
                     None => Ok(()),
                 },
             }
-            /// Weakens it towards the edges, in pupil passes that are tapered.
+            /// Weakens the propagation kernel towards the edges, in pupil passes with a taper.
             Taper = "taper" {
                 over: PupilPasses, group: Window,
                 binds: [Read TaperWeights, Update Transfer],
@@ -192,7 +194,7 @@ macro_rules! kernels {
                 }),
                 shader: Each |c, p| c.rows(p.transfer.rows, p.transfer.columns, &[p.transfer.rows, p.transfer.columns]),
             }
-            /// The light field's photograph, on a level of its pyramid.
+            /// Sums the target image of the light field, on a level of its pyramid.
             Photograph = "photograph" {
                 over: PupilPasses, group: Photograph,
                 binds: [Read Views, Read Taps, Write Accumulator],
@@ -200,7 +202,7 @@ macro_rules! kernels {
                 twin: |c| c.photograph(),
                 shader: Once |c| c.photograph(),
             }
-            /// The photograph at the window's size.
+            /// Resamples the target image to the size of the window.
             Resample = "resample" {
                 over: PupilPasses, group: Photograph,
                 binds: [Read Accumulator, Read RowWeights, Read ColumnWeights, Write Target],
@@ -219,7 +221,7 @@ macro_rules! kernels {
                 },
                 shader: Modes |c, p| c.rows(p.pass.rows, p.pass.columns, &p.pass),
             }
-            /// Shifts each sub-frame as the eye moves while it is shown, where it moves.
+            /// Shifts each sub-frame for the motion of the eye, if it moves.
             Motion = "motion" {
                 over: Windows, group: Window,
                 binds: [Read Moments, Update Window],
@@ -227,7 +229,7 @@ macro_rules! kernels {
                 twin: |c| c.motion(false),
                 shader: Modes |c, p| c.motion(p, false),
             }
-            /// The windows' spectra to retinal fields, in the pupil pass's columns.
+            /// Transforms the spectra of the windows to retinal fields, in the pupil pass's columns.
             WindowInverse = "window_inverse" {
                 over: Windows, group: Window,
                 binds: [Update Window],
@@ -235,7 +237,7 @@ macro_rules! kernels {
                 twin: |c| c.fft($crate::fft::Direction::Inverse),
                 shader: Modes |c, p| c.window_transform(p, $crate::fft::Direction::Inverse),
             }
-            /// The intensity that an eye averages over the sub-frames.
+            /// Sums the intensity that an eye averages over the sub-frames.
             Intensity = "intensity" {
                 over: PupilPasses, group: Window,
                 binds: [Read Window, Write Image],
@@ -243,7 +245,7 @@ macro_rules! kernels {
                 twin: |c| c.intensity(),
                 shader: Modes |c, p| c.intensity(p),
             }
-            /// Image and target to the factor on each field sample, in place of the image, and the loss.
+            /// Compares image and target, replaces the image by the factor on each field sample, and sums the loss.
             Compare = "compare" {
                 over: PupilPasses, group: Window,
                 binds: [Update Image, Read Target, Write Losses],
@@ -264,7 +266,7 @@ macro_rules! kernels {
                 },
                 shader: Modes |c, p| c.values(p.count(), &(p.count() as u32)),
             }
-            /// The retinal fields' spectra, in the pupil pass's columns.
+            /// Transforms the retinal fields to spectra, in the pupil pass's columns.
             WindowForward = "window_forward" {
                 over: Windows, group: Window,
                 binds: [Update Window],
@@ -272,7 +274,7 @@ macro_rules! kernels {
                 twin: |c| c.fft($crate::fft::Direction::Forward),
                 shader: Modes |c, p| c.window_transform(p, $crate::fft::Direction::Forward),
             }
-            /// The adjoint of `motion`.
+            /// Applies the adjoint of `motion`.
             MotionBack = "motion_back" {
                 over: Windows, group: Window,
                 binds: [Read Moments, Update Window],
@@ -280,7 +282,7 @@ macro_rules! kernels {
                 twin: |c| c.motion(true),
                 shader: Modes |c, p| c.motion(p, true),
             }
-            /// Adds what the pupils of the dispatch ask for to the change, in their order.
+            /// Adds the requests of the dispatch's pupils to the change, in their order.
             PupilAdjoint = "pupil_adjoint" {
                 over: Frames, group: Window,
                 binds: [Read Window, Read Transfer, Read Spans, Update Change],
@@ -304,7 +306,7 @@ macro_rules! kernels {
                 },
                 shader: Once |c| c.values(c.shape.points(), &c.step.divide_by_overlap),
             }
-            /// Adds what brings the eyebox's patches nearer to their mean.
+            /// Adds a change that brings the patches of the eyebox nearer to their mean.
             EqualiseEyebox = "equalise_eyebox" {
                 over: Frames, group: Update,
                 binds: [Read Energy, Read Field, Update Change],
@@ -320,7 +322,7 @@ macro_rules! kernels {
                     c.rows(args.place.rows, args.place.columns, args)
                 },
             }
-            /// The change of the spectrum to that of the field, in the step's columns.
+            /// Transforms the change of the spectrum to the change of the field, in the step's columns.
             ChangeInverse = "change_inverse" {
                 over: Frames, group: Update,
                 binds: [Update Change],
@@ -328,8 +330,8 @@ macro_rules! kernels {
                 twin: |c| c.fft.run(c.change, $crate::fft::Direction::Inverse),
                 shader: Once |c| c.grid_transform($crate::fft::Direction::Inverse),
             }
-            /// Makes all losses NaN where a value of the change is infinite or NaN, so that the step is not taken. Where
-            /// fields are stored as halves.
+            /// Sets all losses to NaN if a value of the change is infinite or NaN, so that the step is not taken. It
+            /// runs if fields are stored as halves.
             CheckFinite = "check_finite" {
                 over: Whole, group: Update,
                 binds: [Read Change, Write NotFinite],
@@ -338,7 +340,7 @@ macro_rules! kernels {
                 twin: |c| c.check_finite(),
                 shader: Once |c| c.check_finite(),
             }
-            /// The change of the spectrum to that of each sub-pixel's field, where a pixel has several.
+            /// Transforms the change of the spectrum to the change of each sub-pixel's field, if a pixel has several.
             SubpixelsInverse = "subpixels_inverse" {
                 over: Frames, group: Update,
                 binds: [Update Subpixels, Read Offsets, Read Change],
@@ -346,7 +348,7 @@ macro_rules! kernels {
                 twin: |c| c.subpixels_inverse(),
                 shader: Once |c| c.subpixels($crate::fft::Direction::Inverse),
             }
-            /// What the change asks of the phases of the field.
+            /// Computes the gradient of the field's phases from the change.
             PhaseGradient = "phase_gradient" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Change, Update Wave],
@@ -354,7 +356,7 @@ macro_rules! kernels {
                 twin: |c| c.phase_gradient(),
                 shader: Once |c| c.phase_gradient(),
             }
-            /// The change behind a mask at a distance to that at the SLM.
+            /// Propagates the change behind a mask at a distance back to the SLM.
             FromMask = "from_mask" {
                 over: Frames, group: Update,
                 binds: [Update Change, Read Mask, Read MaskTransfer],
@@ -362,7 +364,7 @@ macro_rules! kernels {
                 twin: |c| c.through_mask(true),
                 shader: Once |c| c.through_mask(true),
             }
-            /// What the change on the pixels of a mask asks of the phases of the field.
+            /// Computes the gradient of the field's phases from the change on the pixels of a mask.
             PhaseGradientMask = "phase_gradient_mask" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Mask, Read Change, Update Wave],
@@ -371,7 +373,7 @@ macro_rules! kernels {
                 twin: |c| c.phase_gradient_mask(),
                 shader: Once |c| c.phase_gradient_mask(),
             }
-            /// The same of each sub-pixel.
+            /// Computes the gradient of each sub-pixel's phases from the change.
             PhaseGradientSubpixels = "phase_gradient_subpixels" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Subpixels, Update Wave],
@@ -379,7 +381,7 @@ macro_rules! kernels {
                 twin: |c| c.phase_gradient(),
                 shader: Once |c| c.phase_gradient(),
             }
-            /// Crosstalk along columns, transposed,
+            /// Applies the transpose of the crosstalk along columns.
             CrosstalkColumnsBack = "crosstalk_columns_back" {
                 over: Frames, group: Update,
                 binds: [Read Crosstalk, Read Wave, Write Blurred],
@@ -387,7 +389,7 @@ macro_rules! kernels {
                 twin: |c| c.crosstalk_back(true),
                 shader: Once |c| c.crosstalk([true, true]),
             }
-            /// and along rows.
+            /// Applies the transpose of the crosstalk along rows.
             CrosstalkRowsBack = "crosstalk_rows_back" {
                 over: Frames, group: Update,
                 binds: [Read Crosstalk, Read Blurred, Write Wave],
@@ -395,7 +397,7 @@ macro_rules! kernels {
                 twin: |c| c.crosstalk_back(false),
                 shader: Once |c| c.crosstalk([false, true]),
             }
-            /// The lag, transposed.
+            /// Applies the transpose of the lag.
             LagAdjoint = "lag_adjoint" {
                 over: Whole, group: Update,
                 binds: [Update Wave],
@@ -403,7 +405,7 @@ macro_rules! kernels {
                 twin: |c| c.lag(true),
                 shader: Once |c| c.lag(),
             }
-            /// And of the phases, as a change of a field that has nothing but these.
+            /// Carries the gradient back to the phases, as the change of a field that has only these phases.
             DriveAdjoint = "drive_adjoint" {
                 over: Frames, group: Update,
                 binds: [Read Pixels, Read Shown, Read Wave, Update Change],
@@ -411,7 +413,7 @@ macro_rules! kernels {
                 twin: |c| c.drive_adjoint(),
                 shader: Once |c| c.drive_adjoint(),
             }
-            /// The projection's step of the phases.
+            /// Moves the phases by the step of the projection.
             Project = "project" {
                 over: Frames, group: Update,
                 binds: [Read Change, Read Shown, Update Phases, Update Momentum],
@@ -427,7 +429,7 @@ macro_rules! kernels {
                 },
                 shader: Once |c| c.rows(c.shape.place.height, c.shape.place.width, &c.step.project),
             }
-            /// Adam's step of the phases.
+            /// Moves the phases by a step of Adam.
             Adam = "adam" {
                 over: Frames, group: Update,
                 binds: [Read Change, Read Shown, Update Phases, Update Momentum, Update Second],
@@ -440,7 +442,7 @@ macro_rules! kernels {
                 },
                 shader: Once |c| c.rows(c.shape.place.height, c.shape.place.width, &c.step.adam),
             }
-            /// What the fitted exposure and PSNR follow from.
+            /// Computes the sums that give the fitted exposure and the PSNR.
             Exposure = "exposure" {
                 over: PupilPasses, group: Window,
                 binds: [Read Image, Read Target, Write Sums],

@@ -1,25 +1,27 @@
-//! First phases by a table: for each pixel and sub-frame the phase that the table has for the pixel's brightness, between two of its
-//! levels, and for the pixel's place in a tile that repeats over the SLM. Nothing is transformed. In whole numbers, so that every
-//! engine has the same.
+//! Looks up the first phases of each pixel and sub-frame in a table, by brightness and place. The phase is interpolated
+//! between two levels of brightness. The place is in a tile that repeats over the SLM. There is no transform.
+//! Arithmetic is in whole numbers, so every engine has the same result.
 
 use crate::{binary_angle, simd};
 use bytemuck::{Pod, Zeroable};
 
-/// Brightnesses that a table has phases for. 1 is the light that every place of the eyebox has if the SLM's is spread evenly.
+/// Number of brightnesses for which a table has phases. 1 is the light at every place of the eyebox if the SLM's light
+/// is spread evenly.
 pub const LEVELS: usize = 17;
-/// Where levels part: below this one they are 0.05 apart, from it on
+/// Level at which the spacing changes. Levels below it are 0.05 apart.
 pub const BEND: usize = 4;
-/// so many times that. What is brighter than the last is shown as that.
+/// Factor by which levels are farther apart from the bend on. Brighter light than the last level is treated as the
+/// last.
 pub const COARSER: usize = 2;
-/// Brightness from one level to the next below the bend.
+/// Difference in brightness of two levels below the bend.
 const FINE: f64 = 0.05;
-/// Bits of a level that is below another.
+/// Mask for the index of a level that has another level above it.
 const BELOW: usize = LEVELS - 2;
 const _: () = assert!((LEVELS - 1).is_power_of_two(), "a mask keeps levels in the table");
-/// Units of a level.
+/// Number of units between two levels.
 const UNIT: u32 = 65_536;
 
-/// Sizes, and what brings light to levels.
+/// Sizes, and the conversion from light to levels.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
@@ -27,60 +29,63 @@ pub struct Args {
     pub height: u32,
     /// Columns of the SLM.
     pub width: u32,
-    /// Pixels along a side of the tile.
+    /// Pixels along a side of the tile, which is square.
     pub side: u32,
-    /// The first sub-frame that is looked up, of those that the table has,
+    /// First sub-frame of the table that is used.
     pub first: u32,
-    /// and how many are.
+    /// Number of sub-frames that are used.
     pub frames: u32,
-    /// Light times this,
+    /// Factor on the light, before the shift.
     pub factor: u32,
-    /// moved down by so many bits (1 to 63), is its place among levels that are all as fine, in units of 1 / 65536.
+    /// Bits (1 to 63) by which the product is shifted down. The result is the position among levels with the finest
+    /// spacing, in units of 1 / 65536.
     pub shift: u32,
-    /// Whether all pixels have the same light.
+    /// If not 0, all pixels have the same light.
     pub evenly_lit: u32,
-    /// Values from one sub-frame to the next where the phases are written.
+    /// Values from one sub-frame to the next in the output.
     pub stride: u32,
-    /// Whether they are binary angles there.
+    /// If not 0, the output is binary angles.
     pub angles: u32,
 }
 
 impl Args {
-    /// The same for pictures whose light of 2^32 is so bright.
+    /// Returns the same arguments for pictures in which a light of 2^32 has the brightness `of_all`.
     #[must_use]
     pub fn brightness(self, of_all: f64) -> Self {
-        // A positive number of ordinary size, so that its exponent is one.
+        // The number is positive and of ordinary size, so its exponent is the bits of the shift.
         let factor = (of_all / FINE * f64::from(UNIT) / 2f64.powi(32)).clamp(2f64.powi(-30), 2f64.powi(29));
         let exponent = factor.log2().floor() as i32 + 1;
         let mantissa = (factor * 2f64.powi(32 - exponent)).min(f64::from(u32::MAX));
         Self { factor: mantissa as u32, shift: (32 - exponent) as u32, ..self }
     }
 
-    /// The same for light that is brightness already, as [`add_brightness`] has it.
+    /// Returns the same arguments for light that is already a brightness, as [`add_brightness`] sums it.
     #[must_use]
     pub fn as_it_is(self) -> Self {
         Self { factor: 1 << 31, shift: 31, ..self }
     }
 }
 
-/// The brightness of a level.
+/// Returns the brightness of a level.
 pub fn level(at: usize) -> f64 {
     let coarse = at.saturating_sub(BEND);
     FINE * (at + (COARSER - 1) * coarse) as f64
 }
 
-/// What a pixel needs more of light because it has so much, over an even SLM's: in units of 1 / 65536, at most 65535.
+/// Returns the factor on the light of a pixel that receives the share `lit` of the light of an evenly lit SLM, in units
+/// of 1 / 65536.
 pub fn need(lit: f32) -> u32 {
     (UNIT as f32 / lit).min(u32::MAX as f32) as u32
 }
 
-/// `a * b`, moved down by so many bits, at most 2^31.
+/// Returns `a * b`, shifted down by `shift` bits, at most 2^31.
 #[inline(always)]
 fn product(a: u32, b: u32, shift: u32) -> u32 {
     ((u64::from(a) * u64::from(b)) >> shift).min(1 << 31) as u32
 }
 
-/// Where a light lies among the levels: in the high half the level below, in the low half the way from there to the next.
+/// Returns the position of a light among the levels. The high half is the level below, and the low half the way from
+/// there to the next level.
 #[inline(always)]
 fn place(args: &Args, light: u32, need: Option<u32>) -> u32 {
     let (bend, end) = (BEND as u32 * UNIT, (LEVELS as u32 - 1) * UNIT);
@@ -90,8 +95,8 @@ fn place(args: &Args, light: u32, need: Option<u32>) -> u32 {
     at.min(end - 1)
 }
 
-/// Where each pixel's light lies among the levels, for [`table_start`]: from `light` (height, width) and [`need`]s (the same, or none).
-/// It is the same in all sub-frames.
+/// Writes the position of each pixel's light among the levels, for [`table_start`], from `light` (height, width) and
+/// [`need`]s (the same shape, or `None`). It is the same in all sub-frames.
 pub fn places(args: &Args, light: &[u32], needs: Option<&[u32]>, places: &mut [u32]) {
     simd(
         #[inline(always)]
@@ -105,7 +110,8 @@ pub fn places(args: &Args, light: &[u32], needs: Option<&[u32]>, places: &mut [u
     );
 }
 
-/// Adds how bright each pixel is, `light` and [`need`]s as for [`places`], to `sums`, in steps of the finest levels over 65536.
+/// Adds the brightness of each pixel to `sums`, in steps of the finest levels over 65536. `light` and [`need`]s are as
+/// for [`places`].
 pub fn add_brightness(args: &Args, light: &[u32], needs: Option<&[u32]>, sums: &mut [u64]) {
     let even = |light: &u32| product(*light, args.factor, args.shift);
     match needs {
@@ -117,15 +123,16 @@ pub fn add_brightness(args: &Args, light: &[u32], needs: Option<&[u32]>, sums: &
     }
 }
 
-/// From [`places`] (rows, width) and `table` (side, side, levels), binary angles, to `phases` (rows, width), radians in -pi .. pi:
-/// whole binary angles. Rows of one sub-frame, from `row` on.
+/// Writes `phases` (rows, width) in radians from -pi to pi, from [`places`] (rows, width) and `table` (side, side,
+/// levels), which holds binary angles. The phases are whole binary angles. The rows belong to one sub-frame and begin
+/// at `row`.
 pub fn table_start(args: &Args, row: usize, places: &[u32], table: &[u16], phases: &mut [f32]) {
     let [width, side] = [args.width, args.side].map(|n| n as usize);
     for (y, (places, phases)) in (row..).zip(places.chunks_exact(width).zip(phases.chunks_exact_mut(width))) {
         let row = &table[y % side * side * LEVELS..][..side * LEVELS];
         for (places, phases) in places.chunks(side).zip(phases.chunks_mut(side)) {
             for ((at, phase), levels) in places.iter().zip(phases).zip(row.as_chunks::<LEVELS>().0) {
-                // A place is below the last level: with the mask the compiler knows it, too.
+                // A place is below the last level. The mask shows this to the compiler.
                 let (below, part) = ((at >> 16) as usize & BELOW, at & 0xffff);
                 let turn = i32::from(levels[below + 1].wrapping_sub(levels[below]) as i16);
                 let by = (turn * part as i32 + 32_768) >> 16;
@@ -139,8 +146,8 @@ pub fn table_start(args: &Args, row: usize, places: &[u32], table: &[u16], phase
 mod tests {
     use super::*;
 
-    /// Against float64: levels, the way from one to the next across the turn's end, the tile, what is too dark or too bright, and pixels
-    /// with less light.
+    /// Compared with float64. The test covers the levels, interpolation across the end of a turn, the tile, light
+    /// beyond both ends, and pixels with less light.
     #[test]
     fn phases_lie_between_those_of_two_levels() {
         let (height, width, side) = (7, 9, 4);
@@ -154,7 +161,7 @@ mod tests {
             let args = sizes.brightness(bright);
             let (mut at, mut phases) = (vec![0; height * width], vec![0.0; height * width]);
             places(&args, &light, needs, &mut at);
-            // In two parts, the second of which begins within a tile.
+            // The rows are computed in two parts, and the second begins within a tile.
             let (above, below) = phases.split_at_mut(3 * width);
             table_start(&args, 0, &at[..3 * width], &table, above);
             table_start(&args, 3, &at[3 * width..], &table, below);
@@ -173,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Brightness that is added up, of one picture, lies among the levels where the picture itself does.
+    /// The mean brightness of several equal pictures has the position of the picture itself among the levels.
     #[test]
     fn brightness_lies_where_its_light_does() {
         let light: Vec<u32> = (0..300).map(|i| i * 14_211_013).collect();
@@ -182,7 +189,7 @@ mod tests {
             let args = Args::zeroed().brightness(bright);
             let (mut sums, mut wanted, mut found) = (vec![0; 300], vec![0; 300], vec![0; 300]);
             places(&args, &light, needs, &mut wanted);
-            // Of two alike.
+            // Two equal pictures.
             (0..2).for_each(|_| add_brightness(&args, &light, needs, &mut sums));
             let mean: Vec<u32> = sums.iter().map(|sum| (sum / 2) as u32).collect();
             places(&args.as_it_is(), &mean, None, &mut found);

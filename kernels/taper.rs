@@ -1,10 +1,11 @@
-//! Weakens the propagation kernel towards the edges of an aperture that is not sharp: `transfer[j][k] *= rows[j]
-//! columns[k]`. With the spectrum of a Hann window as weights, what passes is one coefficient of the short-time Fourier
+//! Weakens the propagation kernel towards the edges of a soft aperture, `transfer[j][k] *= rows[j] columns[k]`. If the
+//! weights are the spectrum of a Hann window, the light that passes is one coefficient of the short-time Fourier
 //! transform at every pixel (OPTICS 7). One pupil pass.
 
 use crate::{Complex32, simd};
 
-/// `weights`: those of all rows, then those of all `columns`; `transfer` (rows, columns).
+/// Multiplies `transfer` (rows, columns) by the weights. `weights` holds the weights of all rows, then the weights of
+/// all `columns`.
 pub fn taper(weights: &[f32], columns: usize, transfer: &mut [Complex32]) {
     let (rows, columns) = weights.split_at(weights.len() - columns);
     simd(

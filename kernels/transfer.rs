@@ -1,25 +1,26 @@
-//! The propagation kernel K(q; p) on a pupil's window: `exp(i 2 pi turns)` inside the spans, zero outside (OPTICS 2).
+//! Computes the propagation kernel `K(q; p)` on the window of a pupil, `exp(i 2 pi turns)` (OPTICS 2).
 
 use crate::{Complex32, ZERO, simd, trig};
 use bytemuck::{Pod, Zeroable};
 
-/// One pupil's window. The shader takes each float64 as a pair of float32 (high, low).
+/// One pupil's window. The kernel is zero outside the spans. The shader takes each float64 as a pair of float32 (high,
+/// low).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// `(wavelength / (grid_height * pitch))^2`: `a = slope_y ky^2 + slope_x kx^2`, shifts included.
+    /// `(wavelength / (grid_height * pitch))^2`, for `a = slope_y ky^2 + slope_x kx^2` with the shifts included.
     pub slope_y: f64,
-    /// `(wavelength / (grid_width * pitch))^2`.
+    /// The same along columns, `(wavelength / (grid_width * pitch))^2`.
     pub slope_x: f64,
-    /// `depth / wavelength`, turns.
+    /// Propagation distance in turns, `depth / wavelength`.
     pub turns: f64,
-    /// By how many bins light arrives elsewhere, rows: that of a source beside the axis (OPTICS 12).
+    /// Bins by which the light of an off-axis source arrives elsewhere, in rows (OPTICS 12).
     pub shift_y: f64,
-    /// And columns.
+    /// Bins by which it arrives elsewhere, in columns.
     pub shift_x: f64,
-    /// First bin, rows (signed).
+    /// Row of the first bin (signed).
     pub y0: i32,
-    /// First bin, columns (signed).
+    /// Column of the first bin (signed).
     pub x0: i32,
     /// Rows of the window.
     pub rows: u32,
@@ -28,7 +29,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// The float64 as the shader takes them, slopes, turns and shifts: each a pair of float32 (high, low).
+    /// Returns slopes, turns and shifts as the shader takes them, each as a pair of float32 (high, low).
     pub fn pairs(&self) -> [[f32; 2]; 5] {
         let pair = |x: f64| [x as f32, (x - f64::from(x as f32)) as f32];
         [self.slope_y, self.slope_x, self.turns, self.shift_y, self.shift_x].map(pair)
@@ -37,9 +38,9 @@ impl Args {
 
 const BLOCK: usize = 16;
 
-/// `spans`: per row, the half-open interval of columns that pass. `out` (rows, columns).
+/// Writes `out` (rows, columns). `spans` holds, per row, the half-open interval of columns that pass.
 ///
-/// The phase runs to thousands of turns, so it is reduced to a fraction of one in float64 before the float32 sine.
+/// The phase reaches thousands of turns, so it is reduced to a fraction of a turn in float64 before the float32 sine.
 pub fn transfer(args: &Args, spans: &[[u32; 2]], out: &mut [Complex32]) {
     simd(
         #[inline(always)]
@@ -55,7 +56,8 @@ pub fn transfer(args: &Args, spans: &[[u32; 2]], out: &mut [Complex32]) {
                     let mut phases = [0.0f32; BLOCK];
                     for (i, phase) in phases.iter_mut().enumerate() {
                         let kx = f64::from(args.x0) + (k + i) as f64 + args.shift_x;
-                        // Lanes beyond the block's end may be evanescent: keep their root real, they are not stored.
+                        // Lanes beyond the end of the block may be evanescent. Their root is kept real, and they are
+                        // not stored.
                         let a = (across + args.slope_x * (kx * kx)).min(1.0);
                         let turns = -args.turns * (a / (1.0 + (1.0 - a).sqrt()));
                         *phase = ((turns - turns.round_ties_even()) * std::f64::consts::TAU) as f32;

@@ -1,20 +1,20 @@
-//! Sine, cosine and wrapping of phases, in a form that compilers vectorise.
+//! Computes sine, cosine and wrapping of phases in a form that compilers vectorize.
 
 use crate::Complex32;
 use std::f32::consts::FRAC_2_PI;
 
-// pi / 2 in three parts, the first two short enough that n * part is exact for |n| < 2^13 (Cody and Waite).
+// pi / 2 in three parts (Cody and Waite). The first two are short enough that n * part is exact for |n| < 2^13.
 pub(crate) const HALF_PI: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
-// Cephes' minimax polynomials on +-pi/4, from the third and the fourth power on.
+// Minimax polynomials of Cephes on +-pi/4, from the third and the fourth power on.
 pub(crate) const SIN: [f32; 3] = [-1.666_665_5e-1, 8.332_161e-3, -1.951_529_6e-4];
 pub(crate) const COS: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-5];
-// A turn in two parts, and turns in a radian.
+// One turn in two parts, and the turns per radian.
 pub(crate) const TURN: [f32; 2] = [6.281_25, 1.935_307_2e-3];
 pub(crate) const PER_TURN: f32 = 0.5 * std::f32::consts::FRAC_1_PI;
-// Adding and taking away 1.5 * 2^23 rounds to an integer, whose lowest bits stand in the mantissa.
+// Adding and subtracting 1.5 * 2^23 rounds to an integer, whose lowest bits are then in the mantissa.
 pub(crate) const ROUND: f32 = 12_582_912.0;
 
-/// Cosine and sine of `x` radians, |x| < 10^4: within 1e-7, absolute.
+/// Returns cosine and sine of `x` radians, |x| < 10^4, with an absolute error below 1e-7.
 #[inline(always)]
 pub fn cos_sin(x: f32) -> (f32, f32) {
     let shifted = x * FRAC_2_PI + ROUND;
@@ -30,11 +30,11 @@ pub fn cos_sin(x: f32) -> (f32, f32) {
     (f32::from_bits(c.to_bits() ^ c_sign), f32::from_bits(s.to_bits() ^ s_sign))
 }
 
-/// `exp(i x)` of each phase.
+/// Writes `exp(i x)` of each phase x.
 #[inline(always)]
 pub(crate) fn expi(phases: &[f32], out: &mut [Complex32]) {
     assert_eq!(phases.len(), out.len());
-    // Fixed blocks let the compiler vectorise the arithmetic before it interleaves.
+    // Fixed blocks let the compiler vectorize the arithmetic before it interleaves.
     let (blocks, rest) = phases.as_chunks::<32>();
     let (outs, out_rest) = out.as_chunks_mut::<32>();
     for (block, out) in blocks.iter().zip(outs) {
@@ -52,14 +52,14 @@ pub(crate) fn expi(phases: &[f32], out: &mut [Complex32]) {
     }
 }
 
-/// Brings a phase into -pi .. pi by whole turns, |x| < 10^4: the turn is taken off in two parts, so nothing is lost.
+/// Moves a phase, |x| < 10^4, into -pi .. pi by whole turns. The turn is subtracted in two parts, so nothing is lost.
 #[inline(always)]
 pub fn wrap(x: f32) -> f32 {
     let n = (x * PER_TURN + ROUND) - ROUND;
     (x - n * TURN[0]) - n * TURN[1]
 }
 
-/// The drive of a phase: brought into 0 .. 2 pi by whole turns, |x| < 10^4.
+/// Returns the drive of a phase, |x| < 10^4, which whole turns bring into 0 .. 2 pi.
 #[inline(always)]
 pub(crate) fn wrapped(x: f32) -> f32 {
     let n = (x * PER_TURN).floor();
@@ -76,7 +76,7 @@ mod tests {
         fn close_to_float64(x in -9000.0f32..9000.0) {
             let (c, s) = cos_sin(x);
             let (s64, c64) = f64::from(x).sin_cos();
-            // The reduction loses a part of 1e-7 per thousand turns.
+            // The reduction loses a fraction of 1e-7 per thousand turns.
             let bound = 1.2e-7 + 3e-11 * f64::from(x.abs());
             prop_assert!((f64::from(c) - c64).abs() < bound && (f64::from(s) - s64).abs() < bound, "{} {} {}", x, c, s);
             let w = wrap(x);

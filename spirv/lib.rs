@@ -1,34 +1,35 @@
-//! The compiled modules, embedded, with the manifest of their sources.
+//! Embeds the compiled SPIR-V modules, with the manifest of their sources.
 //!
-//! `kernels/NAME.comp` becomes `spirv/NAME.spv`; `spirv/manifest.toml` holds the compiler's version, its flags and the
-//! hashes of sources and modules. A shader that includes `half.glsl` gives two modules: `NAME`, whose complex fields are in
-//! float32 in memory, and `NAME_half`, whose fields are in halves. After a shader was changed: `cargo run -p eyebox-spirv-tool -- build`
-//! (needs `glslangValidator` and `spirv-val`); building and running eyebox needs neither. It writes the list of
-//! modules, `modules.rs`, as well.
+//! `kernels/NAME.comp` becomes `spirv/NAME.spv`. `spirv/manifest.toml` holds the compiler's version, its flags and the
+//! hashes of sources and modules. A shader that includes `half.glsl` gives two modules. `NAME` has complex fields in
+//! float32 in memory, and `NAME_half` has them in halves.
+//!
+//! After a change of a shader, run `cargo run -p eyebox-spirv-tool -- build`, which needs `glslangValidator` and
+//! `spirv-val`. It also writes the list of modules, `modules.rs`. Building and running eyebox needs neither tool.
 
 #[cfg(any(test, feature = "manifest"))]
 pub mod manifest;
 
-/// Bytes aligned as SPIR-V's words.
+/// Bytes with the alignment of SPIR-V words.
 #[repr(C)]
 struct Aligned<T: ?Sized>([u32; 0], T);
 
-/// One compiled module.
+/// One compiled SPIR-V module.
 pub struct Module {
-    /// Name of its file, without `.spv`.
+    /// Name of the file, without `.spv`.
     pub name: &'static str,
-    /// The module of the same shader for fields stored in halves, if its fields can be.
+    /// The module of the same shader for fields stored in halves, if the shader has such a variant.
     pub half: Option<&'static Module>,
     data: &'static Aligned<[u8]>,
 }
 
 impl Module {
-    /// The variant for fields stored as halves or as float32; the module itself where it meets no fields.
+    /// Returns the variant for fields stored as halves or as float32. A module without fields returns itself.
     pub fn stored(&'static self, half: bool) -> &'static Self {
         self.half.filter(|_| half).unwrap_or(self)
     }
 
-    /// The module in words, as Vulkan takes it.
+    /// Returns the module in words, as Vulkan takes it.
     pub fn words(&self) -> &'static [u32] {
         bytemuck::cast_slice(&self.data.1)
     }
@@ -50,7 +51,7 @@ macro_rules! modules {
                     Module { name: $half_name, half: None, data: &Aligned([], *include_bytes!(concat!($half_name, ".spv"))) };
             )?
         )*
-        /// All of them.
+        /// All modules that are embedded.
         pub static ALL: &[&Module] = &[$(&$constant, $(&$half,)?)*];
     };
 }
@@ -58,7 +59,7 @@ macro_rules! modules {
 #[cfg(feature = "modules")]
 include!("modules.rs");
 
-/// The module of this name, if there is one; for fields in float32 where there are two.
+/// Returns the module of this name, if there is one. If it has two variants, this is the one for float32.
 #[cfg(feature = "modules")]
 pub fn module(name: &str) -> Option<&'static Module> {
     ALL.iter().copied().find(|module| module.name == name)
@@ -69,7 +70,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// Sources, manifest, modules and the list above agree: nothing is missing, stale, orphaned or left out.
+    /// Sources, manifest, modules and the list above agree. No module is missing, stale, orphaned or left out.
     #[test]
     fn modules_are_those_of_the_sources() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
@@ -86,14 +87,14 @@ mod tests {
         }
     }
 
-    /// A compiler may take it for granted that nothing is NaN: nothing is asked whether it is, but by its bits.
+    /// A compiler may assume that no value is NaN, so kernels test for NaN by the bits of a value only.
     #[test]
     fn no_kernel_asks_whether_a_float_is_nan() {
         const IS_NAN: u32 = 156;
         const IS_INFINITE: u32 = 157;
         const ORDERED: u32 = 162;
         const UNORDERED: u32 = 163;
-        // Equal, unequal, less, ..., each ordered and not.
+        // The comparisons equal, unequal, less and so on, each ordered and unordered.
         const COMPARISONS: std::ops::RangeInclusive<u32> = 180..=191;
         for module in ALL {
             let words = module.words();

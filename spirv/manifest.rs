@@ -1,53 +1,53 @@
-//! What the modules were built from, and whether that is still so.
+//! Records the sources of the compiled modules, and checks that the modules still match them.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Flags of `glslangValidator`; the folder of the includes (`-Ikernels`) and the files come after them.
+/// Flags of `glslangValidator`. The folder of the includes (`-Ikernels`) and the files follow them.
 pub const FLAGS: [&str; 4] = ["--quiet", "--target-env", "vulkan1.2", "-V"];
 
-/// Contents of `spirv/manifest.toml`.
+/// The contents of `spirv/manifest.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     /// First line of `glslangValidator --version`.
     pub compiler: String,
-    /// Its flags.
+    /// Flags of the compiler.
     pub flags: Vec<String>,
-    /// The modules, by name.
+    /// The modules, ordered by name.
     #[serde(default)]
     pub module: Vec<Entry>,
 }
 
-/// One module.
+/// The record of one module.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// `NAME` of `spirv/NAME.spv` and, without a `_half`, of `kernels/NAME.comp`.
+    /// `NAME` of `spirv/NAME.spv` and, without `_half`, of `kernels/NAME.comp`.
     pub name: String,
-    /// SHA-256 of the source, its includes put in.
+    /// SHA-256 of the source, with its includes.
     pub source_sha256: String,
-    /// SHA-256 of the module.
+    /// SHA-256 of the module's bytes.
     pub module_sha256: String,
 }
 
-/// What a file or a folder cannot be read for, in words.
+/// Returns a function that turns an error of the file system into a sentence that begins with the path.
 fn at(path: &Path) -> impl FnOnce(std::io::Error) -> String + '_ {
     move |error| format!("{}: {error}", path.display())
 }
 
 impl Manifest {
-    /// Where it lies, `root` being the workspace.
+    /// Returns the path of the manifest in the workspace `root`.
     pub fn path(root: &Path) -> PathBuf {
         root.join("spirv").join("manifest.toml")
     }
 
-    /// Reads it.
+    /// Reads the manifest of `root`.
     ///
     /// # Errors
-    /// A file that is missing or not a manifest.
+    /// Returns a sentence if the file is missing or is not a manifest.
     pub fn read(root: &Path) -> Result<Self, String> {
         let path = Self::path(root);
         let text = std::fs::read_to_string(&path).map_err(at(&path))?;
@@ -55,15 +55,15 @@ impl Manifest {
     }
 }
 
-/// A shader that includes this is built twice: as `NAME`, and as `NAME_half` with `HALF` defined.
+/// A shader with this line is built twice, as `NAME`, and as `NAME_half` with `HALF` defined.
 const HALVES: &str = "#include \"half.glsl\"";
-/// What the name of the second ends in.
+/// Suffix of the name of the second module.
 const HALF: &str = "_half";
 
-/// Names of the modules that the shaders `kernels/NAME.comp` give.
+/// Returns the names of the modules of the shaders `kernels/NAME.comp`.
 ///
 /// # Errors
-/// A folder or a file that cannot be read.
+/// Returns a sentence if a folder or a file cannot be read.
 pub fn modules(root: &Path) -> Result<BTreeSet<String>, String> {
     let mut names = BTreeSet::new();
     for name in stems(&root.join("kernels"), "comp")? {
@@ -77,7 +77,7 @@ pub fn modules(root: &Path) -> Result<BTreeSet<String>, String> {
     Ok(names)
 }
 
-/// Text of `spirv/modules.rs`, which lists these modules for `lib.rs`.
+/// Returns the text of `spirv/modules.rs`, which lists these modules for `lib.rs`.
 pub fn list(modules: &BTreeSet<String>) -> String {
     let mut text =
         "// Written by `cargo run -p eyebox-spirv-tool -- build`: change nothing here.\nmodules! {\n".to_owned();
@@ -90,7 +90,7 @@ pub fn list(modules: &BTreeSet<String>) -> String {
     text + "}\n"
 }
 
-/// What a module is made of: the shader's name, and what is defined for it.
+/// Returns the name of a module's shader, and the macro that is defined for it.
 pub fn source_of(module: &str) -> (&str, Option<&'static str>) {
     match module.strip_suffix(HALF) {
         Some(source) => (source, Some("HALF")),
@@ -98,10 +98,10 @@ pub fn source_of(module: &str) -> (&str, Option<&'static str>) {
     }
 }
 
-/// Names of the files in a folder that end so, without the ending.
+/// Returns the names of the files in a folder with this extension, without the extension.
 ///
 /// # Errors
-/// A folder that cannot be read.
+/// Returns a sentence if the folder cannot be read.
 pub fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, String> {
     let mut names = BTreeSet::new();
     for entry in std::fs::read_dir(folder).map_err(at(folder))? {
@@ -113,10 +113,10 @@ pub fn stems(folder: &Path, extension: &str) -> Result<BTreeSet<String>, String>
     Ok(names)
 }
 
-/// SHA-256 of the text of a module's shader, each `#include "FILE"` followed by that file's text, once.
+/// Returns the SHA-256 of the text of a module's shader and of the files that it includes, each once.
 ///
 /// # Errors
-/// A file that cannot be read.
+/// Returns a sentence if a file cannot be read.
 pub fn source_hash(root: &Path, name: &str) -> Result<String, String> {
     let folder = root.join("kernels");
     let (mut hash, mut seen) = (Sha256::new(), BTreeSet::new());
@@ -134,7 +134,7 @@ pub fn source_hash(root: &Path, name: &str) -> Result<String, String> {
     Ok(hex(&hash.finalize()))
 }
 
-/// SHA-256 of a module's bytes.
+/// Returns the SHA-256 of a module's bytes.
 pub fn module_hash(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
@@ -143,17 +143,17 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Everything in which sources, manifest and modules disagree; no compiler is needed.
+/// Returns all differences between sources, manifest and modules. No compiler is needed.
 ///
 /// # Errors
-/// Files that cannot be read.
+/// Returns a sentence if a file cannot be read.
 pub fn faults(root: &Path) -> Result<Vec<String>, String> {
     let manifest = Manifest::read(root)?;
     let (sources, built) = (modules(root)?, stems(&root.join("spirv"), "spv")?);
     let known: BTreeSet<String> = manifest.module.iter().map(|m| m.name.clone()).collect();
     let mut faults = Vec::new();
     if manifest.flags != FLAGS {
-        faults.push("the manifest was written with other flags".to_owned());
+        faults.push("spirv/manifest.toml: written with other compiler flags".to_owned());
     }
     if std::fs::read_to_string(root.join("spirv").join("modules.rs")).is_ok_and(|text| text != list(&sources)) {
         faults.push("spirv/modules.rs lists other modules".to_owned());
@@ -183,7 +183,7 @@ pub fn faults(root: &Path) -> Result<Vec<String>, String> {
 mod tests {
     use super::*;
 
-    /// A workspace with three kernels: one includes a file, and one is built in two variants.
+    /// Makes a workspace with three kernels. One of them includes a file, and one is built in two variants.
     fn workspace() -> tempfile::TempDir {
         let root = tempfile::tempdir().unwrap();
         for folder in ["kernels", "spirv"] {

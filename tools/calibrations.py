@@ -3,15 +3,18 @@
 
     python3 tools/calibrations.py path/to/bench.py --eyebox target/release/eyebox --seeds 1-10 -o docs/results/calibrations.json
 
-The bench is a program of its own. `bench.py --seed N --trial EYEBOX` calibrates, solves a scene for the calibrated and for the ideal display,
-and prints one JSON object as its last line: `mean` and `worst`, the PSNR of the pupils (dB), and `lost`, `regained` and `share`, each a pair of
-mean and worst. Results are written after each seed; seeds that the file has already are not measured again.
+The bench is a separate program. `bench.py --seed N --trial EYEBOX` calibrates, and solves a scene for the calibrated and
+for the ideal display. Its last line is one JSON object. This has the PSNR of the pupils in dB, as `mean` and `worst`,
+and `lost`, `regained` and `share`, each as a pair of mean and worst. Results are written after each seed. Seeds that the
+file has already are not measured again.
 """
 import argparse
 import json
 import pathlib
 import subprocess
 import sys
+
+from measurements import measured as head
 
 
 def seeds(text):
@@ -20,7 +23,7 @@ def seeds(text):
 
 
 def measured(bench, eyebox, seed):
-    """The last line of a trial, or its error."""
+    """Runs a trial and returns its last line, or its error."""
     command = [sys.executable, bench, "--seed", str(seed), "--trial", eyebox]
     ran = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     if ran.returncode != 0:
@@ -29,7 +32,7 @@ def measured(bench, eyebox, seed):
 
 
 def table(rows):
-    """The rows as Markdown, with the mean and the least of the shares."""
+    """Returns the rows as Markdown, with the mean and the least of the shares."""
     lines = ["| seed | PSNR, mean / worst | lost, mean / worst | regained, mean / worst |", "|---|---|---|---|"]
     good = [row for row in rows.values() if "share" in row]
     for seed, row in rows.items():
@@ -53,10 +56,11 @@ def main():
     parser.add_argument("-o", "--out", type=pathlib.Path, required=True)
     args = parser.parse_args()
     rows = json.loads(args.out.read_text()) if args.out.exists() else {}
+    rows.pop("about", None)
     for seed in args.seeds:
         if "share" not in rows.get(str(seed), {}):
             rows[str(seed)] = measured(args.bench, args.eyebox, seed)
-            args.out.write_text(json.dumps(rows, indent=1) + "\n")
+            args.out.write_text(json.dumps({"about": head(args.eyebox), **rows}, indent=1) + "\n")
     print(table(rows))
 
 

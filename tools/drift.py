@@ -3,19 +3,22 @@
 
     EYEBOX=target/debug/eyebox tools/drift.py path/to/bench.py docs/results/drift.json
 
-The bench is a program of its own that serves docs/calibrate.md: `bench.py --seed 1 --size 128x128 --faults FILE.json`, with faults by the
-names of OPTICS 10. It is calibrated whole at hour 0. At each later hour its table, its beam and the tilt of its light are elsewhere, and
-holograms are solved for three models: the one of hour 0, one that follows by four pictures every hour, and the true one. All are scored
-on the true display. The script prints and writes PSNRs over 24 random pupils, and exits with 1 if the model that follows loses more than
-0.1 dB against the true one, or if hour 8 of the calibration of hour 0 does not lose more than that. It needs the standard library; the
-bench may need more. Models that --keep DIR has are not fitted again.
+The bench is a separate program for docs/calibrate.md, with the arguments `--seed 1 --size 128x128 --faults FILE.json`.
+The faults have the names of OPTICS 10. The bench is fully calibrated at hour 0. At each later hour its table, its beam
+and the tilt of its light have changed. Holograms are then solved for three models. The first is the model of hour 0, the second is updated from
+four pictures per hour, and the third is the true one. All are scored on the true display.
 
-With --show the same bench is followed by `show --camera` instead: the camera sees what is shown, each picture is a quarter of an hour later,
-and the model of hour 8 is scored. `bench.py` then has to be a module with Bench(faults, noise), .hello(ask) and .capture(ask). --serve is
-that camera's command.
+The script prints and writes PSNRs over 24 random pupils. It exits with 1 if the updated model loses more than 0.1 dB
+against the true one, or if the model of hour 0 does not lose more than that at hour 8. It needs the standard library,
+and the bench may need more. Models that --keep DIR has are not fitted again.
+
+With --show, `show --camera` updates the model instead. The camera sees the shown holograms, and each picture is a
+quarter of an hour later. The model of hour 8 is scored. `bench.py` must then be a module with Bench(faults, noise), .hello(ask)
+and .capture(ask). The option --serve is that camera's command.
 """
 import argparse, json, os, pathlib, shlex, signal, subprocess, sys, tempfile, time, tomllib
 
+from measurements import measured
 from solver_and_model import TERMS, display, score
 
 HOURS, STEPS, LEAST_DB = range(9), 30, 0.1
@@ -23,7 +26,7 @@ SCORED = (0, 2, 4, 6, 8)
 
 
 def truth(hour):
-    """The terms of the bench at an hour: the table loses 3 %, the beam and the light's tilt move."""
+    """Returns the terms of the bench at an hour. The table loses 3 %, and the beam and the light's tilt move."""
     part = hour / 8
     moved = lambda term, by: [round(value + part * off, 6) for value, off in zip(TERMS[term], by)]
     level = [[round(value * (1 - 0.03 * part), 6) for value in row] for row in TERMS["level"]]
@@ -31,7 +34,7 @@ def truth(hour):
 
 
 def calibrated(bench, hour, known, out, *more):
-    """The report of a calibration at an hour that begins with a display file."""
+    """Calibrates at an hour, starting from a display file, and returns the report."""
     faults = out.with_suffix(".json")
     faults.write_text(json.dumps({**truth(hour), "quantise": True}))
     camera = f"'{sys.executable}' '{bench}' --seed 1 --size 128x128 --noise {hour + 1} --faults '{faults}'"
@@ -43,13 +46,13 @@ def calibrated(bench, hour, known, out, *more):
 
 
 def terms_of(file):
-    """The terms of a display file's green model."""
+    """Returns the terms of a display file's green model."""
     model = tomllib.loads(file.read_text())["model"]["green"]
     return {name: model[name] for name in TERMS if name in model}
 
 
 def serve(bench, work):
-    """The camera of a show: the bench drifts by a quarter of an hour from picture to picture."""
+    """Serves as the camera of a show. The bench drifts by a quarter of an hour from picture to picture."""
     sys.path.insert(0, str(bench.parent))
     import numpy as np
     from bench import Bench, drawn
@@ -78,7 +81,7 @@ def serve(bench, work):
 
 
 def followed_show(bench, work):
-    """The display file that a show of the whole eight hours leaves."""
+    """Returns the display file after a show of all eight hours."""
     model, said = work / "shown.toml", work / "show.txt"
     camera = shlex.join([sys.executable, os.path.abspath(__file__), str(bench), str(work / "none"), "--serve", "--keep", str(work)])
     command = [os.environ["EYEBOX"], "show", "builtin:still-life", "--display", work / "hour-0.toml", "--color", "green", "--frames", "1",
@@ -126,7 +129,8 @@ def main():
             row |= {"hour 0": at(terms_of(models[0])), "followed": at(terms_of(models[hour])), "true": at(truth(hour))}
         rows.append(row)
         print(json.dumps(row), flush=True)
-        about = {"scene": "builtin:still-life", "size": [128, 128], "frames": 8, "steps": STEPS, "pupils": "random:24",
+        about = {**measured(os.environ["EYEBOX"]), "scene": "builtin:still-life", "size": [128, 128], "frames": 8,
+                 "steps": STEPS, "pupils": "random:24",
                  "hour 0, followed, true": "mean and worst PSNR in dB, solved for that model and seen on the bench of that hour"}
         args.out.write_text(json.dumps({"about": about, "rows": rows}, indent=1) + "\n")
     scored = [row for row in rows if "true" in row]

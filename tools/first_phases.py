@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Measures what a solve gains by beginning from a table's phases: mean and worst PSNR over 24 random pupils by number of steps, for
-several scenes, then for one scene on displays with faults, with a source and with few sub-frames, and in the far field.
+"""Measures the gain of a solve that starts from the phases of a table.
+
+The results are mean and worst PSNR over 24 random pupils by number of steps. They cover several scenes, and one scene
+on displays with faults, with a source, with few sub-frames and in the far field.
 
     cargo build --release && tools/first_phases.py target/release/eyebox docs/results/first-phases.json
 """
@@ -11,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 
+from measurements import measured
 from solver_and_model import HEAD, TERMS, WEAK, model
 
 SCENES = ["still-life", "still-life-bright", "dense-grass", "chart", "points", "plane?depth=6"]
@@ -37,7 +40,7 @@ geometry = "far-field"
 
 
 def measure(program, scene, how):
-    """Solves and scores one hologram: [mean, worst], dB."""
+    """Solves and scores one hologram. Returns [mean, worst] in dB."""
     with tempfile.TemporaryDirectory() as folder:
         out = f"{folder}/solved.zarr"
         solve = [program, "solve", scene, "--color", "green", "--engine", "cpu", *map(str, how), "-o", out]
@@ -48,7 +51,7 @@ def measure(program, scene, how):
 
 
 def compare(program, about, scene, how):
-    """One row: both beginnings, by number of steps."""
+    """Returns one row with both starts, by number of steps."""
     row = {**about}
     for begin in ["random", "table"]:
         row[begin] = {str(n): measure(program, scene, [*how, "--steps", n, "--set", f"first_phases={begin}"]) for n in STEPS}
@@ -57,7 +60,7 @@ def compare(program, about, scene, how):
 
 
 def far_fields(program, display):
-    """Rows of the far field, where phases come from the picture's transform."""
+    """Returns the rows of the far field, in which first phases come from the picture's transform."""
     display.write_text(FAR)
     on = [(f"builtin:{name}", display) for name in SCENES] + [(f"builtin:{SCENE}", "far-field")]
     for scene, display in on:
@@ -78,7 +81,7 @@ def main():
         for frames in FEW:
             rows.append(compare(program, {"frames": frames}, scene, ["--display", display, "--frames", frames]))
         rows.extend(far_fields(program, display))
-    about = {"size": SIZE, "frames": 8, "color": "green", "pupils": "random:24", "db": "mean and worst PSNR by steps"}
+    about = {**measured(program), "size": SIZE, "frames": 8, "color": "green", "pupils": "random:24", "db": "mean and worst PSNR by steps"}
     text = json.dumps({"about": {**about, "scene": scene}, "rows": rows})
     text = re.sub(r', "rows": \[|(?<=\}), (?=\{"(scene|display|frames|far_field))', lambda m: m.group(0).strip() + "\n  ", text)
     # What tools/other_starts.py has added stays.

@@ -1,19 +1,21 @@
 #!/usr/bin/env python3
-"""How good can a hologram be on a display with faults? A long descent in float64, to compare solves with.
+"""Searches for the best hologram on a display with faults, with a long descent in float64 to compare solves with.
 
     python3 tools/float64_bound.py --display bench.toml --views views/ --seconds 600 -o out.npy                from random phases
     python3 tools/float64_bound.py --display bench.toml --views views/ --seconds 600 -o out.npy --start eyebox.npy
     python3 tools/float64_bound.py --display bench.toml --views views/ --judge eyebox.npy [--pupils scores.json]
     python3 tools/float64_bound.py --check ORACLE_FOLDER                     against oracle.py, and the gradient against differences
 
-What is made small is what `eyebox eval score` judges by: minus the mean PSNR over pupils, each after averaging 2 x 2 pixels, at one
-exposure for all of them, which is optimized too. Pupils come from a fixed set of the distribution that the score draws from
-(diameters even between 2 and 20 mm); those that judge belong to another seed. Adam moves the phases, with a rate that falls as
-a cosine and with more and more pupils a step. All numbers are float64. The model is that of docs/optics.md, section 10, with one
-sample per pixel, as eyebox has it by default. This is no proof of a bound: it is the best that a long search of another kind finds.
+The search minimizes the negative of the measure of `eyebox eval score`. This measure is the mean PSNR over pupils, each
+after averaging 2 x 2 pixels, at one exposure for all of them, which is optimized too. Pupils come from a fixed set of
+the distribution of the score (diameters even between 2 and 20 mm). The pupils of the final score have another seed. Adam
+moves the phases, with a rate that falls as a cosine and with more and more pupils per step. All numbers are float64. The
+model is the one of OPTICS 10 with one sample per pixel, which is the default of eyebox. The result is no proof of a
+bound. It is the best that a long search of another kind finds.
 
---views holds the views of the scene, 0.npy to 80.npy, row by row: `eyebox render` through 1 mm in the middle of each cell.
-Needs NumPy and Python 3.11; takes SciPy's transforms where there are any, which are twice as fast.
+The folder --views has the views of the scene, 0.npy to 80.npy, row by row. `eyebox render` makes them through 1 mm in
+the middle of each cell. The script needs NumPy and Python 3.11. If SciPy is installed, it uses SciPy's transforms, which
+are twice as fast.
 """
 import argparse, json, math, pathlib, sys, time, tomllib
 import numpy as np
@@ -41,7 +43,7 @@ def zernike(j, x, y):
 
 
 def crosstalk(n, below, above):
-    """The kernel of one axis as an n x n matrix. below, above: (q, sigma) of its two sides."""
+    """Returns the kernel of one axis as an n x n matrix. `below` and `above` are (q, sigma) of its two sides."""
     k, l = np.fft.fftfreq(n), np.arange(-100, 101)[:, None]
     side = lambda q, sigma: ifft((np.sinc(k + l) ** 2 * np.exp(-(np.abs(k + l) / sigma) ** q)).sum(0)).real
     kernel = np.where(np.fft.fftfreq(n) < 0, side(*below), side(*above))
@@ -50,7 +52,7 @@ def crosstalk(n, below, above):
 
 
 class Display:
-    """From phases (frames, n, n) to the spectrum, with the middle of the eyebox in the middle, and back."""
+    """Converts phases (frames, n, n) to the spectrum, with the middle of the eyebox in the middle, and back."""
 
     def __init__(self, n, terms):
         self.n, self.terms = n, terms
@@ -91,7 +93,10 @@ class Display:
         return fft(fft(u + self.rest, axis=2), axis=1) * self.aperture
 
     def adjoint(self, back):
-        """The gradient in the phases of the last `spectrum`, from what pupils return to it. The wrap is passed straight through."""
+        """Returns the gradient in the phases of the last `spectrum`, from the gradients of the pupils.
+
+        The wrap of the phases has the gradient 1.
+        """
         u, slope = self.kept
         g = ifft(ifft(back * self.aperture, axis=1), axis=2)
         t = 2 * (g.imag * u.real - g.real * u.imag)
@@ -100,7 +105,10 @@ class Display:
         return np.tensordot(self.lag.T, t, 1) * slope
 
     def pupil(self, p):
-        """What the pupil (x, y, diameter, depth; metres) passes: first row and column, the kernel, its share of the eyebox."""
+        """Returns the first row and column, the kernel and the share of the eyebox of a pupil.
+
+        A pupil is (x, y, diameter, depth), in meters.
+        """
         x, y, d = p[0] * self.iris[2] + self.iris[0] * 1e-3, p[1] * self.iris[2] + self.iris[1] * 1e-3, p[2] * self.iris[2]
         X = self.bins * EYEBOX / self.n
         passes = (X[None, :] - x) ** 2 + (X[:, None] - y) ** 2 < (d / 2) ** 2
@@ -129,7 +137,7 @@ class Scene:
         return out
 
     def photograph(self, p):
-        """Shift-and-add of the views in the pupil, averaged over 2 x 2 pixels."""
+        """Returns the target image as a shift-and-add of the views in the pupil, averaged over 2 x 2 pixels."""
         x, y, d, z = p
         places = (np.arange(VIEWS) - (VIEWS - 1) / 2) * self.cell
         at = (places[:, None] + ((np.arange(200) + 0.5) / 200 - 0.5) * self.cell - x)             # samples across each column
@@ -152,14 +160,14 @@ def pooled(a):
 
 
 def seen(U, n, pupil):
-    """The fields of all sub-frames (each turned by a linear phase), and the picture after averaging."""
+    """Returns the fields of all sub-frames (each turned by a linear phase), and the picture after averaging."""
     rows, columns, K, share = pupil
     v = ifft(ifft(U[:, rows, columns] * K, n, axis=2), n, axis=1)
     return v, pooled((v.real**2 + v.imag**2).mean(0)) / share
 
 
 def loss_and_gradient(display, phases, log_exposure, pupils, targets):
-    """Minus the mean PSNR in dB, and its gradients in the phases and in the logarithm of the exposure."""
+    """Returns minus the mean PSNR in dB, and its gradients in the phases and in the logarithm of the exposure."""
     U = display.spectrum(phases)
     back, loss, slope, exposure, n = np.zeros_like(U), 0.0, 0.0, np.exp(log_exposure), display.n
     for pupil, target in zip(pupils, targets):
@@ -177,7 +185,7 @@ def loss_and_gradient(display, phases, log_exposure, pupils, targets):
 
 
 def judge(display, phases, pupils, targets):
-    """PSNR of each pupil at the one exposure that fits all of them, and that exposure."""
+    """Returns the PSNR of each pupil at the one exposure that fits all of them, and that exposure."""
     U = display.spectrum(phases)
     pictures = np.array([seen(U, display.n, pupil)[1] for pupil in pupils])
     exposure = (pictures * targets).sum() / (pictures**2).sum()

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Measures how holograms of several methods stand obstructions in a pupil of 4 mm: PSNR against the scene and against what the same
-hologram shows a clear pupil, mean and worst of pupils on the axis, where every method shows a picture.
+"""Measures the effect of obstructions in a pupil of 4 mm on holograms of several methods.
+
+The results are mean and worst PSNR against the scene, and against the image of the same hologram through a clear pupil.
+The pupils are on the axis, where all methods show a picture.
 
     cargo build --release && tools/obstructions.py target/release/eyebox docs/results/obstructions.json
 """
@@ -9,6 +11,8 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+
+from measurements import measured
 
 SCENES = ["still-life", "dense-grass"]
 METHODS = ["slfh", "lf2fs", "smooth", "dpac"]
@@ -23,7 +27,7 @@ def run(program, *words):
 
 
 def score(program, hologram, pupils, *more):
-    """PSNR against the scene and against a clear pupil, each [mean, worst], dB."""
+    """Returns the PSNR against the scene and against a clear pupil, each as [mean, worst] in dB."""
     found = json.loads(run(program, "eval", "score", hologram, "--test-pupils", pupils, "--engine", "cpu", "--jod", "none", "--json", *more))
     return [of and [round(of["mean"], 2), round(of["worst"], 2)] for of in (found["psnr_db"], found["against_clear_db"])]
 
@@ -49,7 +53,7 @@ def main():
                         row[name] = {"scene": seen, "against_clear": own}
                     rows.append(row)
                     print(json.dumps(row), flush=True)
-    about = {"size": SIZE, "steps": STEPS, "color": "green", "pupils": pupils, "db": "mean and worst PSNR"}
+    about = {**measured(program), "size": SIZE, "steps": STEPS, "color": "green", "pupils": pupils, "db": "mean and worst PSNR"}
     lines = ",\n  ".join(json.dumps(row) for row in rows)
     pathlib.Path(file).write_text(f'{{"about": {json.dumps(about)}, "rows": [\n  {lines}\n]}}\n')
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Measures where else a table of first phases, or something like it, could help: the far field, colors that share one drive, and steps
-that draw obstructions in the pupil. A projection in NumPy, as eyebox has it, begins with each; PSNR by number of steps.
+"""Measures other uses of a table of first phases or of a similar start.
+
+The uses are the far field, colors that share one drive, and steps that draw obstructions in the pupil. A projection in
+NumPy, as in eyebox, starts from each. The results are PSNR by number of steps.
 
     tools/python.sh && PYTHONPATH=target/python/site target/python/tests/bin/python tools/other_starts.py \\
         target/release/eyebox docs/results/first-phases.json
@@ -38,7 +40,7 @@ def unit(field):
 
 
 class Pupils:
-    """Pupils before one color of a display: draws them, and makes their transfer functions."""
+    """Draws pupils for one color of a display, and makes their transfer functions."""
 
     def __init__(self, display, color, seed, diameters):
         self.rng, self.diameters, self.eyebox = np.random.default_rng(seed), diameters, display.eyebox
@@ -58,7 +60,7 @@ class Pupils:
         return ((np.hypot(self.x - x, self.y - y) < d / 2) * defocus).astype(np.complex64)
 
     def marks(self, pupil, kind, rng):
-        """The amplitude that passes opaque marks, turned and moved at random."""
+        """Returns the amplitude that passes opaque marks, which are turned and moved at random."""
         turn, shift, bin_size = rng.uniform(0, 2 * np.pi), rng.normal(0, 0.3e-3, 2), self.x[0, 1] - self.x[0, 0]
         dx, dy = self.x - pupil[0] - shift[0], self.y - pupil[1] - shift[1]
         x, y = np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx
@@ -79,7 +81,7 @@ class Pupils:
 
 
 def light(v, kernel):
-    """Mean of the sub-frames, in units of light that is spread evenly over the eyebox."""
+    """Returns the mean of the sub-frames, in units of light that is spread evenly over the eyebox."""
     return (abs(v) ** 2).mean(0) / max((abs(kernel) ** 2).mean(), 1e-9)
 
 
@@ -92,7 +94,7 @@ def falling(first, step, steps):
 
 
 def quality(colors):
-    """Mean and worst PSNR over the pupils; of each color pairs of what is seen and wanted, one exposure per color."""
+    """Returns mean and worst PSNR over the pupils, from pairs of image and target per color, with one exposure per color."""
     pool = lambda a: a.reshape(SIDE // 2, 2, SIDE // 2, 2).mean((1, 3))
     errors = []
     for pairs in colors:
@@ -108,7 +110,7 @@ def looked_up(scene, **how):
 
 
 def far_field(scene, display, counts=(0, 1, 2, 5, 10)):
-    """The SLM is the pupil plane: a pupil cuts its piece out of it, and its picture is the piece's Fourier transform."""
+    """Measures the far field, in which a pupil cuts out a piece of the SLM and sees its Fourier transform."""
     exposure = looked_up(scene).exposures["green"] / UNSTEPPED
     rng, test = np.random.default_rng(1), Pupils(display, "green", 2, (3e-3, 12e-3))
     random = lambda side: np.exp(1j * rng.uniform(-np.pi, np.pi, (FRAMES, side, side))).astype(np.complex64)
@@ -135,7 +137,7 @@ def far_field(scene, display, counts=(0, 1, 2, 5, 10)):
 
 
 def shared_drive_step(drive, slopes, pupils, drawn, wanted, gain, velocity):
-    """One step of a drive that turns each color by its own slope; `wanted` gives a pupil's picture in a color."""
+    """Makes one step of a drive that turns each color by its own slope. `wanted` gives a pupil's target in a color."""
     total = 0
     for color, (slope, of) in enumerate(zip(slopes, pupils)):
         u = np.exp(1j * slope * drive).astype(np.complex64)
@@ -150,7 +152,7 @@ def shared_drive_step(drive, slopes, pupils, drawn, wanted, gain, velocity):
 
 
 def joint_color(scene, display, counts=(0, 1, 5, 20)):
-    """Red, green and blue lit at once by one drive; the table has levels of gray, and green's picture is looked up."""
+    """Measures simultaneous color with one drive. The table has levels of gray, and the lookup uses green's picture."""
     colors = list(display.wavelengths)
     slopes = [display.wavelengths["red"] / display.wavelengths[color] for color in colors]
     exposures = np.array([looked_up(scene).exposures[color] for color in colors]) / UNSTEPPED
@@ -203,7 +205,7 @@ def score(program, hologram, *more):
 
 
 def obstructions(program, scene, display, steps=20):
-    """Steps from the table, with marks in none, half and all of the pupils that they draw; PSNR against the scene."""
+    """Measures PSNR for steps from the table, with marks in none, half and all of the drawn pupils."""
     begun = looked_up(scene)
     exposure = begun.exposures["green"] / UNSTEPPED
     for share in (0, 0.5, 1):

@@ -59,7 +59,7 @@ def sentences(text):
 
 
 def markdown(text):
-    """The paragraphs of a page without code, tables' rules and targets of links; and its table cells."""
+    """Returns the paragraphs of a page without code, tables' rules and targets of links, and its table cells."""
     text = re.sub(r"^(`{3,}|~{3,}).*?^\1\s*$", "", text, flags=re.M | re.S)
     text = re.sub(r"<!--.*?-->|<[^>\n]+>", "", text, flags=re.S)
     text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
@@ -73,7 +73,7 @@ def markdown(text):
 
 
 def comments(text, doc):
-    """Comments of Rust, GLSL or C: runs of lines with the same mark, code blocks left out."""
+    """Returns comments of Rust, GLSL or C as runs of lines with the same mark, without code blocks."""
     found, run, fenced = [], [], False
     for line in [*text.splitlines(), ""]:
         match = re.match(r"\s*(///|//!)(?!/) ?(.*)", line) if doc else re.match(r"\s*//(?![/!]) ?(.*)", line)
@@ -89,7 +89,7 @@ def comments(text, doc):
 
 
 def messages(text):
-    """Strings that read like sentences, without those of tests."""
+    """Returns strings that read like sentences, without strings of tests."""
     text = re.sub(r"(?m)^\s*//.*$", "", text.split("#[cfg(test)]\nmod tests {")[0])
     # The quotation mark as a character begins no string.
     text = text.replace("'\"'", "' '")
@@ -105,7 +105,7 @@ def docstrings(text):
 
 
 def tracked():
-    """The files of the project; in a copy without git, all that no build has made."""
+    """Returns the files of the project. In a copy without git, these are all files that no build has made."""
     git = ["git", "ls-files", "-co", "--exclude-standard"]
     listed = subprocess.run(git, cwd=ROOT, capture_output=True, text=True, check=False)
     if listed.returncode == 0:
@@ -120,7 +120,7 @@ def is_test(name):
 
 
 def areas(help_texts):
-    """Each area with its texts: (text, is a comment, is a doc comment)."""
+    """Returns the texts of each area as (text, is a comment, is a doc comment)."""
     found = {}
 
     def add(area, texts, comment=False, doc=False):
@@ -150,7 +150,7 @@ def areas(help_texts):
 
 
 def places(text, comment, doc):
-    """Pairs of a rule and what it counts in a text."""
+    """Yields pairs of a rule and a place that it counts in a text."""
     plain = CODE.sub("x", re.sub(r"\s+", " ", text))
     for rule, pattern in COMPILED.items():
         yield from ((rule, m.group(0)) for m in pattern.finditer(plain))
@@ -163,7 +163,7 @@ def places(text, comment, doc):
 
 
 def help_of(program):
-    """The help of each command, by its name, such as `eval score`; the program's own under ''."""
+    """Returns the help of each command by its name, such as `eval score`. The program's own help is under ''."""
     if not program:
         return {}
 
@@ -185,12 +185,13 @@ def slug(heading):
 
 
 def dead(help_texts):
-    """References of documents to what is not there."""
+    """Yields references of documents to missing files, headings, options or sections."""
     names = [name for name in tracked() if name.endswith(".md")]
     text = {name: (ROOT / name).read_text() for name in names}
     anchors = {name: {slug(h) for h in re.findall(r"^#+ (.*)$", t, re.M)} | set(re.findall(r'id="([^"]+)"', t)) for name, t in text.items()}
     options = set(re.findall(r"(?<![\w-])--[a-z][a-z0-9-]+", " ".join(help_texts.values()))) | {"--help", "--version"}
-    optics = {m for m in re.findall(r"^## (\d+[a-z]?)\.?", text.get("docs/optics.md", ""), re.M)}
+    pages = "\n".join(page for name, page in text.items() if name.startswith("docs/optics/"))
+    optics = set(re.findall(r"^## (\d+[a-z]?)\.?", pages, re.M))
     for name in names:
         if name == "CHANGELOG.md":
             continue
@@ -215,7 +216,7 @@ def dead(help_texts):
                 yield f"{name}: `{path}` is not there"
         for number in re.findall(r"OPTICS (\d+)", prose):
             if optics and not any(heading.startswith(number) for heading in optics):
-                yield f"{name}: OPTICS {number} is no section of docs/optics.md"
+                yield f"{name}: OPTICS {number} is no section of docs/optics"
 
 
 def stored():

@@ -48,7 +48,7 @@ mkdir -p "$(dirname "$site")"
 mv "$work/site" "$site"
 
 if chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome); then
-    for page in index optics reference/files start/eye; do
+    for page in index optics/solving reference/files start/eye; do
         # What stands in the page once its scripts have run; a script that fails leaves no table of contents.
         "$chromium" --headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking \
             --disable-component-update --disable-sync --user-data-dir="$work/chromium" --virtual-time-budget=5000 \

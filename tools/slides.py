@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Measures slides: 20 pictures, each wholly another than the one before. PSNR at the eye in the first sets of each slide, for steps that
-begin with a table's phases, with the last phases and with random phases; and how an even picture from a table is judged, in JOD.
+"""Measures slides, which are 20 pictures without any content in common.
+
+The results are the PSNR at the eye in the first sets of each slide, for steps that start from a table's phases, from
+the last phases and from random phases. The script also measures the JOD of an even picture from a table.
 
     cargo build --release && tools/slides.py target/release/eyebox docs/results/slides.json
 
-Needs NumPy. The pictures are made here: arrays of 5 x 5 views in linear light.
+It needs NumPy. It makes the pictures itself, as arrays of 5 x 5 views in linear light.
 """
 import json
 import pathlib
@@ -15,6 +17,8 @@ import tempfile
 
 import numpy as np
 
+from measurements import measured
+
 SIDE, VIEWS, COUNT = 256, 5, 20
 HOW = ["--size", f"{SIDE}x{SIDE}", "--color", "green", "--engine", "cpu", "--order", "as-named"]
 STARTS = ["random", "last", "table"]
@@ -23,7 +27,7 @@ EVEN, EVEN_STEPS = 0.3, [("table", 0), ("random", 2), ("random", 5), ("random", 
 
 
 def smooth(light, width):
-    """A picture blurred by a Gaussian of this width, pixels."""
+    """Blurs a picture by a Gaussian of this width in pixels."""
     q = np.fft.fftfreq(SIDE)
     filtered = np.fft.fft2(light) * np.exp(-2 * (np.pi * width) ** 2 * (q[:, None] ** 2 + q**2))
     return np.fft.ifft2(filtered).real
@@ -34,7 +38,7 @@ def between_0_and_1(light):
 
 
 def leaves(rng, smallest, largest, dark):
-    """Discs that hide each other, as things do in photographs: sizes by a power law, each with a brightness of its own."""
+    """Returns discs that hide each other, as in natural images, with sizes by a power law and random brightness."""
     y, x = np.mgrid[:SIDE, :SIDE]
     light = np.full((SIDE, SIDE), 0.5)
     for _ in range(3000):
@@ -44,14 +48,14 @@ def leaves(rng, smallest, largest, dark):
 
 
 def clouds(rng, power, dark):
-    """Noise whose spectrum falls by a power, as those of photographs do."""
+    """Returns noise whose spectrum falls by a power law, as in natural images."""
     q = np.hypot(*np.meshgrid(*[np.fft.fftfreq(SIDE)] * 2))
     falling = np.divide(1, q**power, where=q > 0, out=np.zeros_like(q))
     return between_0_and_1(np.fft.ifft2(np.fft.fft2(rng.standard_normal((SIDE, SIDE))) * falling).real) ** dark
 
 
 def pictures():
-    """Twenty of them, (row, column), 0 to 1: twelve with the statistics of photographs, eight graphic ones."""
+    """Returns 20 pictures (row, column) from 0 to 1, 12 with the statistics of natural images and 8 graphic ones."""
     rng = np.random.default_rng(20)
     kinds = [(4, 60, 1), (2, 30, 2), (8, 90, 3), (3, 100, 2), (6, 40, 1), (10, 60, 2)]
     photographs = [leaves(rng, *kind) for kind in kinds] + [clouds(rng, *kind) for kind in [(1, 2), (1.2, 3), (1.5, 1), (1.5, 2), (1, 4), (2, 2)]]
@@ -76,7 +80,7 @@ def pictures():
 
 
 def light_field(picture, brightness, parallax):
-    """Views (row, column, row, column, 1) of a picture whose mean has this brightness, moved by so many pixels from view to view."""
+    """Returns views (row, column, row, column, 1) of a picture, at this brightness and shift in pixels per view."""
     light = (picture * brightness / picture.mean()).clip(0, 1).astype(np.float32)
     middle = VIEWS // 2
     moved = [[np.roll(light, (parallax * (r - middle), parallax * (c - middle)), (0, 1)) for c in range(VIEWS)] for r in range(VIEWS)]
@@ -88,7 +92,7 @@ def run(program, *words):
 
 
 def slides(program, folder, files, every, steps):
-    """One row: PSNR at the steered pupil, mean over the changes, by what a slide begins with."""
+    """Returns one row with the PSNR at the tracked pupil, as the mean over the changes, by the start of a slide."""
     first, *others = files
     row = {"sets_per_slide": every, "steps_per_set": steps}
     for start in STARTS:
@@ -104,7 +108,7 @@ def slides(program, folder, files, every, steps):
 
 
 def even_picture(program, folder):
-    """An even picture, whose pattern of tiles an observer might see: PSNR and JOD by what its solve begins with."""
+    """Measures PSNR and JOD of an even picture by the start of its solve, because its tiles may be visible."""
     scene, out = f"{folder}/even.npy", f"{folder}/even.zarr"
     np.save(scene, np.full((VIEWS, VIEWS, SIDE, SIDE, 1), EVEN, np.float32))
     for start, steps in EVEN_STEPS:
@@ -126,7 +130,7 @@ def main():
         assert len(files) == COUNT
         rows = [slides(program, folder, files, every, steps) for every, steps in [(1, 1), (1, 2), (4, 1)]]
         even = list(even_picture(program, folder))
-    about = {"size": f"{SIDE}x{SIDE}", "color": "green", "display": "planes8", "pictures": COUNT}
+    about = {**measured(program), "size": f"{SIDE}x{SIDE}", "color": "green", "display": "planes8", "pictures": COUNT}
     about["db"] = f"PSNR at the steered pupil in the sets {SETS} after a change, mean over the changes"
     text = json.dumps({"about": about, "rows": rows, "even_picture": even})
     pathlib.Path(file).write_text(re.sub(r"(?<=\[|,)\s*(?=\{)", "\n  ", text) + "\n", encoding="utf-8")

@@ -3,17 +3,21 @@
 
     EYEBOX=target/debug/eyebox tools/solver_and_model.py docs/results/solver-and-model.json
 
-Two parts, each at 20, 60 and 120 steps, by projection and by Adam:
-- displays with crosstalk alone, sigma from 1 to 50, and the ideal display: the score of the solve in its own model;
-- displays with all terms: solved with all of them, and with each left out; every hologram is scored on the full display. Adam
-  leaves out crosstalk, or all terms, only.
+The table has two parts, each at 20, 60 and 120 steps, by projection and by Adam.
 
-A row fails if its score falls with the steps by more than 0.1 dB, or if it knows one term less and beats the row of all terms
-by more than 0.1 dB. The script writes the table first and then exits with 1 if a row failed. It needs the standard library
-only. Each row is written when it is measured, and rows that the file contains already are kept: the same command continues a
-table that was interrupted. --only TEXT limits it to displays whose name contains TEXT; --jobs N runs N solves at a time (default 2).
+- Displays with crosstalk alone, sigma from 1 to 50, and the ideal display have the score of the solve in its own model.
+- Displays with all terms are solved with all of them, and with each left out. Each hologram is scored on the full
+  display. Adam leaves out only crosstalk, or all terms.
+
+A row fails if its score falls with the steps by more than 0.1 dB. It also fails if it has one term less and beats the
+row of all terms by more than 0.1 dB. The script writes the table first and then exits with 1 if a row failed. It needs
+only the standard library. Each row is written when it is measured, and rows that the file contains already are kept. The same
+command therefore continues a table that was interrupted. The option --only TEXT limits it to displays whose name
+contains TEXT. The option --jobs N runs N solves at a time (default 2).
 """
 import argparse, concurrent.futures, json, os, pathlib, shutil, subprocess, sys, tempfile
+
+from measurements import measured
 
 HEAD = """name = "measured"
 resolution = [128, 128]
@@ -36,14 +40,14 @@ SIGMAS = (1, 1.5, 2.03, 3, 5, 10, 50)
 
 
 def model(terms):
-    """The section of a display file that has these terms."""
+    """Returns the section of a display file that has these terms."""
     value = lambda v: "{ %s }" % ", ".join(f"{k} = {n}" for k, n in v.items()) if isinstance(v, dict) else json.dumps(v)
     lines = "".join(f"{name} = {value(v)}\n" for name, v in terms.items())
     return f"\n[model.green]\n{lines}" if terms else ""
 
 
 def display(terms):
-    """A display file with these terms."""
+    """Writes a display file with these terms."""
     return HEAD + model(terms)
 
 
@@ -56,7 +60,7 @@ def run(*words):
 
 
 def score(folder, truth, known, steps, optimizer):
-    """Mean and worst PSNR in dB, on the display `truth`, of a hologram that was solved for the display `known`."""
+    """Returns mean and worst PSNR in dB, on the display `truth`, of a hologram that was solved for the display `known`."""
     work = pathlib.Path(tempfile.mkdtemp(dir=folder))
     for name, terms in (("truth", truth), ("known", known)):
         (work / f"{name}.toml").write_text(display(terms))
@@ -73,7 +77,7 @@ def score(folder, truth, known, steps, optimizer):
 
 
 def rows_to_measure(only):
-    """(display, what is left out, optimizer, the terms that are there, the terms that the solver knows)"""
+    """Returns (display, left-out term, optimizer, present terms, terms that the solver has) of each row."""
     crosstalk = {f"crosstalk of sigma {sigma}": {"crosstalk": [[1.2, sigma]] * 4} for sigma in SIGMAS}
     alone = {"ideal": {}, **crosstalk}
     rows = [(name, None, optimizer, terms, terms) for name, terms in alone.items() for optimizer in OPTIMIZERS]
@@ -85,7 +89,7 @@ def rows_to_measure(only):
 
 
 def faults(rows):
-    """What must hold and does not, in words."""
+    """Returns the violated conditions in words."""
     found = []
     for row in rows:
         name = f"{row['display']}, {row['optimizer']}, without {row['left_out'] or 'nothing'}"
@@ -102,8 +106,8 @@ def faults(rows):
 
 
 def write(out, rows):
-    about = {"scene": SCENE, "size": [128, 128], "frames": 8, "color": "green", "pupils": "random:24",
-             "db": "mean and worst PSNR by number of steps"}
+    about = {**measured(os.environ["EYEBOX"]), "scene": SCENE, "size": [128, 128], "frames": 8, "color": "green",
+             "pupils": "random:24", "db": "mean and worst PSNR by number of steps"}
     lines = ",\n".join("  " + json.dumps(row) for row in rows)
     out.write_text(f'{{"about": {json.dumps(about)},\n "faults": {json.dumps(faults(rows))},\n "rows": [\n{lines}\n]}}\n')
 

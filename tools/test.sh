@@ -68,6 +68,8 @@ cargo run --quiet --manifest-path tests/embed/Cargo.toml --target-dir "$target"
 
 stage "the language of documents, help, messages and comments"
 EYEBOX=$target/debug/eyebox tools/prose.py
+tools/measurements.py --check
+tools/drawings.py --check
 
 stage "the README's commands"
 # With the program that the tests have built.

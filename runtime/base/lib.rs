@@ -1,6 +1,8 @@
-//! **eyebox-base**: what every part of [eyebox](https://github.com/eyebox/eyebox) stands on and what knows nothing of optics: [`files`] read in one
-//! way and written whole or not at all, [`memory`] that is asked for before it is taken, a [`mailbox`] between threads, a
-//! [`steady`] clock, [`random`] numbers that are the same everywhere, [`quantity`]s with units as people write them, and [`error`]s as data.
+//! Has the parts of [eyebox](https://github.com/eyebox/eyebox) that do not depend on optics.
+//!
+//! [`files`] reads files in one way and writes them completely or not at all. [`memory`] checks memory before it is
+//! allocated. A [`mailbox`] connects threads. There are a [`steady`] clock, [`random`] numbers that are the same on
+//! every machine, [`quantity`]s with the units that people write, and [`error`]s as data.
 
 pub mod error;
 pub mod files;

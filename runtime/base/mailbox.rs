@@ -1,15 +1,15 @@
 //! A bounded queue between threads that allocates nothing after it is made.
 //!
-//! Full, it refuses ([`put`](Mailbox::put)), makes room by giving up the oldest ([`push`](Mailbox::push)), or keeps one
-//! value up to date ([`update`](Mailbox::update)): with capacity 1 it is a cell in which the newest value wins. Channels of
-//! crates keep lists of who waits, which grow when a thread first has to: at a time that depends on how busy the machine is.
-//! Here waiting is a condition variable, and the lock is held for as long as moving one value takes.
+//! A full queue refuses a value ([`put`](Mailbox::put)), drops the oldest ([`push`](Mailbox::push)), or keeps one value
+//! up to date ([`update`](Mailbox::update)). With capacity 1 it is a cell in which the newest value wins. Channels of
+//! other crates keep lists of waiting threads. These lists grow when a thread first has to wait, at a time that depends
+//! on the load of the machine. Here waiting is a condition variable, and the lock is held only while one value moves.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// One end of it; all ends are alike.
+/// One end of the queue. All ends are alike.
 pub struct Mailbox<T> {
     shared: Arc<(Mutex<VecDeque<T>>, Condvar)>,
     capacity: usize,
@@ -28,23 +28,23 @@ impl<T> std::fmt::Debug for Mailbox<T> {
 }
 
 impl<T> Mailbox<T> {
-    /// For so many values, at least one.
+    /// Makes a queue for at most `capacity` values, at least one.
     pub fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         Self { shared: Arc::new((Mutex::new(VecDeque::with_capacity(capacity)), Condvar::new())), capacity }
     }
 
-    /// Puts a value in, or gives it back where there is no room.
+    /// Puts a value in, or gives it back if there is no room.
     pub fn put(&self, value: T) -> Result<(), T> {
         self.added(self.lock(), value)
     }
 
-    /// The same, waiting so long for room.
+    /// Puts a value in, and waits for room up to `patience`.
     pub fn put_within(&self, value: T, patience: Duration) -> Result<(), T> {
         self.added(self.wait_while(patience, |values| values.len() == self.capacity), value)
     }
 
-    /// Puts a value in; where there was no room, the oldest comes out.
+    /// Puts a value in. If there is no room, the oldest value comes out.
     pub fn push(&self, value: T) -> Option<T> {
         let mut values = self.lock();
         let oldest = if values.len() == self.capacity { values.pop_front() } else { None };
@@ -52,7 +52,7 @@ impl<T> Mailbox<T> {
         oldest
     }
 
-    /// Leaves what `change` makes of the newest value that is still there.
+    /// Replaces the newest value that is still there by the result of `change`.
     pub fn update(&self, change: impl FnOnce(Option<T>) -> T) {
         let mut values = self.lock();
         let newest = values.pop_back();
@@ -64,7 +64,7 @@ impl<T> Mailbox<T> {
         self.taken(self.lock())
     }
 
-    /// The same, waiting so long for one.
+    /// Takes the oldest value, and waits for one up to `patience`.
     pub fn take_within(&self, patience: Duration) -> Option<T> {
         self.taken(self.wait_while(patience, VecDeque::is_empty))
     }
@@ -78,23 +78,23 @@ impl<T> Mailbox<T> {
         }
     }
 
-    /// Whether there is a value, or comes within this time. It stays.
+    /// Returns true if there is a value, or one arrives within this time. The value stays in the queue.
     pub fn comes(&self, within: Duration) -> bool {
         !self.wait_while(within, VecDeque::is_empty).is_empty()
     }
 
-    /// Whether nothing is in it.
+    /// Returns true if the queue is empty.
     pub fn is_empty(&self) -> bool {
         self.lock().is_empty()
     }
 
-    /// Whether all other ends are gone: nothing more will come.
+    /// Returns true if all other ends are gone, so that no more values can arrive.
     pub fn is_alone(&self) -> bool {
         Arc::strong_count(&self.shared) == 1
     }
 
     fn lock(&self) -> MutexGuard<'_, VecDeque<T>> {
-        // The queue is whole whenever the lock is free.
+        // The queue is valid whenever the lock is free.
         self.shared.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -1,39 +1,39 @@
-//! Checks that memory is available before it is taken, so that no size in a file or an argument ends in an abort.
+//! Checks that memory is available before it is allocated, so that no size in a file or an argument causes an abort.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-/// Most that this process may have, bytes, where somebody said so.
+/// Maximum memory of this process in bytes, if [`limit`] was called.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// More memory than there is.
+/// The refusal of a request for more memory than is available.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, serde::Serialize)]
-#[error("{what} would take {} of memory, and {} are there: {remedy}", amount(*bytes), amount(*available))]
+#[error("{what} would take {} of memory, but only {} are available: {remedy}", amount(*bytes), amount(*available))]
 pub struct TooLarge {
-    /// What it is for.
+    /// Purpose of the memory.
     pub what: String,
-    /// Bytes that it would take.
+    /// Bytes that the purpose requires.
     pub bytes: u64,
-    /// Bytes that can be had.
+    /// Bytes that are available.
     pub available: u64,
-    /// What would fit.
+    /// Advice for a request that would fit.
     pub remedy: &'static str,
 }
 
-/// From now on nothing is promised that would bring this process beyond so many bytes.
+/// Sets a limit. From now on, requests that would bring this process beyond this number of bytes are refused.
 pub fn limit(bytes: u64) {
     LIMIT.store(bytes, Relaxed);
 }
 
-/// Bytes that this process can still have: what its control group and its own limits leave it, what the machine has; none
-/// where the system does not say.
+/// Returns the bytes that this process can still allocate. Its control group, its own limits and the machine bound
+/// them. The result is `None` if the system does not report them.
 pub fn available() -> Option<u64> {
     [machine(), control_group(), address_space(), stated()].into_iter().flatten().min()
 }
 
-/// Refuses what would take more than there is.
+/// Refuses a request for more memory than is available.
 ///
 /// # Errors
-/// [`TooLarge`].
+/// Returns [`TooLarge`] for such a request.
 pub fn check_available(what: impl FnOnce() -> String, bytes: u64, remedy: &'static str) -> Result<(), TooLarge> {
     match available() {
         Some(available) if bytes > available => Err(TooLarge { what: what(), bytes, available, remedy }),
@@ -41,7 +41,8 @@ pub fn check_available(what: impl FnOnce() -> String, bytes: u64, remedy: &'stat
     }
 }
 
-/// Of `count` values of `size` bytes each; what no number holds is the largest.
+/// Returns the bytes of an array with these axes, whose values have `size` bytes. The result saturates at the largest
+/// number.
 pub fn bytes_of(counts: &[usize], size: usize) -> u64 {
     counts.iter().fold(size as u64, |n, m| n.saturating_mul(*m as u64))
 }
@@ -56,29 +57,29 @@ fn machine() -> Option<u64> {
     kib(&said("/proc/meminfo", "MemAvailable:")?)
 }
 
-/// What [`limit`] leaves.
+/// Returns the memory that [`limit`] leaves.
 fn stated() -> Option<u64> {
     let limit = LIMIT.load(Relaxed);
     (limit < u64::MAX).then(|| limit.saturating_sub(of_process("VmRSS:").unwrap_or(0)))
 }
 
-/// What `ulimit -v` leaves.
+/// Returns the memory that `ulimit -v` leaves.
 fn address_space() -> Option<u64> {
     let most = said("/proc/self/limits", "Max address space")?.split_whitespace().next()?.parse::<u64>().ok()?;
     Some(most.saturating_sub(of_process("VmSize:")?))
 }
 
-/// A number of bytes that the system says of this process.
+/// Returns a number of bytes that the system reports for this process.
 fn of_process(name: &str) -> Option<u64> {
     kib(&said("/proc/self/status", name)?)
 }
 
-/// Bytes, where the system writes `123 kB`.
+/// Reads a number of bytes that the system writes as `123 kB`.
 fn kib(text: &str) -> Option<u64> {
     text.strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What is left to the control group that this process is in, of the second version.
+/// Returns the memory that the control group of this process has left, for control groups of version 2.
 fn control_group() -> Option<u64> {
     let path = said("/proc/self/cgroup", "0::")?;
     let number = |name: &str| {

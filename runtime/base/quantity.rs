@@ -173,7 +173,7 @@ pub enum QuantityError {
     /// The number is out of its range.
     #[error("'{value}' is out of range, expected {range}")]
     OutOfRange { value: String, range: &'static str },
-    /// The text is no size.
+    /// The text is not a size.
     #[error(
         "'{value}' is no size, expected rows x columns, such as 1080x1920, one number for a square, or {}",
         list(fits)

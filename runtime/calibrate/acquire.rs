@@ -1,4 +1,4 @@
-//! From a bench to its pictures.
+//! Takes the pictures of a bench, or reads them from a folder.
 
 use super::bench::{Bench, CameraCommand, Event, FEWEST, ShowsPatterns};
 use super::captures::{Ask, Session, Shot, load};
@@ -12,9 +12,9 @@ use eyebox_optics::{Color, Display, TwoPi};
 use std::path::Path;
 use std::time::Duration;
 
-/// A wavelength that differs by so many nm is another.
+/// Wavelengths that differ by more than this, nm, are different ones.
 const NANOMETRES: f64 = 2.0;
-/// Share of the time that taking pictures is.
+/// Share of a calibration's progress that taking the pictures fills.
 pub const TAKING: f64 = 0.4;
 
 pub(super) struct CaptureSet {
@@ -23,18 +23,18 @@ pub(super) struct CaptureSet {
     pub(super) two_pi_level: f64,
     pub(super) waited: Duration,
     pub(super) warnings: Vec<String>,
-    /// Pictures that nobody keeps last as long as this.
+    /// The folder of pictures that are not kept. It is deleted with this value.
     _folder: Option<tempfile::TempDir>,
 }
 
 impl CaptureSet {
-    /// Pictures that were taken one by one.
+    /// A set of pictures that were taken one by one or read from a folder.
     pub(super) fn of(hello: Hello, shots: Vec<Shot>, two_pi_level: f64) -> Self {
         Self { hello, shots, two_pi_level, waited: Duration::ZERO, warnings: Vec::new(), _folder: None }
     }
 }
 
-/// Grey level of 2 pi.
+/// The gray level of a phase of 2 pi.
 pub(super) fn two_pi_level(display: &Display, color: Color) -> f64 {
     let levels = f64::from(display.levels);
     match &display.encoding.two_pi_level {
@@ -44,8 +44,8 @@ pub(super) fn two_pi_level(display: &Display, color: Color) -> f64 {
     }
 }
 
-/// Refuses a bench that is not the display's; the colour, and the bench's nm. `shows`: whether the command is asked to
-/// show patterns.
+/// Refuses a bench that does not match the display. Returns the color and the bench's wavelength of it, nm. `shows` is
+/// true if the command shows the patterns.
 pub(super) fn check(
     display: &Display,
     color: Color,
@@ -57,7 +57,7 @@ pub(super) fn check(
     if !display.geometry.is_relay() {
         return wrong(reason!(
             "far-field",
-            "it stands in the far field, and calibration is for displays behind a relay"
+            "the display is in the far field, but calibration is for displays behind a relay"
         ));
     }
     let [rows, columns] = hello.slm.resolution;
@@ -65,25 +65,25 @@ pub(super) fn check(
         let (height, width) = (display.height, display.width);
         return wrong(reason!(
             "bench-slm",
-            "its SLM has {rows}x{columns} pixels, and the display file says {height}x{width}"
+            "its SLM has {rows}x{columns} pixels, but the display file has {height}x{width}"
         ));
     }
     let pitch_um = display.pitch * 1e6;
     if let Some(theirs) = hello.slm.pitch_um.filter(|um| (um / pitch_um - 1.0).abs() > 0.01) {
         return wrong(reason!(
             "bench-pitch",
-            "its pixels are {theirs} um wide, and the display file says {pitch_um} um"
+            "its pixels are {theirs} um wide, but the display file has {pitch_um} um"
         ));
     }
     let nm = optics.wavelength * 1e9;
     let Some(theirs) = hello.colors.get(&color.to_string()) else {
         let has: Vec<&str> = hello.colors.keys().map(String::as_str).collect();
-        return wrong(reason!("bench-color", "it has no {color} light: it has {}", has.join(", ")));
+        return wrong(reason!("bench-color", "it has no {color} light, only {}", has.join(", ")));
     };
     if (theirs - nm).abs() > NANOMETRES {
         return wrong(reason!(
             "bench-wavelength",
-            "its {color} light has {theirs} nm, and the display file says {nm:.1} nm"
+            "its {color} light has {theirs} nm, but the display file has {nm:.1} nm"
         ));
     }
     let encoding = &display.encoding;
@@ -100,8 +100,8 @@ pub(super) fn check(
     if shows && !plain && !hello.slm.takes.iter().any(|kind| kind == "phases") {
         return wrong(reason!(
             "levels-alone",
-            "it takes levels alone, and the display file's encoding is more than levels: a command that takes \
-                      phases has to turn them into what the SLM receives"
+            "it takes levels only, but the encoding of the display file is more than levels. Use a command that \
+             takes phases and converts them to the input of the SLM"
         ));
     }
     Ok((color, *theirs))
@@ -115,10 +115,10 @@ pub(super) fn take(
     tell: &dyn Fn(Event),
 ) -> Result<CaptureSet, CalibrateError> {
     let Bench::Command { camera: CameraCommand { command, keep, limit, iris_mm }, most, quick } = *bench else {
-        return Err(reason!("folder-takes-none", "a folder takes no pictures").into());
+        return Err(reason!("folder-takes-none", "a folder cannot take pictures. Give a camera's command").into());
     };
     if most < FEWEST && !quick {
-        return Err(reason!("too-few", "{most} pictures are too few: a calibration takes {FEWEST} at least").into());
+        return Err(reason!("too-few", "{most} pictures are too few. A calibration takes at least {FEWEST}").into());
     }
     tell(Event::At("starting the camera's command", 0.0));
     let mut say = |line: &str| tell(Event::Said(line));
@@ -148,13 +148,13 @@ pub(super) fn take(
     }
     session.end();
     if !session.left_out.is_empty() {
-        warnings.push(format!("{} pictures were left out: {}", session.left_out.len(), session.left_out.join("; ")));
+        warnings.push(format!("{} pictures were left out ({})", session.left_out.len(), session.left_out.join("; ")));
     }
     stand(&mut shots, iris_mm);
     Ok(CaptureSet { hello, shots, two_pi_level, waited: session.waited, warnings, _folder: session.into_folder() })
 }
 
-/// Where a picture does not say where its iris stood, it stood here.
+/// Sets `iris_mm` of each picture that does not state the place of its iris.
 fn stand(shots: &mut [Shot], iris_mm: Option<[f64; 3]>) {
     shots.iter_mut().for_each(|shot| shot.iris_mm = shot.iris_mm.or(iris_mm));
 }

@@ -1,4 +1,4 @@
-//! How old the model of a display is.
+//! Computes the age of a display's model.
 
 use eyebox_optics::{Color, Display, ModelOf};
 use jiff::Timestamp;
@@ -7,7 +7,7 @@ use jiff::tz::TimeZone;
 use serde::Serialize;
 use std::fmt;
 
-/// When a model was fitted, and how long ago that is.
+/// Date of a model's calibration, and the time since then.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ModelAge {
@@ -17,19 +17,19 @@ pub struct ModelAge {
     pub days: Option<i64>,
     /// Day on which drift was last fitted, or on which pictures last agreed with the model.
     pub updated: Option<String>,
-    /// Days since then.
+    /// Days since `updated`, if the date can be read and is not in the future.
     pub days_since_update: Option<i64>,
-    /// Temperature of the bench when the numbers were fitted, degrees Celsius, if it was stated.
+    /// Temperature of the bench at the calibration, degrees Celsius, if it was given.
     pub temperature_c: Option<f64>,
 }
 
 impl ModelAge {
-    /// Of the model of a color; none without a date.
+    /// Returns the age of the model of a color, or none if the model has no date.
     pub fn of(display: &Display, color: Color) -> Option<Self> {
         Self::at(display, color, day_now())
     }
 
-    /// The same on a day.
+    /// The age on the day `today`.
     fn at(display: &Display, color: Color, today: Date) -> Option<Self> {
         let of = |of: ModelOf| display.model.get(&of).filter(|terms| !terms.date.is_empty());
         let terms = of(color.into()).or_else(|| of(ModelOf::All))?;
@@ -67,12 +67,12 @@ impl fmt::Display for ModelAge {
     }
 }
 
-/// Today, in UTC.
+/// The current day in UTC.
 fn day_now() -> Date {
     TimeZone::UTC.to_datetime(Timestamp::now()).date()
 }
 
-/// Today as year-month-day.
+/// The current day as year-month-day.
 pub(super) fn today() -> String {
     day_now().to_string()
 }

@@ -1,6 +1,8 @@
-//! The camera's map of a large SLM, by its pieces. Dots of a large SLM are many pixels wide, and an uneven beam moves their middles by
-//! several of them: more than a speckle is wide, so that no slope leads to the right place. Each piece is searched for where the
-//! model predicts it, and the map goes through the places that were found.
+//! Fits the camera's map of a large SLM by the places of its pieces.
+//!
+//! Dots of a large SLM are many pixels wide, and an uneven beam shifts their centers by several pixels. This is more
+//! than the width of a speckle, so no slope leads to the right place. Each piece is searched for near the place that
+//! the model predicts. The map goes through the places that were found.
 
 use super::classified::Sorted;
 use super::dots::{ALL, nearer};
@@ -11,22 +13,24 @@ use super::parameters::Parameters;
 use super::slopes::shifts;
 use super::views::View;
 
-/// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.
+/// Shifts that are tried in each round, as the reach in steps and the step in SLM pixels. A speckle of a small iris is
+/// 5 pixels wide.
 const ROUNDS: [(i32, f64); 2] = [(5, 2.0), (3, 0.7)];
-/// Camera pixels of a piece.
+/// Number of camera pixels per piece.
 const PIXELS: usize = 2000;
-/// Pictures that are searched, of the irises that are nearest to the axis.
+/// Number of pictures that are searched. They are those with the irises nearest to the axis.
 const PICTURES: usize = 2;
 const STEPS: usize = 6;
-/// Pieces at least that have to be found.
+/// The least number of pieces that must be found.
 const FEWEST: usize = 6;
-/// A place that is this many SLM pixels off the map through all places is not believed.
+/// A place that is this many SLM pixels off the map through all places is dropped.
 const FAR: f64 = 3.0;
 
 /// A place on the SLM (x, y) and the camera pixel (x, y) that was found to look at it.
 type Found = ([f64; 2], [f64; 2]);
 
-/// The map on which the model predicts the pieces; the one of the dots where the SLM is simulated whole or too few are found.
+/// Returns the map on which the model predicts the pieces. It is the map of the dots if the whole SLM is simulated or
+/// too few pieces are found.
 pub(super) fn map(sorted: &mut Sorted, start: &Parameters) -> Result<CameraMap, CalibrateError> {
     let count = sorted.pictures.views.len();
     let mut at = start.clone();
@@ -48,7 +52,7 @@ pub(super) fn map(sorted: &mut Sorted, start: &Parameters) -> Result<CameraMap, 
     Ok(at.map)
 }
 
-/// Adds a view of each piece in the pictures that are searched; the middles of the pieces (x, y), view by view.
+/// Adds a view of each piece in the pictures that are searched. Returns the middles of the pieces (x, y), view by view.
 fn add_views(sorted: &mut Sorted) -> Result<Vec<[f64; 2]>, CalibrateError> {
     let mut small = Random::new(sorted).small;
     let far = |v: &usize| {
@@ -79,7 +83,7 @@ fn add_views(sorted: &mut Sorted) -> Result<Vec<[f64; 2]>, CalibrateError> {
     Ok(middles)
 }
 
-/// The map that takes places to the camera pixels that were found to look at them; none where too few agree.
+/// The map that takes each place to the camera pixel that looks at it, or none if too few agree.
 fn through(start: CameraMap, mut found: Vec<Found>) -> Option<CameraMap> {
     loop {
         if found.len() < FEWEST {
@@ -125,7 +129,7 @@ mod tests {
         };
         let map = through(dots, found.clone()).expect("a map");
         assert!(far(dots) > 3.0 && far(map) < 0.1, "{} pixels off, then {}", far(dots), far(map));
-        // One that was found elsewhere is left out; too few are no map.
+        // A piece that was found elsewhere is dropped, and too few pieces give no map.
         let wrong = found[5].0;
         found[5].0 = [wrong[0] + 10.0, wrong[1] - 8.0];
         let without = through(dots, found.clone()).expect("a map");

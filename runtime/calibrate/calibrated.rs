@@ -1,4 +1,4 @@
-//! What a calibration gives.
+//! Holds the result of a calibration.
 
 use super::error::CalibrateError;
 use super::figures::Figures;
@@ -11,11 +11,11 @@ use eyebox_optics::{Color, Display};
 /// A display that was calibrated.
 #[derive(Debug, Clone)]
 pub struct Calibration {
-    /// The display with what was fitted.
+    /// The display with its fitted model.
     pub display: Display,
-    /// How sure that is, and what it leaves unexplained.
+    /// Uncertainty of the model, and the share of the pictures that it leaves unexplained.
     pub report: Report,
-    /// Pictures that were not fitted, beside what is predicted of them.
+    /// Pictures that were not fitted, each with its prediction.
     pub shown: Vec<HoldoutPicture>,
 }
 
@@ -30,10 +30,11 @@ impl Calibration {
         Ok(Self { display, report, shown })
     }
 
-    /// Measures what it is worth on the built-in still life, and puts it into the report. `before`: the display as its file was.
+    /// Measures the gain of the calibration on the built-in still life and puts it into the report. `before` is the
+    /// display as its file was.
     ///
     /// # Errors
-    /// Those of a solve.
+    /// The errors of a solve.
     pub fn measure_gain(
         &mut self,
         before: &Display,

@@ -1,5 +1,6 @@
-//! Pictures of the bench, asked for one after the other and kept: from a camera's command, from an earlier run that was broken
-//! off, or from a folder alone.
+//! Takes and keeps the pictures of a bench, one after the other.
+//!
+//! They come from a camera's command, from an earlier run that was interrupted, or from a folder alone.
 
 use super::bench::ShowsPatterns;
 use super::error::CalibrateError;
@@ -17,11 +18,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 pub(super) const DOCUMENT: &str = "captures.json";
-/// Share of saturated pixels over which a shorter exposure is asked for.
+/// A shorter exposure is requested if more than this share of the pixels is saturated.
 const SATURATED: f64 = 0.01;
-/// A picture is asked for so often with shorter exposures.
+/// Number of requests of a picture with shorter and shorter exposures.
 const SHORTER: usize = 3;
-/// Pictures of each request that are added.
+/// Number of pictures that the bench adds for each request.
 const AVERAGE: usize = 4;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,18 +30,18 @@ pub(super) struct Capture {
     pub(super) request: Request,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) answer: Option<serde_json::Value>,
-    /// What was shown by a display of this machine's own: the command was not asked to.
+    /// The pattern that a display of this machine showed. The command was not requested to show it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) shown: Option<Show>,
 }
 
 impl Capture {
-    /// What the SLM showed; none in the dark.
+    /// The pattern that the SLM showed, or none in the dark.
     fn show(&self) -> Option<&Show> {
         self.shown.as_ref().or(self.request.show.as_ref())
     }
 
-    /// The picture, where there is one; files lie in `folder`. Says what is wrong with its answer.
+    /// The picture, if there is one. Files are in `folder`. The error states the problem of its answer.
     pub(super) fn shot(&self, folder: &Path) -> Option<Result<Shot, Reason>> {
         let answer = self.answer.as_ref().filter(|a| a.get("error").is_none())?;
         Some(Answer::read(answer).map(|answer| shot_of(folder, self.show(), &self.request, &answer)))
@@ -54,19 +55,19 @@ struct Document {
     captures: Vec<Capture>,
 }
 
-/// What is asked for: a pattern, seen through an iris. By default darkness.
+/// A request of a pattern through an iris. The default is darkness.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Ask<'p> {
-    /// Name and pattern; none for darkness.
+    /// Name and pattern, or none for darkness.
     pub(super) show: Option<(&'p str, &'p Pattern)>,
-    /// x, y, diameter, mm.
+    /// Place x, y and diameter of the iris, mm.
     pub(super) iris_mm: Option<[f64; 3]>,
     pub(super) focus_mm: f64,
 }
 
 #[derive(Debug, Clone)]
 pub(super) struct Shot {
-    /// The pattern's file, and the picture's.
+    /// The file of the pattern, and its kind.
     pub(super) show: Option<(PathBuf, String)>,
     pub(super) file: PathBuf,
     pub(super) full_scale: f64,
@@ -81,33 +82,33 @@ impl Shot {
     }
 }
 
-/// The picture in a file of the camera's size (rows, columns).
+/// Reads the picture in a file of the camera's size (rows, columns).
 pub(super) fn picture_of(file: &Path, full_scale: f64, camera: [usize; 2]) -> Result<Picture, CalibrateError> {
     picture::load(file, camera, full_scale).map_err(|reason| CalibrateError::captures(file, reason))
 }
 
-/// Where pictures come from, and what was taken.
+/// The source of the pictures, and the captures of this run.
 pub(super) struct Session<'a> {
     link: Option<Link<'a>>,
     folder: PathBuf,
     temporary: Option<tempfile::TempDir>,
     pub(super) hello: Hello,
     taken: Vec<Capture>,
-    /// Of an earlier run, in its order.
+    /// Captures of an earlier run, in their order.
     before: VecDeque<Capture>,
     pub(super) color: (Color, f64),
     most: usize,
-    /// What is asked for, where the bench does not choose.
+    /// The requested exposure, if the bench does not choose it.
     pub(super) exposure_ms: Option<f64>,
-    /// What was waited for the camera.
+    /// Time spent in waiting for the camera.
     pub(super) waited: Duration,
-    /// What the bench could not do, in its words.
+    /// The errors of the bench, in its own words.
     pub(super) left_out: Vec<String>,
-    /// What shows the patterns, where the command does not.
+    /// The display that shows the patterns, if the command does not.
     pub(super) shows: Option<&'a mut dyn ShowsPatterns>,
 }
 
-/// Reads a folder of captures: what the bench can do, and its pictures.
+/// Reads the abilities of the bench and its pictures from a folder of captures.
 pub(super) fn load(folder: &Path) -> Result<(Hello, Vec<Capture>), CalibrateError> {
     let file = folder.join(DOCUMENT);
     let text = read::text(&file, read::TABLE).map_err(|e| FileError::read(&file, e))?;
@@ -118,8 +119,8 @@ pub(super) fn load(folder: &Path) -> Result<(Hello, Vec<Capture>), CalibrateErro
 }
 
 impl<'a> Session<'a> {
-    /// A session with a camera's command; pictures go to `keep`, and what lies there already is not asked for again.
-    /// `color`: it, and the bench's nm.
+    /// A session with a camera's command. Pictures go to `keep`. Pictures that are already there are not requested
+    /// again. `color` is the color and the bench's wavelength of it, nm.
     pub(super) fn new(
         link: Link<'a>,
         hello: Hello,
@@ -139,7 +140,7 @@ impl<'a> Session<'a> {
             let (theirs, captures) = load(&folder)?;
             if theirs != hello {
                 let reason =
-                    reason!("another-bench", "holds pictures of another bench: give another folder to keep these in");
+                    reason!("another-bench", "holds pictures of another bench. Give another folder to keep these in");
                 return Err(CalibrateError::captures(&folder.join(DOCUMENT), reason));
             }
             before = captures.into();
@@ -150,7 +151,8 @@ impl<'a> Session<'a> {
         Ok(Self { link, folder, temporary, hello, taken, before, color, most, exposure_ms, waited, left_out, shows })
     }
 
-    /// New pictures are added to those that lie there already, which are not asked for again: them.
+    /// Adds new pictures to the existing ones. Returns the earlier pictures of the color, which are not
+    /// requested again.
     pub(super) fn adds(&mut self) -> Vec<Shot> {
         self.taken.extend(self.before.drain(..));
         let of_color =
@@ -162,19 +164,19 @@ impl<'a> Session<'a> {
         self.taken.len()
     }
 
-    /// Leaves out the pictures from this number on: they do not show what was shown.
+    /// Drops the answers of the pictures from this number on, because they do not show the requested pattern.
     pub(super) fn leave_out_from(&mut self, number: usize) -> Result<(), CalibrateError> {
         self.taken.iter_mut().skip(number).for_each(|capture| capture.answer = None);
         self.write()
     }
 
-    /// Pictures answered.
+    /// Number of pictures that were answered.
     pub(super) fn count(&self) -> usize {
         self.taken.iter().filter(|c| c.answer.is_some()).count()
     }
 
-    /// Takes the pictures that a calibration begins with: of the dots, and of darkness where the camera can. `iris_mm`: where an iris
-    /// stands that does not move.
+    /// Takes the first pictures of a calibration, of the dots and, if the camera can, of darkness. `iris_mm` is the
+    /// place of an iris that does not move.
     pub(super) fn take_first(
         &mut self,
         display: &Display,
@@ -190,7 +192,7 @@ impl<'a> Session<'a> {
         if shot.iris_mm.or(iris_mm).is_none() {
             let reason = reason!(
                 "no-iris",
-                "its iris does not move, and nothing says where it stands: answer iris_mm, or give `iris` X,Y,DIAMETER in mm"
+                "its iris does not move, and its place is unknown. Answer iris_mm, or give `iris` X,Y,DIAMETER in mm"
             );
             return Err(CalibrateError::bench(display, reason));
         }
@@ -198,7 +200,7 @@ impl<'a> Session<'a> {
         Ok([shot].into_iter().chain(dark).collect())
     }
 
-    /// Takes a picture: None where the bench could not, or where as many were taken as may be.
+    /// Takes a picture. Returns none if the bench could not, or if the limit of pictures is reached.
     pub(super) fn take(&mut self, ask: &Ask) -> Result<Option<Shot>, CalibrateError> {
         for _ in 0..SHORTER {
             if self.count() >= self.most {
@@ -252,7 +254,7 @@ impl<'a> Session<'a> {
                     return Ok(Some((shot, saturated)));
                 }
             }
-            // From here on it is another calibration.
+            // The request differs from here on, so the rest of the earlier run belongs to another calibration.
             self.before.clear();
         }
         self.ask(ask, request, shown)
@@ -300,7 +302,7 @@ impl<'a> Session<'a> {
         Ok(result)
     }
 
-    /// The folder's document, as it is by now.
+    /// Writes the folder's document with the captures up to now.
     fn write(&self) -> Result<(), CalibrateError> {
         if self.temporary.is_some() {
             return Ok(());
@@ -317,7 +319,7 @@ impl<'a> Session<'a> {
         self.temporary
     }
 
-    /// Says bye to the command.
+    /// Sends bye to the command.
     pub(super) fn end(&mut self) {
         if let Some(link) = self.link.take() {
             link.bye();
@@ -325,7 +327,7 @@ impl<'a> Session<'a> {
     }
 }
 
-/// A picture by what was shown, its request and its answer; files lie in `folder`.
+/// The picture of a request and its answer. Files are in `folder`.
 fn shot_of(folder: &Path, show: Option<&Show>, request: &Request, answer: &Answer) -> Shot {
     Shot {
         show: show.map(|s| (folder.join(&s.file), s.kind.clone())),
@@ -337,21 +339,21 @@ fn shot_of(folder: &Path, show: Option<&Show>, request: &Request, answer: &Answe
     }
 }
 
-/// A pattern that was shown, as the phases that were asked for.
+/// Reads the requested phases of a pattern that was shown.
 pub(super) fn shown(file: &Path, kind: &str, slm: [usize; 2], two_pi_level: f64) -> Result<Pattern, CalibrateError> {
     let npy = files::read_npy(file)?;
     let wrong = |reason: Reason| CalibrateError::captures(file, reason);
     let [frames, height, width] = npy.shape[..] else {
         return Err(wrong(reason!(
             "pattern-axes",
-            "has {} axes: patterns are (sub-frame, row, column)",
+            "has {} axes, but patterns are (sub-frame, row, column)",
             npy.shape.len()
         )));
     };
     if [height, width] != slm || frames == 0 {
         return Err(wrong(reason!(
             "pattern-size",
-            "has {frames} patterns of {height}x{width}: the SLM has {}x{}",
+            "has {frames} patterns of {height}x{width} pixels, but the SLM has {}x{}",
             slm[0],
             slm[1]
         )));

@@ -1,4 +1,4 @@
-//! Pictures, sorted by what they are for: dots, darkness, what was taken twice, and the rest.
+//! Sorts pictures by their purpose, such as dots, darkness and pictures that were taken twice.
 
 use super::acquire::CaptureSet;
 use super::captures::{Shot, shown};
@@ -18,22 +18,22 @@ use eyebox_optics::{Color, Display, Pupil, SlmPart};
 use eyebox_solve::solve::SplitMix;
 use std::path::PathBuf;
 
-/// Camera pixels of a picture that are fitted, and of one that is held out.
+/// Number of camera pixels of a fitted picture, and of a held-out one.
 const FITTED: usize = 1500;
 const HELD_OUT: usize = 6000;
-/// Contrast of a picture at least: errors of an even one are not measured by its contrast.
+/// Least contrast of a picture. The errors of an even picture are not measured by its own contrast.
 const LEAST_CONTRAST: f64 = 0.1;
-/// A camera pixel's sensitive share, where a fit begins.
+/// Sensitive share of a camera pixel, at which a fit starts.
 pub(super) const CAMERA_PIXEL: f64 = 0.9;
 
 pub(super) struct Sorted {
     pub(super) pictures: Pictures,
-    /// Pictures of even drives; they are fitted, too.
+    /// Pictures of even drives. They are fitted, too.
     pub(super) even: Vec<usize>,
     pub(super) fitted: Vec<usize>,
     /// Pictures that contradict the others.
     pub(super) strange: Vec<usize>,
-    /// Pictures of the same, taken twice.
+    /// Pairs of pictures of the same pattern, taken twice.
     pub(super) pairs: Vec<[usize; 2]>,
     pub(super) map: CameraMap,
     pub(super) map_rms: f64,
@@ -42,10 +42,10 @@ pub(super) struct Sorted {
     bits: u32,
 }
 
-/// A shot of a pattern, with the number of its set.
+/// A shot of a pattern, with the index of its set.
 type PatternShot<'a> = (&'a Shot, usize);
 
-/// Sorts the pictures: dots, darkness, what was taken twice, the rest.
+/// Sorts the pictures into dots, darkness, pictures that were taken twice, and the rest.
 pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Result<Sorted, CalibrateError> {
     let optics = display.optics(color)?;
     let slm = [display.height, display.width];
@@ -72,7 +72,7 @@ pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Resul
             found = Some(dots::find(&picture, slm).map_err(|reason| {
                 CalibrateError::Pictures(reason!(
                     "dots",
-                    "{}: in the picture of the dots {reason}: is the SLM lit, and in focus on the camera?",
+                    "{}: in the picture of the dots {reason}. Check that the SLM is lit and in focus on the camera",
                     shot.file.display()
                 ))
             })?);
@@ -81,17 +81,15 @@ pub(super) fn sort(display: &Display, color: Color, taken: &CaptureSet) -> Resul
         }
     }
     let Some((map, map_rms)) = found else {
-        return Err(
-            reason!("no-picture-of-dots", "there is no picture of the dots, which say where the camera looks").into()
-        );
+        return Err(reason!("no-picture-of-dots", "no picture of the dots, which locate the camera. Take one").into());
     };
     if pattern_shots.len() < 3 {
         return Err(
-            reason!("too-few", "{} pictures of patterns are too few to fit a model to", pattern_shots.len()).into()
+            reason!("too-few", "{} pictures of patterns are too few, take at least 3", pattern_shots.len()).into()
         );
     }
     let radius = display.source_eyebox_min() / 2.0;
-    tracing::debug!("dots: {map_rms:.3} camera pixels rms, map {:.6?}", map.numbers);
+    tracing::debug!("error of the dots {map_rms:.3} camera pixels rms, map {:.6?}", map.numbers);
     let parts = pieces::pieces(&map);
     for set in &mut sets {
         let of_part = |part| Set { pattern: set.pattern.part(part), windows: Vec::new() };
@@ -170,11 +168,11 @@ impl Sorted {
         Ok(())
     }
 
-    /// Some of the camera's pixels that look well inside the SLM's image and are not saturated, part by part.
+    /// Random pixels of the camera that look well inside the SLM's image and are not saturated, part by part.
     fn pixels(&self, picture: &Picture, count: usize, seed: u64) -> Vec<usize> {
         let mut random = SplitMix(seed ^ 0x7069_7865_6c73);
         let mut found = Vec::new();
-        // A camera that sees little of the SLM has few of them, and pieces hold a tenth.
+        // If the camera sees little of the SLM, few pixels qualify, and pieces hold a tenth.
         let tries = if self.pictures.are_whole() { 40 } else { 400 };
         for _ in 0..tries * count {
             if found.len() == count {
@@ -191,7 +189,7 @@ impl Sorted {
         found
     }
 
-    /// Some of the camera's pixels that look at a part and are not saturated.
+    /// Random pixels of the camera that look at a part and are not saturated.
     pub(super) fn pixels_of(&self, picture: &Picture, part: usize, count: usize) -> Vec<usize> {
         let mut random = SplitMix(part as u64 ^ 0x7069_6563_6573);
         let SlmPart { first, size, .. } = self.pictures.parts[part];
@@ -215,7 +213,7 @@ impl Sorted {
         pieces::holding(&self.pictures.parts, self.map.to_slm(place))
     }
 
-    /// Adds a picture at these pixels: its number.
+    /// Adds a view of a picture at these pixels and returns its index.
     fn view(
         &mut self,
         (shot, set): PatternShot,
@@ -224,8 +222,7 @@ impl Sorted {
         at: &Parameters,
     ) -> Result<usize, CalibrateError> {
         let Some([x, y, d]) = shot.iris_mm else {
-            let reason =
-                reason!("no-iris", "has no iris_mm: give `iris` X,Y,DIAMETER in mm of an iris that stands still");
+            let reason = reason!("no-iris", "has no iris_mm. Give `iris` X,Y,DIAMETER in mm if the iris does not move");
             return Err(CalibrateError::captures(&shot.file, reason));
         };
         let pupil = Pupil::from_mm([x, y, d, shot.focus_mm]).check()?;
@@ -244,7 +241,7 @@ impl Sorted {
         }
         let counts: Vec<f64> = pixels.iter().map(|p| f64::from(picture.values[*p])).collect();
         if counts.is_empty() {
-            let reason = reason!("saturated", "has no pixel that looks at the SLM and is not saturated");
+            let reason = reason!("saturated", "has no unsaturated pixel that looks at the SLM");
             return Err(CalibrateError::captures(&shot.file, reason));
         }
         self.pictures.views.push(View {

@@ -1,5 +1,6 @@
-//! The display as it is, in float64: from drive phases to the spectrum that enters an iris, and how that changes with each
-//! number of the model.
+//! Computes the spectrum that enters an iris from drive phases, in float64.
+//!
+//! The device also has the slopes of the spectrum by each number of the model.
 
 use super::parameters::{Parameter, Parameters};
 use super::pattern::{Pattern, transformed, transposed};
@@ -26,7 +27,7 @@ impl Window {
 /// The model as tables.
 #[derive(Clone)]
 pub(super) struct Device {
-    /// Of the part alone.
+    /// The optics of this part only.
     optics: Optics,
     part: SlmPart,
     /// Sub-pixels of a pixel along an axis.
@@ -34,15 +35,16 @@ pub(super) struct Device {
     model: DisplayModel,
     level: Vec<f64>,
     amplitude: Vec<f64>,
-    /// Transfer from pixels to sub-pixels' phases along y and x, with the transforms' factors; none without crosstalk.
+    /// Transfer from pixels to the phases of sub-pixels along y and x, with the factors of the transforms, or none
+    /// without crosstalk.
     transfer: Option<[Vec<Complex64>; 2]>,
     /// The pixel's aperture along y and x, by bin.
     aperture: [Vec<Complex64>; 2],
-    /// Light that is not diffracted, behind the aperture, by bin.
+    /// Zero order behind the aperture, by bin.
     rest: Vec<Complex64>,
 }
 
-/// A set of patterns that follow each other on a part of the SLM, with the windows that are looked at.
+/// A set of consecutive patterns on a part of the SLM, with the windows of the irises.
 pub(super) struct Set {
     pub(super) pattern: Pattern,
     pub(super) windows: Vec<Window>,
@@ -52,11 +54,11 @@ pub(super) fn optics_of(part: &SlmPart, optics: &Optics) -> Optics {
     Optics { height: part.size[0], width: part.size[1], ..*optics }
 }
 
-/// Fields in windows: by sub-frame, window, bin.
+/// Fields in windows, by sub-frame, window and bin.
 type Fields = Vec<Vec<Vec<Complex64>>>;
 
 impl Device {
-    /// Tables of a model for a part of an SLM with these optics, with so many sub-pixels where there is crosstalk.
+    /// Tables of a model for a part of an SLM with these optics. `subpixels` counts only with crosstalk.
     pub(super) fn new(model: &DisplayModel, part: SlmPart, optics: &Optics, subpixels: usize) -> Self {
         let optics = optics_of(&part, optics);
         let (height, width) = (optics.height, optics.width);
@@ -100,7 +102,7 @@ impl Device {
         Some([axis(along_y), axis(along_x)])
     }
 
-    /// The tables a parameter's step further on.
+    /// The tables after one step of a parameter.
     fn further(&self, at: &Parameters, parameter: Parameter) -> Self {
         let model = at.moved(parameter, parameter.step()).model;
         match parameter {
@@ -114,7 +116,7 @@ impl Device {
         }
     }
 
-    /// The tables further on of all these parameters, made once for all sets.
+    /// The tables after one step of each of these parameters, made once for all sets.
     pub(super) fn all_further(&self, at: &Parameters, free: &[Parameter]) -> Vec<Further> {
         free.par_iter().map(|&parameter| Further { device: self.further(at, parameter), parameter }).collect()
     }
@@ -140,7 +142,7 @@ impl Device {
         (0..pattern.frames).map(mixed).collect()
     }
 
-    /// Two real images at once, as real and imaginary part, on sub-pixels: (column, row).
+    /// Spreads two real images at once, as real and imaginary part, onto sub-pixels (column, row).
     fn spread(&self, image: &[Complex64]) -> Vec<Complex64> {
         let (height, width, p) = (self.optics.height, self.optics.width, self.subpixels);
         let Some([along_y, along_x]) = &self.transfer else { return transposed(image, width) };
@@ -157,7 +159,8 @@ impl Device {
         axis(transposed(&wide, width * p), height, along_y)
     }
 
-    /// The field's spectrum in each window, before the aperture; the field is (column, row) on sub-pixels, and is used up.
+    /// The field's spectrum in each window, before the aperture. The field is (column, row) on sub-pixels, and is
+    /// consumed.
     fn spectra(&self, mut field: Vec<Complex64>, windows: &[Window]) -> Vec<Vec<Complex64>> {
         let (rows, columns) = (self.optics.height * self.subpixels, self.optics.width * self.subpixels);
         fft::transform_f64(&mut field, rows, fft::Direction::Forward);
@@ -183,7 +186,7 @@ impl Device {
         windows.iter().map(|w| w.bins().map(at).collect()).collect()
     }
 
-    /// A spectrum behind the aperture, with the light that is not diffracted.
+    /// A spectrum behind the aperture, with the zero order.
     fn behind(&self, window: &Window, raw: &[Complex64]) -> Vec<Complex64> {
         let share = self.model.modulated_share();
         self.dressed(window, raw, |v, rest| v * share + rest)
@@ -205,7 +208,7 @@ impl Device {
         window.bins().zip(raw).map(value).collect()
     }
 
-    /// The light on sub-pixels without the undiffracted part, (column, row), and the pixels' phases.
+    /// The light on sub-pixels without the zero order, (column, row), and the phases of the sub-pixels.
     fn field(&self, settled: &[f64]) -> (Vec<Complex64>, Vec<f64>) {
         let image: Vec<Complex64> = settled.iter().map(|m| Complex64::new(*m, 0.0)).collect();
         let phase: Vec<f64> = self.spread(&image).into_iter().map(|v| v.re).collect();
@@ -217,7 +220,8 @@ impl Device {
         (phase.iter().enumerate().map(light).collect(), phase)
     }
 
-    /// What enters each window in each sub-frame; with the slopes by each parameter of `free`, first by parameter.
+    /// The light that enters each window in each sub-frame, and its slopes by each parameter of `free`. The slopes are
+    /// by parameter first.
     pub(super) fn enter(&self, set: &Set, free: &[Further]) -> (Fields, Vec<Fields>) {
         let settled = self.settled(&set.pattern);
         let slopes: Vec<Slope> = free.iter().map(|further| Slope::new(set, &settled, further)).collect();
@@ -225,7 +229,7 @@ impl Device {
         for t in 0..set.pattern.frames {
             let (light, phase) = self.field(&settled[t]);
             let raw = self.spectra(light.clone(), &set.windows);
-            // Two turns of the phase go through the crosstalk at once.
+            // Two changes of the phase go through the crosstalk at once.
             let turns: Vec<&Vec<f64>> = slopes.iter().filter_map(|s| s.settled.as_ref().map(|all| &all[t])).collect();
             let mut spread = Vec::new();
             for pair in turns.chunks(2) {
@@ -246,16 +250,16 @@ impl Device {
     }
 }
 
-/// Tables a parameter's step further on.
+/// The tables after one step of a parameter.
 pub(super) struct Further {
     device: Device,
     parameter: Parameter,
 }
 
-/// How what leaves a set's pixels changes with a parameter.
+/// The change of the light that leaves a set's pixels with a parameter.
 struct Slope<'f> {
     further: &'f Further,
-    /// By how much the settled phases change, by sub-frame.
+    /// Change of the settled phases, by sub-frame.
     settled: Option<Vec<Vec<f64>>>,
 }
 
@@ -270,8 +274,8 @@ impl<'f> Slope<'f> {
         Self { further, settled: phases }
     }
 
-    /// The slope of what enters each window in a sub-frame.
-    #[allow(clippy::too_many_arguments, reason = "all that is known of the sub-frame")]
+    /// The slope of the light that enters each window in a sub-frame.
+    #[allow(clippy::too_many_arguments, reason = "all values of the sub-frame")]
     fn enter(
         &self,
         device: &Device,
@@ -319,7 +323,7 @@ impl<'f> Slope<'f> {
                 };
                 of_field(light.iter().enumerate().map(|(at, v)| v * factor(at)).collect(), true)
             }
-            // The aperture and the rest alone.
+            // The other parameters change the aperture and the zero order only.
             _ => raw
                 .iter()
                 .zip(&set.windows)

@@ -1,40 +1,40 @@
-//! Which way round a bench is: the sign of its phase, and how its camera sees the picture.
+//! Reports the sign of a bench's phase and the orientation of its camera's picture.
 
 use super::map::CameraMap;
 use serde::Serialize;
 use std::fmt;
 
-/// The sign of the phase, which is the direction of the SLM's table too: pictures do not tell phases of the other sign from a table that
-/// falls where the display's file lets it rise.
+/// The sign of the phase, which is also the direction of the SLM's table. Pictures cannot separate phases of the other
+/// sign from a table that falls while the display's file has a rising one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PhaseSign {
-    /// As in the display's file: a higher level delays the light more.
+    /// The sign of the display's file. A higher level delays the light more.
     AsRequested,
-    /// The other one: a higher level delays the light less.
+    /// The opposite sign. A higher level delays the light less.
     Opposite,
-    /// No model explains the pictures, with neither sign.
+    /// No model explains the pictures with either sign.
     Unknown,
 }
 
-/// Which way round a bench is.
+/// The orientation of a bench.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Directions {
     /// The sign of the phase, and the direction of the table.
     pub phase: PhaseSign,
-    /// Whether the camera sees the picture mirrored, left to right.
+    /// True if the camera sees the picture mirrored, left to right.
     pub mirrored: bool,
-    /// How far the picture is then turned clockwise, degrees, more than -180 and up to 180.
+    /// Clockwise rotation of the picture after that reflection, degrees, more than -180 and up to 180.
     pub turned_deg: f64,
 }
 
 impl Directions {
-    /// By the camera's map.
+    /// The directions of a camera's map.
     pub(super) fn new(phase: PhaseSign, map: CameraMap) -> Self {
         let [[a, b], [d, e]] = map.slopes();
         let mirrored = a * e - b * d < 0.0;
-        // Mirrored back, it is a turn.
+        // After the reflection is undone, it is a rotation.
         let (a, d) = if mirrored { (-a, -d) } else { (a, d) };
         let turned = (d - b).atan2(a + e).to_degrees();
         Self { phase, mirrored, turned_deg: if turned <= -180.0 { 180.0 } else { turned } }
@@ -45,16 +45,16 @@ impl fmt::Display for Directions {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         to.write_str(match self.phase {
             PhaseSign::AsRequested => {
-                "the phase has the sign of the display's file, and the table rises: a higher level delays the light more"
+                "the phase has the sign of the display file, the table rises, and a higher level delays the light more"
             }
             PhaseSign::Opposite => {
-                "the phase has the other sign, or the table falls: a higher level delays the light less"
+                "the phase has the other sign, or the table falls, and a higher level delays the light less"
             }
-            PhaseSign::Unknown => "the sign of the phase and the direction of the table are not known",
+            PhaseSign::Unknown => "the sign of the phase and the direction of the table are unknown",
         })?;
-        to.write_str("; the camera sees the picture ")?;
+        to.write_str(". The camera sees the picture ")?;
         to.write_str(if self.mirrored { "mirrored left to right" } else { "not mirrored" })?;
-        // A tenth of a degree is two tenths of a pixel at the edge of 256.
+        // A tenth of a degree is two tenths of a pixel at the edge of 256 pixels.
         match (self.turned_deg.abs(), self.turned_deg > 0.0) {
             (..0.05, _) => write!(to, " and upright"),
             (by, clockwise) => {
@@ -84,7 +84,7 @@ mod tests {
             let found = Directions::new(PhaseSign::AsRequested, map);
             assert_eq!(found.mirrored, mirrored, "{degrees}");
             assert!((found.turned_deg - degrees).abs() < 1e-3, "{found:?} for {degrees}");
-            // A place to the right of the middle comes to lie where the words say.
+            // A place to the right of the middle comes out at the rotation of the text.
             let [at, middle] = [[48.5, 31.5], [47.5, 31.5]].map(|at| map.to_camera(at));
             let right = [at[0] - middle[0], at[1] - middle[1]];
             let angle = if mirrored { (-right[1]).atan2(-right[0]) } else { right[1].atan2(right[0]) };

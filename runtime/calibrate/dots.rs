@@ -1,4 +1,4 @@
-//! The camera's map from a picture of dots, from nothing: wherever they lie in it, however turned, mirrored or scaled.
+//! Finds the camera's map from a picture of dots, for any position, rotation, reflection and scale.
 
 use super::fit::dot;
 use super::map::CameraMap;
@@ -10,10 +10,11 @@ use eyebox_optics::linear::solve;
 use std::f64::consts::PI;
 
 const NEEDED: f64 = 0.7;
-/// Nearness within which a bright spot is a dot, in shares of the spacing.
+/// Largest distance between a bright spot and its dot, share of the spacing.
 const NEAR: f64 = 0.3;
 
-/// Bright spots of a picture, (x, y) in its pixels, the clearest first; dots are about `radius` pixels wide.
+/// The bright spots of a picture, (x, y) in its pixels, the clearest first. Dots have a radius of about `radius`
+/// pixels.
 fn spots(picture: &Picture, radius: f64, most: usize) -> Vec<[f64; 2]> {
     let (height, width) = (picture.height, picture.width);
     let r = (0.7 * radius).round().max(1.0) as usize;
@@ -48,7 +49,7 @@ fn spots(picture: &Picture, radius: f64, most: usize) -> Vec<[f64; 2]> {
             for row in (at[1] - r).ceil().max(0.0) as usize..=((at[1] + r).floor() as usize).min(height - 1) {
                 for column in (at[0] - r).ceil().max(0.0) as usize..=((at[0] + r).floor() as usize).min(width - 1) {
                     let off = [column as f64 - at[0], row as f64 - at[1]];
-                    // A window without an edge: pixels come and go at nothing.
+                    // A window without an edge, so that pixels enter and leave with weight 0.
                     let share = (1.0 - (off[0] * off[0] + off[1] * off[1]) / (r * r)).max(0.0);
                     let v = (f64::from(picture.values[row * width + column]) - floor).max(0.0) * share;
                     sum = [sum[0] + v * column as f64, sum[1] + v * row as f64];
@@ -64,7 +65,7 @@ fn spots(picture: &Picture, radius: f64, most: usize) -> Vec<[f64; 2]> {
     found.into_iter().map(|(_, at)| centroid(at)).collect()
 }
 
-/// Mean over a square of 2 r + 1 pixels, cut off at the edges.
+/// The mean over a square of 2 r + 1 pixels, cut off at the edges.
 fn blurred(values: &[f32], height: usize, width: usize, r: usize) -> Vec<f32> {
     let line = |from: &[f32], to: &mut [f32]| {
         let mut sums = vec![0.0f64];
@@ -82,20 +83,20 @@ fn blurred(values: &[f32], height: usize, width: usize, r: usize) -> Vec<f32> {
     pattern::transposed(&columns, height)
 }
 
-/// Nearest spot to a place, and its distance.
+/// The spot nearest to a place, and its distance.
 fn nearest(spots: &[[f64; 2]], [x, y]: [f64; 2]) -> (usize, f64) {
     let far = |s: &[f64; 2]| (s[0] - x).hypot(s[1] - y);
     let best = (0..spots.len()).min_by(|a, b| far(&spots[*a]).total_cmp(&far(&spots[*b]))).unwrap_or(0);
     (best, spots.get(best).map_or(f64::INFINITY, far))
 }
 
-/// The map by its dots, and its error in camera pixels, RMS. Says what is wrong where it cannot be told.
+/// Finds the map by its dots, and its error, camera pixels RMS. The error states why the map cannot be found.
 pub(super) fn find(picture: &Picture, slm: [usize; 2]) -> Result<(CameraMap, f64), Reason> {
     let camera = [picture.height, picture.width];
     let (dots, radius) = pattern::dots(slm);
     let spacing = radius / 0.21;
     let mut best: Option<(usize, f64, CameraMap)> = None;
-    // How large they are is not known: half a picture, or all of it.
+    // The size of the SLM's image is unknown, from half a picture to all of it.
     let whole = camera[1] as f64 / slm[1] as f64;
     for share in [1.0, 0.8, 0.63, 0.5] {
         let spots = spots(picture, radius * whole * share, dots.len() * 5 / 4);
@@ -115,12 +116,12 @@ pub(super) fn find(picture: &Picture, slm: [usize; 2]) -> Result<(CameraMap, f64
     }
     match best {
         Some((count, rms, map)) if count as f64 >= NEEDED * dots.len() as f64 => Ok((map, rms)),
-        Some((count, ..)) => Err(reason!("few-dots", "{count} of {} dots were found", dots.len())),
+        Some((count, ..)) => Err(reason!("few-dots", "only {count} of {} dots were found", dots.len())),
         None => Err(reason!("no-dots", "none of {} dots was found", dots.len())),
     }
 }
 
-/// The best few maps of all turns, mirrored or not.
+/// The best 12 maps over all rotations, with and without reflection.
 fn guesses(dots: &[[f64; 2]], spots: &[[f64; 2]], slm: [usize; 2], camera: [usize; 2], spacing: f64) -> Vec<CameraMap> {
     let middle = |points: &[[f64; 2]]| {
         let sum = points.iter().fold([0.0; 2], |s, p| [s[0] + p[0], s[1] + p[1]]);
@@ -148,7 +149,7 @@ fn guesses(dots: &[[f64; 2]], spots: &[[f64; 2]], slm: [usize; 2], camera: [usiz
     }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let map = |affine: [f64; 4]| {
-        // From pixels to places: both are scaled by half a width.
+        // Pixels become places, which are scaled by half a width.
         let share = slm[1] as f64 / camera[1] as f64;
         let [a, b, d, e] = affine.map(|v| v * share);
         let mut map = CameraMap { numbers: [a, b, 0.0, d, e, 0.0, 0.0, 0.0, 0.0, 0.0], slm, camera };
@@ -160,7 +161,7 @@ fn guesses(dots: &[[f64; 2]], spots: &[[f64; 2]], slm: [usize; 2], camera: [usiz
     all.into_iter().take(12).map(|(_, affine)| map(affine)).collect()
 }
 
-/// Improves a map by the spots nearest to its dots: affine first, then the homography, then with distortion.
+/// Refines a map by the spots nearest to its dots, in rounds that are affine, then a homography, then with distortion.
 fn refined(dots: &[[f64; 2]], spots: &[[f64; 2]], mut map: CameraMap, spacing: f64) -> Option<(usize, f64, CameraMap)> {
     let mut last = None;
     for (round, free) in
@@ -184,8 +185,8 @@ fn refined(dots: &[[f64; 2]], spots: &[[f64; 2]], mut map: CameraMap, spacing: f
     last
 }
 
-/// A step of Gauss and Newton to the map that takes places on the SLM (x, y) to camera pixels (x, y), and how far off that is, camera
-/// pixels, RMS.
+/// One Gauss-Newton step of the map that takes places on the SLM (x, y) to camera pixels (x, y). Returns the map and
+/// its error, camera pixels RMS.
 pub(super) fn nearer(mut map: CameraMap, pairs: &[([f64; 2], [f64; 2])], free: &[usize]) -> Option<(CameraMap, f64)> {
     let miss = |map: &CameraMap| -> Vec<f64> {
         pairs.iter().flat_map(|(d, s)| (0..2).map(|i| map.to_camera(*d)[i] - s[i]).collect::<Vec<_>>()).collect()

@@ -1,4 +1,4 @@
-//! What can go wrong while a display is calibrated.
+//! Lists the errors of a calibration.
 
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
@@ -9,79 +9,79 @@ use eyebox_solve::quality::QualityError;
 use std::io;
 use std::path::Path;
 
-/// Why a calibration ended without a model.
+/// The reason why a calibration ended without a model.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum CalibrateError {
-    /// The camera's command is no list of words as a POSIX shell has them.
-    #[error("the camera's command '{command}' has no words, or a quote that is not closed")]
+    /// The camera's command cannot be split into words as a POSIX shell does.
+    #[error("the camera's command '{command}': no words, or a quote that is not closed")]
     Words {
-        /// Command as it was given.
+        /// The command as it was given.
         command: String,
     },
-    /// It does not start.
+    /// The camera's command does not start.
     #[error("the camera's command '{program}' does not start: {source}")]
     Start {
-        /// Its first word.
+        /// The first word of the command.
         program: String,
-        /// Why.
+        /// The error of the operating system.
         #[serde(serialize_with = "eyebox_base::error::as_text")]
         source: io::Error,
     },
-    /// The bench is not the display's.
-    #[error("the bench is not that of the display '{display}': {reason}")]
+    /// The bench does not match the display.
+    #[error("the bench does not match the display '{display}': {reason}")]
     Bench {
-        /// The display's name.
+        /// The name of the display.
         display: String,
-        /// What the two say.
+        /// The difference between the two.
         reason: Reason,
     },
-    /// The bench said why it could not do something that cannot be left out.
+    /// The bench refused a step that cannot be left out.
     #[error("the bench could not {what}: {text}")]
     Refused {
-        /// What was asked of it.
+        /// The step that was requested.
         what: String,
-        /// What it said.
+        /// The text of the bench.
         text: String,
     },
-    /// The camera's command was lost once too often.
+    /// The camera's command was lost too often.
     #[error("the camera's command was lost {deaths} times, the last time because it {reason}")]
     Lost {
-        /// How often.
+        /// The number of losses.
         deaths: usize,
-        /// What happened the last time.
+        /// The reason of the last loss.
         reason: Reason,
     },
-    /// The user stopped it.
+    /// The user stopped the calibration.
     #[error("the calibration was stopped: nothing is written")]
     Stopped,
-    /// The folder of captures cannot be what it should be.
+    /// The folder of captures has invalid content.
     #[error("{file}: {reason}")]
     Captures {
-        /// The file.
+        /// The file with the problem.
         file: String,
-        /// What is wrong, where, and what would be right.
+        /// The problem, its place and the remedy.
         reason: Reason,
     },
-    /// The pictures do not say what they have to.
+    /// The pictures do not contain the information that the fit needs.
     #[error("{0}")]
     Pictures(Reason),
-    /// The display that shows the patterns.
+    /// The display that shows the patterns failed.
     #[error("the patterns cannot be shown: {0}")]
     #[serde(serialize_with = "eyebox_base::error::as_text")]
     Shows(Box<dyn std::error::Error + Send + Sync>),
-    /// What the fit is worth could not be measured.
+    /// The gain of the calibration could not be measured.
     #[serde(rename = "quality")]
     Gain(#[from] QualityError),
-    /// The scene by which that is measured.
+    /// The scene of that measurement could not be loaded.
     Scene(#[from] SceneError),
-    /// A file.
+    /// A file could not be read or written.
     File(#[from] FileError),
-    /// The engine that computes beside the camera.
+    /// The engine that computes next to the camera failed.
     Engine(#[from] EngineError),
-    /// The display.
+    /// The display or the color is not possible.
     Optics(#[from] OpticsError),
 }
 
@@ -100,7 +100,7 @@ impl CalibrateError {
         Self::Captures { file: file.display().to_string(), reason }
     }
 
-    /// Whether the bench or the user ended it, and not what it was given.
+    /// True if the bench or the user ended the calibration. The input was not the cause then.
     pub fn is_ended(&self) -> bool {
         matches!(self, Self::Stopped | Self::Lost { .. } | Self::Refused { .. } | Self::Shows(_))
     }

@@ -1,5 +1,7 @@
-//! Light that the SLM does not modulate, in closed form from even drives: they excite no crosstalk, no lag and no fly-back, so
-//! that the result depends on nothing that is unknown yet, and a tilt of any size is found.
+//! Fits the zero order (light that the SLM does not modulate) in closed form from even drives.
+//!
+//! Even drives excite no crosstalk, no lag and no fly-back. The result therefore depends on no number that is still
+//! unknown, and a tilt of any size is found.
 
 use super::classified::Sorted;
 use super::error::CalibrateError;
@@ -10,24 +12,25 @@ use eyebox_kernels::{Complex64, fft};
 use eyebox_optics::linear::inverse;
 use std::f64::consts::PI;
 
-/// Waves of unmodulated light that are searched for.
+/// Largest number of waves of unmodulated light.
 const PEAKS: usize = 3;
-/// Waves of less than this share of the strongest amplitude are no start of a fit.
+/// Waves with less than this share of the strongest amplitude start no fit.
 const WEAK: f64 = 0.3;
-/// Nor are those, beside what is fitted, of less than this share of its amplitude.
+/// After a first fit, waves with less than this share of the fitted amplitude start no fit.
 const WEAKER: f64 = 0.2;
-/// A fit that leaves this share of the even drives is in the right minimum.
+/// A fit that leaves less than this share of the even drives is in the right minimum.
 const EXPLAINED: f64 = 0.01;
-/// A further wave stays if the even drives are left with this share of what they were left with.
+/// A further wave stays if it reduces the share that is left to this fraction.
 const GAINS: f64 = 0.8;
-/// A picture is not believed if all leave more than this share, and the others less than that share of it.
+/// A picture is excluded if all pictures leave more than `CONTRADICT`, and the others alone leave less than `ALONE` of
+/// that.
 const CONTRADICT: f64 = 0.05;
 const ALONE: f64 = 0.2;
-/// Places along a side at which the pictures are compared, at most.
+/// Largest number of places along a side at which the pictures are compared.
 const PLACES: usize = 512;
-/// Curvatures that are tried, from -2 to 2 rad.
+/// Curvatures that are tried, in quarters of a radian: -2 to 2 rad.
 const CURVATURES: std::ops::RangeInclusive<i32> = -8..=8;
-/// An even drive shows this and nothing of crosstalk.
+/// One sub-pixel is enough, because an even drive shows no crosstalk.
 const EVEN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 20, enough: 0.01 };
 
 #[derive(Clone)]
@@ -37,18 +40,20 @@ struct Image {
     values: Vec<Complex64>,
 }
 
-/// A wave of light that is not modulated: Re, Im of its amplitude, its tilts and its curvature, radians.
+/// A wave of light that is not modulated, as the real and imaginary part of its amplitude, its tilts along x and y, and
+/// its curvature, radians.
 type Wave = [f64; 5];
 
-/// What even drives tell.
+/// The result of the fit to even drives.
 pub(super) struct Even {
     pub(super) at: Parameters,
-    /// A picture that contradicts the others, and the share of it that these leave.
+    /// A picture that contradicts the others, and the share of it that their fit leaves.
     pub(super) strange: Option<(usize, f64)>,
 }
 
-/// Fits source, table and the light that is not modulated to the even drives. Without even drives all stays as it is. Four are one
-/// more than the closed form needs: where they contradict each other, and three do not, the fourth is not believed.
+/// Fits source, table and zero order to the even drives. Without even drives all numbers stay as they are. Four even
+/// drives are one more than the closed form needs. If all four contradict each other and three do not, the fourth is
+/// excluded.
 pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, CalibrateError> {
     let even = &sorted.even;
     let Some((left, at)) = fit_to(sorted, start, even)? else {
@@ -58,13 +63,13 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     if left < CONTRADICT || even.len() < 4 {
         return Ok(best);
     }
-    // The strongest wave alone shows which picture it is, if one is.
+    // The strongest wave alone is enough to find the picture, if there is one.
     let mut least: Option<(f64, usize, Vec<usize>)> = None;
     for strange in even {
         let others: Vec<usize> = even.iter().copied().filter(|v| v != strange).collect();
         let Some(waves) = starts(sorted, start, &others)?.0.into_iter().next() else { continue };
         let (now, _) = from_waves(sorted, start, waves, &others)?;
-        tracing::debug!("without {}: {now:.4} is left", sorted.pictures.views[*strange].file.display());
+        tracing::debug!("{now:.4} is left without {}", sorted.pictures.views[*strange].file.display());
         if now < least.as_ref().map_or(left, |(least, ..)| *least) {
             least = Some((now, *strange, others));
         }
@@ -79,8 +84,8 @@ pub(super) fn fit(sorted: &Sorted, start: &Parameters) -> Result<Even, Calibrate
     Ok(best)
 }
 
-/// Waves that a fit to some even drives starts from, the strongest first, and the image in which they were found, with how far tilts
-/// can be.
+/// Waves from which a fit to some even drives starts, the strongest first. The second member is the image in which they
+/// were found, with the limits of their tilts.
 type Starts = (Vec<Vec<Wave>>, Option<(Image, [f64; 2])>);
 
 fn starts(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Starts, CalibrateError> {
@@ -93,7 +98,7 @@ fn starts(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Starts
     Ok((starts, unmodulated))
 }
 
-/// The share that is left of some even drives and the fit to them, from the start that leaves least.
+/// Fits to some even drives from the start that leaves least. Returns the share that is left, and the fit.
 fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option<(f64, Parameters)>, CalibrateError> {
     if which.is_empty() {
         return Ok(None);
@@ -109,7 +114,7 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
             break;
         }
     }
-    // A second reflection, of a window or of a lens, is found in what the first leaves.
+    // A second reflection, from a window or a lens, is found in the rest of the first fit.
     let Some((image, limit)) = unmodulated else { return Ok(best) };
     let Some((mut left, mut at)) = best else { return Ok(None) };
     'further: while at.model.undiffracted.len() < PEAKS {
@@ -124,13 +129,13 @@ fn fit_to(sorted: &Sorted, start: &Parameters, which: &[usize]) -> Result<Option
         }
         break;
     }
-    // The brightest first, whichever was found first.
+    // The brightest comes first, regardless of the order in which they were found.
     let light = |wave: &Wave| wave[0].hypot(wave[1]);
     at.model.undiffracted.sort_by(|a, b| light(b).total_cmp(&light(a)));
     Ok(Some((left, at)))
 }
 
-/// The share that is left of some even drives and the fit to them, from these waves.
+/// Fits to some even drives from these waves. Returns the share that is left, and the fit.
 fn from_waves(
     sorted: &Sorted,
     start: &Parameters,
@@ -144,16 +149,18 @@ fn from_waves(
     free.extend((0..2).map(Parameter::Bend));
     let mut at = start.clone();
     at.model.undiffracted = waves;
-    // Three turns are three numbers, and a table far from its file explains them with other light: the light is fitted first.
+    // Three turns determine three numbers, so a table far from its file can pass for other light. The light is fitted
+    // first.
     let near = sorted.pictures.fit(&at, &at, &free[..light], which, EVEN, &mut |_| {})?;
     let fit = sorted.pictures.fit(&at, &near.at, &free, which, EVEN, &mut |_| {})?;
     let left = sorted.mean_left(&fit.at, which);
     let from = &at.model.undiffracted;
-    tracing::debug!("light that is not modulated, {from:.3?}: {left:.4} of the even drives is left");
+    tracing::debug!("{left:.4} of the even drives is left with the zero order from {from:.3?}");
     Ok((left, fit.at))
 }
 
-/// The amplitude of the light that is not modulated over that of all light, if the drives tell it, and how far its tilts can be.
+/// The amplitude of the unmodulated light over the amplitude of all light, and the limits of its tilts, if the drives
+/// determine them.
 fn ratios(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Option<(Image, [f64; 2])>, CalibrateError> {
     let pictures = &sorted.pictures;
     let [height, width] = at.map.slm;
@@ -172,16 +179,16 @@ fn ratios(sorted: &Sorted, at: &Parameters, which: &[usize]) -> Result<Option<(I
         images.push((0..rows * columns).map(at_place).collect::<Vec<f64>>());
     }
     let Some(values) = unmodulated(&drives, &images) else { return Ok(None) };
-    // Light beyond the iris is not in the pictures.
+    // The pictures do not contain light beyond the iris.
     let widest = |v: &usize| pictures.views[*v].pupil().diameter / pictures.optics.eyebox();
     let reach = PI * which.iter().map(widest).fold(0.0, f64::max) / 2.0;
     let limit = [reach * width as f64, reach * height as f64];
     Ok(Some((Image { rows, columns, values }, limit)))
 }
 
-/// The amplitude of the light that is not modulated over that of all light, place by place, if the drives tell it.
+/// The amplitude of the unmodulated light over the amplitude of all light, place by place, if the drives determine it.
 fn unmodulated(drives: &[f64], images: &[Vec<f64>]) -> Option<Vec<Complex64>> {
-    // Each place sees an offset and one turn of a wave: a + b cos w + c sin w.
+    // Each place sees an offset and one turn of a wave, a + b cos w + c sin w.
     let waves: Vec<[f64; 3]> = drives.iter().map(|w| [1.0, w.cos(), w.sin()]).collect();
     let sum = |i: usize, j: usize| waves.iter().map(|wave| wave[i] * wave[j]).sum::<f64>();
     let normal: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| sum(i, j)).collect()).collect();
@@ -198,8 +205,8 @@ fn unmodulated(drives: &[f64], images: &[Vec<f64>]) -> Option<Vec<Complex64>> {
     Some((0..images.first()?.len()).map(value).collect())
 }
 
-/// The strongest plane or curved waves of an image, each searched for in the rest that those that are known, and then the ones
-/// before it, leave. `limit`: tilts along x and y, radians.
+/// The strongest plane or curved waves of an image. Each is searched for in the image after the known waves and the
+/// earlier ones are subtracted. `limit` is the largest tilt along x and y, radians.
 fn strongest(mut image: Image, limit: [f64; 2], known: &[Wave]) -> Vec<Wave> {
     for [.., x, y, curvature] in known {
         let numbers = [*x, *y, *curvature];
@@ -224,7 +231,7 @@ fn strongest(mut image: Image, limit: [f64; 2], known: &[Wave]) -> Vec<Wave> {
 }
 
 impl Image {
-    /// The amplitude of a wave of these tilts and this curvature.
+    /// The amplitude of a wave with these tilts and this curvature.
     fn amplitude(&self, numbers: [f64; 3]) -> Complex64 {
         let term = |(i, v): (usize, &Complex64)| v * wave(place(i, self.rows, self.columns), numbers).conj();
         self.values.iter().enumerate().map(term).sum::<Complex64>() / self.values.len() as f64
@@ -237,7 +244,7 @@ impl Image {
     }
 }
 
-/// A place of the image, from -1 to 1.
+/// Coordinates of a place of the image, from -1 to 1.
 fn place(i: usize, rows: usize, columns: usize) -> [f64; 2] {
     [((2 * (i % columns) + 1) as f64 / columns as f64) - 1.0, ((2 * (i / columns) + 1) as f64 / rows as f64) - 1.0]
 }
@@ -280,7 +287,7 @@ fn peak(image: &Image, limit: [f64; 2]) -> Option<[f64; 3]> {
     best.map(|(_, at)| at)
 }
 
-/// The wave's amplitude, and its tilts and curvature where the amplitude is highest.
+/// The wave's amplitude, with the tilts and the curvature at which it is highest.
 fn refined(image: &Image, start: [f64; 3]) -> (Complex64, [f64; 3]) {
     let (mut at, mut step) = (start, [0.4, 0.4, 0.12]);
     let mut amplitude = image.amplitude(at);
@@ -306,7 +313,7 @@ mod tests {
     use eyebox_solve::solve::SplitMix;
     use std::f64::consts::TAU;
 
-    /// Pictures of even drives with light that is not modulated, a source that falls off, and a table that is off.
+    /// Pictures of even drives with unmodulated light, a source that falls off, and a wrong table.
     fn pictures(eta: Complex64, numbers: [f64; 3], [rows, columns]: [usize; 2]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let mut random = SplitMix(7);
         let drives: Vec<f64> = (0..4).map(|i| TAU * f64::from(i) / 4.0).collect();
@@ -351,7 +358,7 @@ mod tests {
         for (i, (got, want)) in found.iter().zip(second).enumerate() {
             assert!((got - want).abs() < if i < 2 { 0.01 } else { 0.1 }, "{found:?} instead of {second:?}");
         }
-        // Nothing is left of both.
+        // After both waves are subtracted, no wave is left.
         assert_eq!(strongest(image, [40.0, 40.0], &[first, second]), Vec::<Wave>::new());
     }
 

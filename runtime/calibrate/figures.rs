@@ -1,35 +1,36 @@
-//! A fitted display in the numbers that an optician reads: maps, curves and places instead of coefficients.
+//! Describes a fitted display by maps, curves and places instead of coefficients.
 
 use super::residual::PictureLeft;
 use eyebox_optics::{Color, Display, DisplayModel, ModelTerms, OpticsError, Pupil, zernike_name};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Places along the longer side of a map.
+/// Number of places along the longer side of a map.
 const PLACES: usize = 41;
-/// Places along a curve.
+/// Number of places along a curve.
 const POINTS: usize = 33;
-/// Pixels to either side that the kernel of crosstalk is listed for, at most.
+/// Largest offset of the listed crosstalk kernel, pixels.
 const REACH: usize = 6;
 
-/// Values over a rectangle, row by row from the top left. The first and the last places are half a cell inside its edge.
+/// Values over a rectangle, row by row from the top left. The first and the last places are half a cell inside its
+/// edge.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Map {
     /// Height and width of the rectangle, mm.
     pub size_mm: [f64; 2],
-    /// Number of rows.
+    /// Number of rows of the map.
     pub rows: usize,
-    /// Number of columns.
+    /// Number of columns of the map.
     pub columns: usize,
-    /// The values, four digits after the point.
+    /// The values, rounded to four digits after the point.
     pub values: Vec<f64>,
 }
 
 impl Map {
-    /// `value(x, y)` over a rectangle; x and y run from -1 to 1 over it.
+    /// The map of `value(x, y)` over a rectangle, in which x and y run from -1 to 1.
     fn new([height, width]: [f64; 2], value: impl Fn(f64, f64) -> f64) -> Self {
-        // An odd number of places along each side: one of them is the middle.
+        // An odd number of places along each side puts one in the middle.
         let side = |length: f64| ((PLACES as f64 * length / height.max(width)) as usize).max(3) | 1;
         let (rows, columns) = (side(height), side(width));
         let place = |i: usize, n: usize| (2 * i + 1) as f64 / n as f64 - 1.0;
@@ -38,7 +39,7 @@ impl Map {
         Self { size_mm: [height, width].map(|v| rounded(v * 1e3)), rows, columns, values }
     }
 
-    /// The least and the highest value.
+    /// The lowest and the highest value.
     pub fn range(&self) -> [f64; 2] {
         self.values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)])
     }
@@ -59,115 +60,116 @@ impl Map {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Aberration {
-    /// ANSI index.
+    /// The ANSI index of the polynomial.
     pub index: u32,
-    /// What opticians call it.
+    /// The name that opticians use.
     pub name: String,
-    /// Waves RMS over the disc as wide as the eyebox.
+    /// Coefficient, waves RMS over the disc as wide as the eyebox.
     pub waves: f64,
-    /// Standard error, waves.
+    /// Standard error of `waves`, waves.
     pub error: Option<f64>,
 }
 
-/// The relay's wavefront.
+/// The fitted wavefront of the relay.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Wavefront {
-    /// Waves over the square of the eyebox, a longer path positive.
+    /// Waves over the square of the eyebox. A longer path is positive.
     pub map: Map,
     /// Waves RMS over the disc as wide as the eyebox.
     pub rms_waves: f64,
-    /// The least and the highest value over that disc, waves. In the corners of the eyebox the polynomials are continued.
+    /// The lowest and the highest value over that disc, waves. The corners of the eyebox continue the polynomials
+    /// beyond it.
     pub range_waves: [f64; 2],
-    /// Its polynomials.
+    /// The polynomials with their coefficients.
     pub terms: Vec<Aberration>,
 }
 
-/// The look-up table.
+/// The fitted look-up table of the SLM.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Table {
-    /// Drives from 0 to 1, 1 being full drive. The ideal phase is the same number of turns.
+    /// Drives from 0 to 1, with 1 at full drive. The ideal phase is the same number of turns.
     pub drives: Vec<f64>,
-    /// Phase in turns at each drive: the least over the SLM, that of its middle, the highest.
+    /// Phase in turns at each drive, as the lowest over the SLM, the one in the middle, the highest.
     pub turns: Vec<[f64; 3]>,
-    /// Phase at full drive in turns, at 3 x 3 places over the SLM.
+    /// Phase in turns at full drive, at 3 x 3 places over the SLM.
     pub level: [[f64; 3]; 3],
-    /// The bend, radians: b1, b2.
+    /// The bend of the table, b1 and b2, radians.
     pub bend: [f64; 2],
 }
 
-/// A wave of the zero order: light that the SLM does not modulate.
+/// A wave of the zero order, which is light that the SLM does not modulate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ZeroOrder {
-    /// Share of the light.
+    /// Share of the light in this wave.
     pub share: f64,
-    /// Its standard error.
+    /// Standard error of the share.
     pub share_error: Option<f64>,
-    /// Middle of its spot in the pupil plane: x to the right, y down, mm.
+    /// Center of its spot in the pupil plane, x to the right, y down, mm.
     pub at_mm: [f64; 2],
-    /// Standard errors of that place, mm.
+    /// Standard errors of `at_mm`, mm.
     pub error_mm: Option<[f64; 2]>,
-    /// Width and height of its spot, mm: what its curvature and diffraction at the SLM's edges make of a point.
+    /// Width and height of its spot, mm. They come from its curvature and from diffraction at the edges of the SLM.
     pub wide_mm: [f64; 2],
 }
 
-/// The kernel of crosstalk at one sample per pixel.
+/// The kernel of crosstalk, with one sample per pixel.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Kernel {
-    /// Pixels from the pixel that is driven.
+    /// Distance from the driven pixel, pixels.
     pub offsets_px: Vec<i64>,
-    /// Its share of the drive at each of these offsets, along y.
+    /// Share of the drive that reaches the pixel at each of these offsets along y.
     pub along_y: Vec<f64>,
-    /// The same along x.
+    /// Share of the drive at each of these offsets along x.
     pub along_x: Vec<f64>,
-    /// Share of the variance of random drives that it leaves.
+    /// Share of the variance of random drives that is left after crosstalk.
     pub variance_left: f64,
 }
 
-/// The iris.
+/// The fitted place and scale of the iris.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct IrisFound {
-    /// Where it is if it is sent to the axis: x to the right, y down, mm.
+    /// Place of the iris when it is sent to the axis, x to the right, y down, mm.
     pub at_mm: [f64; 2],
-    /// Standard errors of that place, mm.
+    /// Standard errors of `at_mm`, mm.
     pub error_mm: Option<[f64; 2]>,
-    /// Its distances and diameters over the requested ones.
+    /// True distances and diameters over the requested ones.
     pub scale: f64,
-    /// Standard error of the scale.
+    /// Standard error of `scale`.
     pub scale_error: Option<f64>,
-    /// Each diameter that was requested, and the one that was found, mm.
+    /// Each requested diameter and the true one, mm.
     pub diameters_mm: Vec<[f64; 2]>,
 }
 
-/// The display of one colour as it was fitted. What is ideal is left out.
+/// The display of one color as it was fitted. Terms with ideal values are absent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Figures {
-    /// Side of the square of the eyebox, mm.
+    /// Side of the square eyebox, mm.
     pub eyebox_mm: f64,
-    /// The relay's wavefront.
+    /// The fitted wavefront of the relay.
     pub wavefront: Option<Wavefront>,
-    /// The beam: intensity over the SLM, the mean being 1.
+    /// Intensity of the beam over the SLM, with a mean of 1.
     pub beam: Option<Map>,
-    /// The look-up table.
+    /// The fitted look-up table of the SLM.
     pub table: Option<Table>,
     /// The waves of the zero order, the brightest first.
     pub zero_orders: Vec<ZeroOrder>,
-    /// Crosstalk.
+    /// The kernel of crosstalk.
     pub crosstalk: Option<Kernel>,
-    /// The iris.
+    /// The fitted place and scale of the iris.
     pub iris: Option<IrisFound>,
 }
 
 impl Figures {
-    /// Of one color; the pictures say which irises were requested.
+    /// The figures of one color. `pictures` has the irises that were requested.
     ///
     /// # Errors
-    /// [`OpticsError`] for a color that the display does not have, or a model that cannot be.
+    /// [`OpticsError`] if the display does not have the color, or if the model is not possible.
     pub fn new(display: &Display, color: Color, pictures: &[PictureLeft]) -> Result<Self, OpticsError> {
         let (optics, model, ideal) = (display.optics(color)?, display.model(color), DisplayModel::default());
         let errors = display.model.get(&color.into()).and_then(|terms| terms.errors.as_deref());
@@ -225,7 +227,8 @@ impl Table {
 }
 
 impl ZeroOrder {
-    /// Of an SLM of `sides` pixels (rows, columns) whose order is `eyebox` metres wide: the brightest first.
+    /// The waves of an SLM of `sides` pixels (rows, columns) whose diffraction order is `eyebox` meters wide, the
+    /// brightest first.
     fn all(model: &DisplayModel, errors: Option<&ModelTerms>, sides: [usize; 2], eyebox: f64) -> Vec<Self> {
         let errors = errors.and_then(|e| e.undiffracted.as_deref()).unwrap_or_default();
         let waves = model.undiffracted.iter().enumerate();
@@ -235,7 +238,7 @@ impl ZeroOrder {
     }
 
     fn new([re, im, px, py, pr]: &[f64; 5], errors: Option<&[f64; 5]>, sides: [usize; 2], eyebox: f64) -> Self {
-        // A phase of p radians at the SLM's edge is p / pi bins.
+        // A phase of p radians at the edge of the SLM is p / pi bins.
         let bins = [sides[1], sides[0]].map(|n| eyebox * 1e3 / n as f64);
         let tilts = |x: f64, y: f64| [x / PI * bins[0], y / PI * bins[1]];
         Self {
@@ -278,7 +281,7 @@ impl IrisFound {
     }
 }
 
-/// Four digits after the point, and no zero below zero.
+/// Rounds to four digits after the point, without a negative zero.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4 + 0.0
 }
@@ -318,12 +321,12 @@ mod tests {
         };
         let zero = &figures(terms).zero_orders[0];
         assert!((zero.share - 0.25).abs() < 1e-12);
-        // 4 rad are 0.26 mm at 128 pixels (columns), and twice as much at 64 (rows).
+        // 4 rad are 0.26 mm at 128 pixels (columns) and double that at 64 (rows).
         assert!((zero.at_mm[0] - 0.2586).abs() < 1e-4 && (zero.at_mm[1] + 0.5173).abs() < 1e-4, "{:?}", zero.at_mm);
         assert!((zero.share_error.expect("an error") - 2.0 * 0.003f64.hypot(0.008)).abs() < 1e-12);
         let [x, y] = zero.error_mm.expect("errors");
         assert!((x - 0.1 / PI * 26.0 / 128.0).abs() < 1e-9 && (y - 0.2 / PI * 26.0 / 64.0).abs() < 1e-9);
-        // The phase's slope at both edges, and a bin of diffraction.
+        // The width is the phase's slope at both edges plus a bin of diffraction.
         assert!((zero.wide_mm[0] - (26.0 / 128.0) * (1.0 + 2.0 / PI)).abs() < 1e-9, "{:?}", zero.wide_mm);
     }
 
@@ -341,7 +344,7 @@ mod tests {
         assert_eq!((map.rows, map.columns, map.values.len()), (41, 41, 41 * 41));
         let middle = map.values[20 * 41 + 20];
         assert!((middle + 0.3 * 3f64.sqrt()).abs() < 1e-4, "{middle}");
-        // At the right end of the disc defocus and coma add up; the corners are higher and do not count.
+        // At the right end of the disc defocus and coma add up. The corners are higher and do not count.
         let highest = 0.3 * 3f64.sqrt() + 0.4 * 8f64.sqrt();
         assert!((wavefront.range_waves[1] - highest).abs() < 0.2, "{:?}", wavefront.range_waves);
         assert!(map.range()[1] > highest + 1.0, "{:?}", map.range());

@@ -1,6 +1,8 @@
-//! The least squares: predictions and slopes of all pictures, and steps by Levenberg and Marquardt. Each picture has a gain and
-//! an offset of its own, both solved for inside (Golub and Pereyra 1973): they take up the drift of the laser and veiling light,
-//! and cost two numbers of a picture's thousands. A common gain turns 3 % of drift into 3 % of error in everything.
+//! Fits the numbers by least squares, with predictions and slopes of all pictures and Levenberg-Marquardt steps.
+//!
+//! Each picture has a gain and an offset of its own, and both are solved for inside (Golub and Pereyra 1973). They
+//! absorb the drift of the laser and veiling light, and cost two numbers of a picture's thousands. A common gain turns
+//! 3 % of drift into 3 % of error in everything.
 
 use super::error::CalibrateError;
 use super::parameters::{Parameter, Parameters};
@@ -23,19 +25,19 @@ pub(super) struct Exposure {
 pub(super) struct Fit {
     pub(super) at: Parameters,
     pub(super) free: Vec<Parameter>,
-    /// Squared residuals in units of the noise, on average.
+    /// Mean of the squared residuals, in units of the noise.
     pub(super) squares: f64,
     pub(super) covariance: Vec<Vec<f64>>,
 }
 
 impl Fit {
-    /// Standard error of a free parameter.
+    /// Standard error of a free parameter, if it was fitted.
     pub(super) fn error(&self, parameter: Parameter) -> Option<f64> {
         let at = self.free.iter().position(|p| *p == parameter)?;
         Some(self.covariance[at][at].sqrt())
     }
 
-    /// With the iris's numbers among those that are free: standard errors of x, y (mm), scale.
+    /// Adds the iris's numbers to the free ones. `errors` are the standard errors of x, y (mm) and scale.
     pub(super) fn with_iris(mut self, errors: [f64; 3]) -> Self {
         let n = self.free.len() + 3;
         self.covariance.iter_mut().for_each(|row| row.resize(n, 0.0));
@@ -48,7 +50,7 @@ impl Fit {
         self
     }
 
-    /// Pairs of free parameters that the pictures cannot tell apart.
+    /// Pairs of free parameters that the pictures cannot separate, with their correlations.
     pub(super) fn confused(&self) -> Vec<(Parameter, Parameter, f64)> {
         let mut pairs = Vec::new();
         for i in 0..self.free.len() {
@@ -65,31 +67,31 @@ impl Fit {
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Effort {
-    /// Sub-pixels along an axis, of what is predicted and of its slopes.
+    /// Sub-pixels along an axis for predictions, and for slopes.
     pub(super) subpixels: usize,
     pub(super) slopes: usize,
     pub(super) rounds: usize,
-    /// A round that gains less than this share is the last.
+    /// A round that gains less than this share is the last one.
     pub(super) enough: f64,
 }
 
-/// Of random patterns, which are seen with one sub-pixel until lag is fitted.
+/// Effort for random patterns. One sub-pixel is enough for them until lag is fitted.
 pub(super) const COARSE: Effort = Effort { subpixels: 1, slopes: 1, rounds: 5, enough: 0.02 };
 
-/// Slopes are computed again if a step gains less or more than these shares of what they promise.
+/// Slopes are computed again if the share of the predicted gain that a step reaches is outside this range.
 const KEPT: std::ops::Range<f64> = 0.5..1.3;
-/// Steps that fail are damped so often before a fit ends.
+/// Number of times that a failed step is damped before a fit ends.
 const TRIES: usize = 6;
-/// A residual of more than this many times the usual one counts no more than that.
+/// A residual of more than this many times the usual one counts linearly beyond it (Huber).
 const OUTLIER: f64 = 3.0;
-/// No step is longer than this many times the spread that is expected of a number.
+/// No step is longer than this many times the expected spread of a number.
 const LONGEST_STEP: f64 = 1.5;
-/// Weight of the camera's dark level as an offset, share of a picture's weight: it decides where a picture is as good as even,
-/// which tells its gain from its offset no more.
+/// Weight of the camera's dark level as a prior of the offset, share of a picture's weight. It decides if a picture is
+/// almost even, because such a picture cannot separate its gain from its offset.
 const DARK_WEIGHT: f64 = 1e-4;
 
 impl Pictures {
-    /// Variance of these views about their means, in that of the camera's noise.
+    /// Variance of these views about their means, in units of the variance of the camera's noise.
     pub(super) fn signal(&self, which: &[usize]) -> f64 {
         let of_view = |v: &usize| {
             let View { counts, variance, .. } = &self.views[*v];
@@ -116,19 +118,19 @@ impl Pictures {
         Exposure { gain, dark: (c - gain * x) / n }
     }
 
-    /// Residuals of a view, counts, each view at its best exposure.
+    /// Residuals of a view, counts, at the view's best exposure.
     pub(super) fn residuals(&self, view: usize, seen: &Prediction) -> Vec<f64> {
         let exposure = self.exposure(view, seen);
         let (view, gain) = (&self.views[view], exposure.gain * self.views[view].exposure_ms);
         seen.intensity.iter().zip(&view.counts).map(|(i, c)| gain * i + exposure.dark - c).collect()
     }
 
-    /// The share of a view's variance that is left.
+    /// The share of a view's variance that the prediction leaves.
     pub(super) fn share_left(&self, view: usize, seen: &Prediction) -> f64 {
         mean_square(&self.residuals(view, seen)) / self.views[view].signal
     }
 
-    /// The share of each view's variance that is left, and the squares in units of the noise, on average.
+    /// The share of each view's variance that is left, and the mean of the squared residuals in units of the noise.
     pub(super) fn left(&self, which: &[usize], seen: &[Prediction]) -> Vec<[f64; 2]> {
         let of = |(v, seen): (&usize, &Prediction)| {
             let (view, residuals) = (&self.views[*v], self.residuals(*v, seen));
@@ -139,7 +141,7 @@ impl Pictures {
         which.par_iter().zip(seen).map(of).collect()
     }
 
-    /// The share of the views' variance that a model leaves beyond the camera's noise, each view counted alike.
+    /// The share of the views' variance that a model leaves beyond the camera's noise. Each view has the same weight.
     fn misfit(&self, which: &[usize], residuals: &[Vec<f64>]) -> f64 {
         let of = |(v, residuals): (&usize, &Vec<f64>)| {
             let view = &self.views[*v];
@@ -149,7 +151,8 @@ impl Pictures {
         which.iter().zip(residuals).map(of).sum::<f64>() / which.len().max(1) as f64
     }
 
-    /// Squares of the residuals in units of the noise and of a misfit of this share, large ones damped; and their number.
+    /// Squares of the residuals in units of the noise and of a misfit of this share, with large ones damped. It returns
+    /// their sum.
     fn robust(&self, which: &[usize], residuals: &[Vec<f64>], misfit: f64) -> f64 {
         let of = |(v, residuals): (&usize, &Vec<f64>)| {
             let view = &self.views[*v];
@@ -163,7 +166,7 @@ impl Pictures {
         which.par_iter().zip(seen).map(|(v, seen)| self.residuals(*v, seen)).collect()
     }
 
-    /// Squares of these views in units of the camera's noise.
+    /// Sum of the squared residuals of these views, in units of the camera's noise.
     pub(super) fn squares(&self, which: &[usize], seen: &[Prediction]) -> f64 {
         let of = |(v, residuals): (&usize, Vec<f64>)| {
             residuals.iter().zip(&self.views[*v].variance).map(|(r, v)| r * r / v).sum::<f64>()
@@ -171,8 +174,8 @@ impl Pictures {
         which.iter().zip(self.all_residuals(which, seen)).map(of).sum()
     }
 
-    /// Fits the free parameters to these views, from `start`. The prior `known` holds those in place that the pictures hardly tell. Slopes
-    /// are kept for as long as the steps that they give do what they promise.
+    /// Fits the free parameters to these views, from `start`. The prior `known` holds the parameters that the pictures
+    /// hardly determine. Slopes are kept as long as the steps gain what the slopes predict.
     pub(super) fn fit(
         &self,
         known: &Parameters,
@@ -183,7 +186,7 @@ impl Pictures {
         observe: &mut dyn FnMut(f64),
     ) -> Result<Fit, CalibrateError> {
         if which.is_empty() {
-            return Err(reason!("nothing-to-fit", "there is nothing to fit").into());
+            return Err(reason!("nothing-to-fit", "no pictures to fit. Take pictures of patterns").into());
         }
         let count: usize = which.iter().map(|v| self.views[*v].counts.len()).sum();
         let (mut at, mut damping) = (start.clone(), 1e-3);
@@ -225,7 +228,7 @@ impl Pictures {
                 damping *= 20.0;
             }
             let (gain, kept) = step_taken.as_ref().map_or((0.0, 0.0), |(.., gain, kept)| (*gain, *kept));
-            tracing::debug!("round {round}: {misfit:.5} of the variance, gained {gain:.2e}, {kept:.2} of the promise");
+            tracing::debug!("round {round}: {misfit:.5} of the variance, gained {gain:.2e}, {kept:.2} of predicted");
             let stuck = step_taken.is_none();
             if let Some((trial, now, ..)) = step_taken {
                 (at, seen) = (trial, now);
@@ -242,13 +245,13 @@ impl Pictures {
         let covariance = self.covariance(which, [&seen, &slopes], &at, free).ok_or_else(|| {
             CalibrateError::Pictures(reason!(
                 "not-told-apart",
-                "the pictures do not tell the model's numbers apart: more of them are needed"
+                "the pictures do not separate the model's numbers: take more pictures"
             ))
         })?;
         Ok(Fit { at, free: free.to_vec(), squares, covariance })
     }
 
-    /// Covariance of the free parameters, by the view at `at` and its slopes there.
+    /// Covariance of the free parameters, from the predictions at `at` and the slopes there.
     fn covariance(
         &self,
         which: &[usize],
@@ -265,8 +268,9 @@ impl Pictures {
         Some(scaled(inverse(&normal)?, scale))
     }
 
-    /// The same fit, the errors of which know of `omitted` too: numbers that stayed where the display's file has them because they
-    /// do not show may be off by what the pictures leave open, and what was fitted then with them.
+    /// The same fit with errors that include the `omitted` numbers. These stayed at the values of the display's file
+    /// because they do not show. They may be wrong by as much as the pictures allow, and so may the numbers that were
+    /// fitted with them.
     pub(super) fn with_omitted(&self, fit: Fit, omitted: &[Parameter], which: &[usize], effort: Effort) -> Fit {
         let apart = |p: &&Parameter| !matches!(p, Parameter::Iris(_));
         let fitted: Vec<Parameter> = fit.free.iter().filter(apart).copied().collect();
@@ -291,7 +295,7 @@ impl Pictures {
         fit
     }
 
-    /// The normal equations, each view's gain and offset eliminated.
+    /// The normal equations, with each view's gain and offset eliminated.
     fn normal(
         &self,
         which: &[usize],
@@ -330,7 +334,7 @@ impl Pictures {
             eliminate_last_two(&mut normal, &mut right);
             (normal, right)
         };
-        // In the order of the views, whatever the threads.
+        // The sum runs in the order of the views, so that it does not depend on the threads.
         let parts: Vec<_> = which.par_iter().zip(seen).zip(slopes).zip(residuals).map(part).collect();
         let (mut normal, mut right) = (vec![vec![0.0; n - 2]; n - 2], vec![0.0; n - 2]);
         for (a, b) in parts {
@@ -341,7 +345,7 @@ impl Pictures {
     }
 }
 
-/// Solves normal equations for their last two unknowns, and leaves those of the others.
+/// Eliminates the last two unknowns of normal equations and leaves the equations of the others.
 fn eliminate_last_two(normal: &mut Vec<Vec<f64>>, right: &mut Vec<f64>) {
     for last in [right.len() - 1, right.len() - 2] {
         let pivot_row = normal[last].clone();
@@ -372,7 +376,7 @@ pub(super) fn mean_square(values: &[f64]) -> f64 {
     values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64
 }
 
-/// What a step gains where the slopes hold all the way.
+/// The gain of a step if the slopes hold all the way.
 fn promised(normal: &[Vec<f64>], right: &[f64], step: &[f64]) -> f64 {
     let row = |(row, r): (&Vec<f64>, &f64)| 2.0 * r - row.iter().zip(step).map(|(n, s)| n * s).sum::<f64>();
     normal.iter().zip(right).map(row).zip(step).map(|(v, s)| v * s).sum()
@@ -388,7 +392,7 @@ fn scaled(mut matrix: Vec<Vec<f64>>, factor: f64) -> Vec<Vec<f64>> {
     matrix
 }
 
-/// The cost of numbers that are far from where they are expected: it keeps those in place that the pictures do not show.
+/// The cost of numbers that are far from their expected values. It holds the numbers that the pictures do not show.
 fn prior(start: &Parameters, at: &Parameters, free: &[Parameter]) -> f64 {
     free.iter().map(|p| ((at.get(*p) - start.get(*p)) / p.usual()).powi(2)).sum()
 }

@@ -1,5 +1,6 @@
-//! A model that follows a bench while holograms are shown: the camera takes a picture of the hologram on the screen now and then, and
-//! drift is fitted to the latest pictures.
+//! Lets a model follow its bench while holograms are shown.
+//!
+//! The camera takes a picture of the hologram on the screen now and then, and drift is fitted to the latest pictures.
 
 use super::acquire::{CaptureSet, check, two_pi_level};
 use super::bench::{CameraCommand, Event, ShowsPatterns};
@@ -13,23 +14,23 @@ use eyebox_optics::{Color, Display};
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// Pictures that a fit is of: the latest ones.
+/// Number of pictures of a fit, which are the latest ones.
 const LATEST: usize = 4;
-/// The fewest that tell anything.
+/// The least number of pictures for a fit.
 const FEWEST: usize = 3;
 
-/// A picture of a hologram on the screen, and what it led to.
+/// The result of a picture of a hologram on the screen.
 #[derive(Debug)]
 pub enum Look {
-    /// The picture was thrown away, because the screen changed during its exposure.
+    /// The picture was dropped, because the screen changed during its exposure.
     Discarded,
-    /// No fit: there are not enough pictures yet, or the camera could not take this one.
+    /// No fit was made, because there are too few pictures yet or the camera could not take this one.
     Taken,
     /// Drift was fitted to the latest pictures.
     Fitted(Box<Calibration>),
 }
 
-/// Shows nothing: the hologram is on the screen already.
+/// Shows nothing, because the hologram is already on the screen.
 struct AlreadyShown;
 
 impl ShowsPatterns for AlreadyShown {
@@ -42,14 +43,14 @@ impl ShowsPatterns for AlreadyShown {
     }
 }
 
-/// A bench whose model follows it.
+/// A bench whose model follows its drift.
 pub struct Follower<'a> {
     session: Session<'a>,
     display: Display,
     color: Color,
     iris_mm: Option<[f64; 3]>,
     two_pi_level: f64,
-    /// Dots and darkness, of the beginning.
+    /// The first pictures, of the dots and of darkness.
     first: Vec<Shot>,
     latest: VecDeque<Shot>,
     looks: usize,
@@ -59,7 +60,7 @@ impl<'a> Follower<'a> {
     /// Starts the camera's command and takes the pictures of the dots, which `shows` shows, and of darkness.
     ///
     /// # Errors
-    /// [`CalibrateError`].
+    /// Returns a [`CalibrateError`] if the bench or its pictures cannot be used.
     pub fn open(
         display: &Display,
         color: Color,
@@ -73,7 +74,7 @@ impl<'a> Follower<'a> {
         let two_pi_level = two_pi_level(display, color);
         let mut session = Session::new(link, hello, keep, named, usize::MAX)?;
         session.adds();
-        // Of no size: nothing is leaked.
+        // The type has no size, so this leaks no memory.
         session.shows = Some(Box::leak(Box::new(AlreadyShown)));
         let dots = pattern::dots_pattern([display.height, display.width], two_pi_level);
         shows.show(color, &dots.drive).map_err(CalibrateError::Shows)?;
@@ -82,12 +83,12 @@ impl<'a> Follower<'a> {
         Ok(Self { session, display, color, iris_mm, two_pi_level, first, latest, looks: 0 })
     }
 
-    /// Takes a picture of a hologram that is on the screen: `phases` (sub-frame, row, column), radians. From the third picture on, fits
-    /// drift to the latest four. The model follows if they are explained, and is then that of the next fit. `stood` returns, after
-    /// the exposure, whether the hologram was on the screen all the time.
+    /// Takes a picture of a hologram that is on the screen. `phases` are (sub-frame, row, column), radians. Drift is
+    /// fitted to the latest four from the third picture on. If the fit explains them, the model changes and the next
+    /// fit starts from it. `stood` returns, after the exposure, if the hologram was on the screen all the time.
     ///
     /// # Errors
-    /// [`CalibrateError`].
+    /// Returns a [`CalibrateError`] if the bench or its pictures cannot be used.
     pub fn look(&mut self, phases: &[f32], stood: &dyn Fn() -> bool) -> Result<Look, CalibrateError> {
         let (height, width) = (self.display.height, self.display.width);
         let drive = phases.iter().map(|phase| f64::from(*phase).rem_euclid(TAU) as f32).collect();
@@ -133,7 +134,7 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// Answers every question, with the same picture each time.
+    /// A command that answers every question with the same picture.
     const CAMERA: &str = r#"while read -r line; do
   id=${line#*:}; id=${id%%,*}
   case $line in
@@ -176,7 +177,7 @@ done"#;
         assert!(matches!(follower.look(&phases, &|| true), Ok(Look::Taken)));
         assert_eq!((follower.latest.len(), follower.looks), (1, 1));
         follower.close();
-        // Nor is it a picture of the folder.
+        // The dropped picture is not a picture of the folder either.
         let (_, captures) = super::super::captures::load(&kept).expect("captures");
         let answered: Vec<bool> = captures.iter().map(|capture| capture.answer.is_some()).collect();
         assert_eq!(answered, [true, false, true], "dots, thrown away, kept");

@@ -1,4 +1,4 @@
-//! The forward model against its definition, and its slopes against differences.
+//! Tests the forward model against its definition, and its slopes against differences.
 
 use super::device::Set;
 use super::map::CameraMap;
@@ -49,7 +49,7 @@ fn pictures(at: &Parameters, pixels: Vec<[f64; 2]>) -> Pictures {
     Pictures { optics, parts: vec![slm], sets: vec![PatternSet { pattern, parts }], views: vec![view], dark: 0.0 }
 }
 
-/// The same picture with the SLM in parts: pixels of the middle of each.
+/// The same picture with the SLM in parts. `pixels` are in the middle of each part.
 fn in_parts(at: &Parameters, slm: [usize; 2], parts: &[SlmPart], pixels: &[Vec<[f64; 2]>]) -> Pictures {
     let optics = Optics::new(slm[0], slm[1], 8e-6, 520e-9, 0.4).unwrap();
     let pattern = pattern::random(slm, 256.0, 2, 1);
@@ -68,7 +68,7 @@ fn in_parts(at: &Parameters, slm: [usize; 2], parts: &[SlmPart], pixels: &[Vec<[
     Pictures { optics, parts: parts.to_vec(), sets, views: vec![view], dark: 0.0 }
 }
 
-/// A camera whose pixels are points, on the SLM's own.
+/// A camera on the SLM's own grid whose pixels are points.
 fn plain(model: DisplayModel) -> Parameters {
     let map = CameraMap { numbers: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], slm: SIZE, camera: SIZE };
     Parameters { model, map, camera_pixel: 0.0, soft_edge: false }
@@ -114,19 +114,19 @@ fn what_a_camera_sees_is_the_definitions_sum() {
         }
         assert!((got / want - 1.0).abs() < 1e-3, "{pixel:?}: {got}, not {want}");
     }
-    // With crosstalk that is none at all, sub-pixels change nothing.
+    // With crosstalk of zero, sub-pixels change nothing.
     let none = [[1.2, 1e6]; 4].map(Spread::from);
     let fine = DisplayModel { crosstalk: Some(none), ..at.model.clone() };
     let most = seen.intensity.iter().copied().fold(0.0, f64::max);
     let seen_finely = &pictures.see(&plain(fine), 2, &[0], &[])[0];
     for (a, b) in seen.intensity.iter().zip(&seen_finely.intensity) {
-        // Its transfer is a sum of so many orders and no more.
+        // The transfer is a sum of a limited number of orders, which limits the accuracy.
         assert!((a - b).abs() < 3e-3 * most, "{a}, {b}");
     }
 }
 
-/// Of the whole SLM and of pieces with a margin, in the same order, with slopes: what is different is the light from beyond the
-/// pieces, and the bins at the edge of the iris.
+/// Predictions and slopes of the whole SLM equal the ones of pieces with a margin, in the same order. The differences
+/// are the light from beyond the pieces and the bins at the edge of the iris.
 #[test]
 fn pieces_predict_what_the_whole_slm_does() {
     let slm = [160, 176];
@@ -148,7 +148,7 @@ fn pieces_predict_what_the_whole_slm_does() {
     assert_eq!((of_pieces.intensity.len(), of_pieces.slopes.len()), (80, free.len()));
     let off = apart(&of_pieces.intensity, &whole.intensity) / light;
     assert!(off < 3e-3, "{off:e}");
-    // Slopes by what a usual step of the parameter changes of the light: a corner's level hardly shows in pieces elsewhere.
+    // Slopes are weighted by a usual step of the parameter, because a corner's level hardly shows in pieces elsewhere.
     for (p, (of_pieces, whole)) in free.iter().zip(of_pieces.slopes.iter().zip(&whole.slopes)) {
         let (off, all) = (apart(of_pieces, whole), power(&mut whole.iter().copied()));
         assert!(off < 2e-2 * all || off * p.usual().powi(2) < 1e-4 * light, "{p:?}: {off:e} of {all:e}");
@@ -164,7 +164,7 @@ fn slopes_agree_with_differences() {
     let map = CameraMap { numbers, slm: SIZE, camera: [40, 44] };
     let at = Parameters { map, camera_pixel: 0.8, ..plain(everything()) };
     let pictures = pictures(&at, vec![[20.0, 20.0], [9.0, 12.0], [30.0, 25.0], [22.0, 8.0]]);
-    // The iris's edge jumps from bin to bin: its slope is smoothed, and no difference is like it.
+    // The iris's edge jumps from bin to bin. Its slope is smoothed and matches no difference.
     let mut free: Vec<Parameter> = Parameter::all(2).into_iter().filter(|p| !matches!(p, Parameter::Iris(_))).collect();
     free.extend((2..=4).flat_map(of_order));
     let seen = &pictures.see(&at, 2, &[0], &free)[0];
@@ -186,7 +186,7 @@ fn a_soft_edge_has_slopes_that_agree_with_differences() {
     let free = [0, 1, 2].map(Parameter::Iris);
     let seen = &pictures.see(&at, 1, &[0], &free)[0];
     for (p, slopes) in free.iter().zip(&seen.slopes) {
-        // The model's own step, a quarter of a bin: coverage has bends.
+        // The step is the model's own, a quarter of a bin, because coverage has bends.
         let (bin_y, bin_x) = pictures.optics.bin_size();
         let (far, reach) = (0.25e3 * bin_y.min(bin_x), 4.5 + 3f64.hypot(2.0));
         let step = if *p == Parameter::Iris(2) { far / reach } else { far };

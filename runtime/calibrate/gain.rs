@@ -1,5 +1,7 @@
-//! What a calibration is worth: a scene solved for the display as its file was, and as it was fitted, both looked at as it was
-//! fitted.
+//! Measures the gain of a calibration by solving a scene for the display before and after it.
+//!
+//! One solve is for the display as its file was, the other for the fitted display. Both are rendered on the fitted
+//! display.
 
 use super::error::CalibrateError;
 use super::mend::{self, Mend};
@@ -12,34 +14,35 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 const SCENE: &str = "builtin:still-life";
-/// Steps of each of the two solves.
+/// Number of steps of each of the two solves.
 const STEPS: usize = 24;
 
-/// What a calibration is worth on the built-in still life, by PSNR over random pupils.
+/// The gain of a calibration on the built-in still life, by PSNR over random pupils.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Gain {
-    /// Rows and columns of the display that it was measured on: the same with fewer pixels.
+    /// Rows and columns of the display of the measurement. It is the same display with fewer pixels.
     pub size: [usize; 2],
     /// Steps of each solve.
     pub steps: usize,
-    /// Solved for the display as its file was: mean and worst pupil, dB,
+    /// PSNR of the solve for the display as its file was, mean and worst pupil, dB.
     pub before_db: [f64; 2],
-    /// and for the fitted one.
+    /// PSNR of the solve for the fitted display, mean and worst pupil, dB.
     pub after_db: [f64; 2],
-    /// What each term of the fitted model gains of the mean, dB: a solve with it less one without it.
+    /// Gain of each term of the fitted model, dB of the mean, from a solve with the term minus one without it.
     pub terms_db: BTreeMap<&'static str, f64>,
-    /// Faults that cost at least 0.2 dB although the model has them, and that can be mended on the bench: those first that cost most.
+    /// Faults that cost at least 0.2 dB although the model has them and that can be fixed on the bench, the most
+    /// expensive first.
     pub mend: Vec<Mend>,
 }
 
-/// Measures it; of one color. What to mend is told of a display that was calibrated.
+/// Measures the gain for one color. Faults to fix are listed only if the display was calibrated.
 pub(super) fn measure(
     [before, after]: [&Display; 2],
     color: Color,
     calibrated: bool,
     engine: &mut dyn Engine,
 ) -> Result<Gain, CalibrateError> {
-    // A picture's place is the same for both, and an eye's error.
+    // The place of the picture and the error of an eye are the same for both.
     let small =
         |display: &Display| Display { picture: Picture::default(), prescription: None, ..ModelWorth::display(display) };
     let [before, after] = [before, after].map(small);

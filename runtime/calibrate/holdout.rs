@@ -1,4 +1,4 @@
-//! The share that a model leaves of pictures that it was not fitted to.
+//! Computes the share that a model leaves of pictures that it was not fitted to.
 
 use super::classified::Sorted;
 use super::fit::{mean_square, variance_of};
@@ -23,8 +23,8 @@ pub(super) fn holdout(sorted: &Sorted, at: &Parameters, subpixels: usize) -> Hol
     })
 }
 
-/// Shares that judge a model: of the pictures that were taken twice, or, if there are none, of the `fitted` ones with the noise of an
-/// ordinary camera.
+/// The shares that judge a model. They are of the pictures that were taken twice. If there are none, they are of the
+/// `fitted` pictures, with the noise of an ordinary camera.
 pub(super) fn judged(sorted: &Sorted, at: &Parameters, fitted: &[usize], subpixels: usize) -> Holdout {
     if !sorted.pairs.is_empty() {
         return holdout(sorted, at, subpixels);

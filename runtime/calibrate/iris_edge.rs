@@ -1,5 +1,7 @@
-//! Where the iris is, to a small share of a bin. Light comes and goes by whole bins at its edge, which no slope sees: each bin
-//! near the edge is judged by what the pictures say of it, and the iris goes where it passes those that are there.
+//! Locates the iris to a small share of a bin, by the bins at its edge.
+//!
+//! Light appears and disappears by whole bins at its edge, and no slope shows this. Each bin near the edge is judged by
+//! the pictures. The iris moves to the place where it passes the bins that are lit.
 
 use super::device::Device;
 use super::parameters::{Parameter, Parameters};
@@ -11,26 +13,26 @@ use eyebox_solve::solve::SplitMix;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Bins so far from the edge, in bins, may be on its wrong side.
+/// Bins within this distance of the edge, in bins, may be on its wrong side.
 const MARGIN: f64 = 0.3;
-/// Places of the iris that are tried in a round, and rounds.
+/// Number of places of the iris that are tried in a round, and number of rounds.
 const TRIALS: usize = 1500;
 const ROUNDS: usize = 14;
-/// The edge shows no smaller share of a bin: it is what the model of it is good for.
+/// Least standard error, share of a bin. The model of the edge is not more accurate.
 const LEAST: f64 = 5e-4;
 
 /// A bin near the edge of an iris.
 struct RimBin {
-    /// Pupil plane, metres.
+    /// Place in the pupil plane, meters.
     y: f64,
     x: f64,
-    /// Whether the iris passes it now.
+    /// True if the iris passes the bin now.
     inside: bool,
-    /// What the squares gain where it is on the edge's other side.
+    /// Change of the squares if the bin is on the other side of the edge.
     changed: f64,
 }
 
-/// The iris's numbers as the edge tells them.
+/// The iris's numbers that the edge determines.
 pub(super) struct Rim {
     pub(super) at: Parameters,
     /// Standard errors of x, y (mm), scale.
@@ -38,8 +40,8 @@ pub(super) struct Rim {
 }
 
 impl Look {
-    /// The bins near the edge, judged by the residuals of what is seen: `residuals` and `weights` by pixel, `gain` from
-    /// intensity to counts.
+    /// The bins near the edge, judged by the residuals of a prediction. `residuals` and `weights` are by pixel. `gain`
+    /// is the factor from intensity to counts.
     fn judged(
         &self,
         at: &Parameters,
@@ -96,8 +98,8 @@ impl Look {
 }
 
 impl Pictures {
-    /// The iris where the bins at its edge are those that the pictures show; it stays where that is no better. The whole SLM is one
-    /// part: bins of a piece are coarser than the edge.
+    /// Moves the iris to the place where the bins at its edge match the pictures. The iris stays if that is no better.
+    /// The whole SLM must be one part, because bins of a piece are coarser than the edge.
     pub(super) fn rim(&self, at: &Parameters, subpixels: usize, which: &[usize]) -> Rim {
         let device = Device::new(&at.model, self.parts[0], &self.optics, subpixels);
         let fields: Vec<_> = self.sets.par_iter().map(|set| device.enter(&set.parts[0], &[]).0).collect();
@@ -146,7 +148,8 @@ impl Pictures {
     }
 }
 
-/// How far the iris goes, x, y (mm), scale, and how sure that is: mean and spread of places, each as likely as what it leaves.
+/// The movement of the iris, x, y (mm), scale, and its standard errors. They are the mean and the spread of places that
+/// are weighted by the likelihood of the squares that they leave.
 fn place(optics: &Optics, at: &Parameters, bins: &[(Pupil, Vec<RimBin>)], scale: f64) -> ([f64; 3], [f64; 3]) {
     let (bin_y, bin_x) = optics.bin_size();
     let bin_mm = bin_y.max(bin_x) * 1e3;

@@ -1,14 +1,14 @@
 //! Fits a model of a real display to pictures that a camera took of it (OPTICS 10).
 //!
-//! A camera's command, a folder of its pictures, or both are a *bench*: [`calibrate`] plans what is shown, asks for the
-//! pictures, and fits in the order in which the pictures tell the numbers apart: dots for where the camera looks, smooth
-//! patterns for source and wavefront, random ones through several irises for crosstalk, table and undiffracted light,
-//! sets for lag, then all of it. Pictures that were taken twice are not fitted: they say how large the camera's noise is,
-//! and how much of what it sees the model leaves unexplained.
+//! A camera's command, a folder of its pictures, or both are a *bench*. [`calibrate`] plans the patterns, requests the
+//! pictures and fits the numbers in the order in which the pictures separate them. Dots locate the camera. Smooth
+//! patterns give the source and the wavefront. Random patterns through several irises give crosstalk, table and zero
+//! order (undiffracted light). Sets give lag. The last fit frees all numbers. Pictures that were taken twice are not
+//! fitted. They measure the camera's noise and the share of the pictures that the model leaves unexplained.
 //!
-//! `message`, `link` and `captures` are the protocol; `pattern` is what is shown; `dots` and `map` are where the camera looks;
-//! `device` and `seen` are the forward model with its slopes; `fit` is the least squares.
-//! `camera_steps` takes the camera into a solve's last steps.
+//! The modules `message`, `link` and `captures` are the protocol. The patterns are in `pattern`. Both `dots` and `map`
+//! find where the camera looks. `device` and `seen` are the forward model with its slopes. `fit` has the least squares.
+//! `camera_steps` uses the camera in the last steps of a solve.
 
 mod acquire;
 mod age;
@@ -69,11 +69,11 @@ use eyebox_optics::{Color, Display};
 use std::cell::RefCell;
 use std::time::Instant;
 
-/// Fits the model of one colour of a display to pictures of it; the display's own model is where it begins. `shows`: what shows
-/// the patterns, where the camera's command does not.
+/// Fits the model of one color of a display to pictures of it. The fit starts at the display's own model. `shows` shows
+/// the patterns if the camera's command does not.
 ///
 /// # Errors
-/// [`CalibrateError`]; then nothing was written but the pictures.
+/// [`CalibrateError`]. Only pictures were written then.
 pub fn calibrate(
     display: &Display,
     color: Color,

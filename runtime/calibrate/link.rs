@@ -1,4 +1,4 @@
-//! The camera's command: started once, asked one question at a time, started again where it was lost, ended politely.
+//! Runs the camera's command, sends it one request at a time and restarts it if it is lost.
 
 use super::error::CalibrateError;
 use super::message::{CameraReply, Hello, LONGEST_LINE, PROTOCOL};
@@ -14,19 +14,19 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// It may be lost so often.
+/// Number of losses after which the command is given up.
 const DEATHS: usize = 3;
-/// A question that failed is asked so often again.
+/// Number of repetitions of a request that failed.
 const AGAIN: usize = 2;
 const HELLO: Duration = Duration::from_secs(60);
-/// From closing its input to asking it to end, and from that to ending it.
+/// Time between closing its input and asking it to end, and between that and killing it.
 const POLITE: Duration = Duration::from_secs(5);
-/// How often it is looked whether the user wants to stop.
+/// Interval of the checks for a stop by the user.
 const LOOK: Duration = Duration::from_millis(50);
-/// Lines of its standard error that are kept.
+/// Number of lines of its standard error that are kept.
 const TAIL: usize = 4;
 
-/// A line of its standard output; `None` where it is longer than lines may be.
+/// A line of its standard output, or `None` if it is longer than the limit.
 type Line = Option<String>;
 
 struct Process {
@@ -37,10 +37,10 @@ struct Process {
 }
 
 enum Trouble {
-    /// The command is lost: what it did.
+    /// The command is lost, for this reason.
     Lost(Reason),
     Stopped,
-    /// It said why, and whether to ask again.
+    /// The command failed with this text. `again` is true if the request may be repeated.
     Failed {
         text: String,
         again: bool,
@@ -49,17 +49,17 @@ enum Trouble {
 
 pub(super) struct Link<'a> {
     words: Vec<String>,
-    /// The user's limit for every question.
+    /// The user's limit for each request.
     limit: Option<Duration>,
     process: Option<Process>,
     hello: Option<Value>,
     deaths: usize,
     next: u64,
-    /// Where lines go that are not for this program.
+    /// Receives lines that are not part of the protocol.
     say: &'a mut dyn FnMut(&str),
 }
 
-/// Reads lines of bounded length until they end or nobody wants them.
+/// Reads lines of bounded length until the stream ends or `each` returns false.
 fn read_lines(from: impl Read, mut each: impl FnMut(Line) -> bool) {
     let mut from = BufReader::new(from);
     let mut bytes = Vec::new();
@@ -81,7 +81,7 @@ impl Process {
     fn start(words: &[String]) -> io::Result<Self> {
         let mut command = Command::new(&words[0]);
         command.args(&words[1..]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // ctrl-C in a terminal is for this program, which then says bye.
+        // Ctrl-C in a terminal is for eyebox only, which then says bye.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn()?;
@@ -109,7 +109,7 @@ impl Process {
         Ok(process)
     }
 
-    /// Whether it ends within so long.
+    /// True if the process ends within this time.
     fn ends_within(&mut self, patience: Duration) -> bool {
         let begun = Instant::now();
         loop {
@@ -123,13 +123,13 @@ impl Process {
         }
     }
 
-    /// What it did when it ended by itself.
+    /// The reason of an end that eyebox did not request.
     fn obituary(&mut self) -> String {
         let how = match self.ends_within(Duration::from_secs(1)) {
             true => self.child.try_wait().ok().flatten().map_or_else(String::new, |status| format!(" ({status})")),
             false => ", or closed its output".into(),
         };
-        // Its last lines are heard once the thread that hears them has ended; what it started may hold on to them.
+        // The last lines are complete when the thread that reads them has ended. A child process may hold them open.
         let begun = Instant::now();
         while Arc::strong_count(&self.last) > 1 && begun.elapsed() < Duration::from_secs(1) {
             std::thread::sleep(LOOK / 5);
@@ -141,7 +141,7 @@ impl Process {
 
     #[cfg(unix)]
     fn signal(&mut self, signal: rustix::process::Signal) {
-        // Its group: what it started ends with it.
+        // The signal goes to the process group, so that child processes end too.
         if let Some(group) = rustix::process::Pid::from_raw(self.child.id().cast_signed()) {
             let _ = rustix::process::kill_process_group(group, signal);
         }
@@ -149,7 +149,7 @@ impl Process {
 }
 
 impl Drop for Process {
-    /// Its input closes; 5 s later it is asked to end; 5 s later it is ended.
+    /// Closes its input, asks it to end 5 s later, and kills it after 5 s more.
     fn drop(&mut self) {
         self.input = None;
         if self.ends_within(POLITE) {
@@ -169,11 +169,12 @@ impl Drop for Process {
 }
 
 impl<'a> Link<'a> {
-    /// Starts `command`, split into words as a POSIX shell does, and asks what the bench can do. `limit`: for every question,
-    /// in the place of the protocol's own. `say` is told the lines that are not for this program, and when it was lost.
+    /// Starts `command`, split into words as a POSIX shell does, and requests the abilities of the bench. `limit` is
+    /// for each request, instead of the protocol's own limits. The callback `say` receives the lines that are not part
+    /// of the protocol, and a line for each loss.
     ///
     /// # Errors
-    /// [`CalibrateError::Words`], [`Start`](CalibrateError::Start), and those of [`ask`](Self::ask).
+    /// [`CalibrateError::Words`], [`Start`](CalibrateError::Start), and the errors of [`ask`](Self::ask).
     pub(super) fn start(
         command: &str,
         limit: Option<Duration>,
@@ -188,11 +189,11 @@ impl<'a> Link<'a> {
         Ok((link, hello))
     }
 
-    /// Asks for a picture until it is there and `check` takes it.
+    /// Requests a picture until there is one and `check` accepts it.
     ///
     /// # Errors
-    /// [`CalibrateError::Lost`] after three deaths, [`Stopped`](CalibrateError::Stopped); the command's own text as the inner
-    /// error, where it could not.
+    /// [`CalibrateError::Lost`] after three losses, and [`Stopped`](CalibrateError::Stopped). The inner error has the
+    /// command's own text if it could not take the picture.
     pub(super) fn ask<T>(
         &mut self,
         question: &Value,
@@ -212,7 +213,7 @@ impl<'a> Link<'a> {
                 Trouble::Stopped => return Err(CalibrateError::Stopped),
                 Trouble::Failed { text, again } if !again || failed >= AGAIN => return Ok(Err(text.into())),
                 Trouble::Failed { text, .. } => {
-                    (self.say)(&format!("the camera's command could not ({text}): it is asked again"));
+                    (self.say)(&format!("the camera's command failed ({text}), repeating the request"));
                     failed += 1;
                 }
                 Trouble::Lost(reason) => {
@@ -223,25 +224,25 @@ impl<'a> Link<'a> {
         }
     }
 
-    /// Says bye, and waits until it has ended.
+    /// Says bye and waits until the command has ended.
     pub(super) fn bye(mut self) {
         if self.process.is_some() {
             let _ = self.try_ask(&json!({"do": "bye"}), POLITE);
         }
     }
 
-    /// One more death; the process is ended.
+    /// Counts a loss and ends the process.
     fn lost(&mut self, reason: Reason) -> Result<(), CalibrateError> {
         self.process = None;
         self.deaths += 1;
         if self.deaths >= DEATHS {
             return Err(CalibrateError::Lost { deaths: self.deaths, reason });
         }
-        (self.say)(&format!("the camera's command {reason}; it is started again"));
+        (self.say)(&format!("the camera's command {reason}, starting it again"));
         Ok(())
     }
 
-    /// Starts it where it does not run, and says hello, which it answers as it did before.
+    /// Starts the command if it does not run, and sends hello. The answer must not change.
     fn greeted(&mut self) -> Result<Hello, CalibrateError> {
         let refused = |text| CalibrateError::Refused { what: "say what it is".into(), text };
         loop {
@@ -257,7 +258,7 @@ impl<'a> Link<'a> {
                         let hello = self.hello.insert(hello);
                         return Hello::read(hello).map_err(|reason| refused(reason.to_string()));
                     }
-                    reason!("other-hello", "answers hello otherwise than before")
+                    reason!("other-hello", "answers hello differently than before")
                 }
                 Err(Trouble::Lost(reason)) => reason,
                 Err(Trouble::Stopped) => return Err(CalibrateError::Stopped),
@@ -289,7 +290,10 @@ impl<'a> Link<'a> {
             let left = until.saturating_duration_since(Instant::now());
             match process.lines.recv_timeout(left.min(LOOK)) {
                 Ok(None) => {
-                    return Err(Trouble::Lost(reason!("line-length", "said a line of more than {LONGEST_LINE} bytes")));
+                    return Err(Trouble::Lost(reason!(
+                        "line-length",
+                        "wrote a line of more than {LONGEST_LINE} bytes"
+                    )));
                 }
                 Ok(Some(line)) => match CameraReply::read(&line, id).map_err(Trouble::Lost)? {
                     CameraReply::Said(line) => (self.say)(&line),

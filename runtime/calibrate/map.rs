@@ -1,35 +1,35 @@
-//! From the SLM's image to the camera's picture: a homography and radial distortion (OPTICS 10).
+//! Maps the SLM's image to the camera's picture by a homography and radial distortion (OPTICS 10).
 
 use eyebox_optics::PictureWarp;
 
-/// The map. Both images' places run from -1 to 1 across their widths, y in the same unit, from the centre.
+/// The map. In both images x runs from -1 to 1 over the width, and y has the same unit. The origin is the center.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CameraMap {
-    /// The homography row by row, the ninth is 1; then k1, k2.
+    /// The homography row by row, whose ninth number is 1, then k1 and k2.
     pub(super) numbers: [f64; 10],
-    /// Rows and columns of the SLM and of the camera.
+    /// Rows and columns of the SLM, then of the camera.
     pub(super) slm: [usize; 2],
     pub(super) camera: [usize; 2],
 }
 
 impl CameraMap {
-    /// Camera pixel (x, y) of a pixel of the SLM.
+    /// The camera pixel (x, y) of a pixel of the SLM.
     pub(super) fn to_camera(self, at: [f64; 2]) -> [f64; 2] {
         pixel(PictureWarp::by_camera(self.numbers).forth(place(at, self.slm)), self.camera)
     }
 
-    /// Pixel of the SLM (x, y) of a camera pixel.
+    /// The pixel of the SLM (x, y) of a camera pixel.
     pub(super) fn to_slm(self, at: [f64; 2]) -> [f64; 2] {
         pixel(PictureWarp::by_camera(self.numbers).back(place(at, self.camera)), self.slm)
     }
 
-    /// Camera pixels per pixel of the SLM, about its middle.
+    /// Camera pixels per pixel of the SLM, near its middle.
     pub(super) fn zoom(self) -> f64 {
         let [[a, b], [d, e]] = self.slopes();
         (a * e - b * d).abs().sqrt()
     }
 
-    /// Camera pixels (x, then y) per pixel of the SLM along x and along y, about its middle.
+    /// Camera pixels (x, then y) per pixel of the SLM along x and along y, near its middle.
     pub(super) fn slopes(self) -> [[f64; 2]; 2] {
         let middle = self.slm.map(|n| (n as f64 - 1.0) / 2.0);
         let at = |dx: f64, dy: f64| self.to_camera([middle[1] + dx, middle[0] + dy]);
@@ -42,7 +42,7 @@ impl CameraMap {
     }
 }
 
-/// Place of a pixel (x, y) in an image of rows and columns.
+/// The place of a pixel (x, y) in an image of rows and columns.
 fn place([x, y]: [f64; 2], [rows, columns]: [usize; 2]) -> [f64; 2] {
     let (rows, columns) = (rows as f64, columns as f64);
     [(2.0 * x + 1.0 - columns) / columns, (2.0 * y + 1.0 - rows) / columns]

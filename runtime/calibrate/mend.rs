@@ -1,31 +1,33 @@
-//! What an optician mends on the bench: faults that have a remedy, by what they cost although the model has them.
+//! Finds the faults that can be fixed on the bench, by the PSNR that they cost although the model has them.
 
 use super::error::CalibrateError;
 use eyebox_optics::{Color, Display, ModelTerms};
 use serde::Serialize;
 
-/// A fault that costs less, dB, is not worth mending.
+/// A fault that costs less than this, dB, is not worth fixing.
 const WORTH_DB: f64 = 0.2;
 
-/// A fault that is worth mending on the bench.
+/// A fault that is worth fixing on the bench.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Mend {
-    /// The fault: a term of the model, or an aberration of its wavefront.
+    /// The fault, a term of the model or an aberration of its wavefront.
     pub fault: &'static str,
-    /// How much better a display without it is than this one, both solved with all that is known of them: mean over pupils, dB.
+    /// PSNR that the fault costs, mean over pupils, dB. It is the gain of a display without the fault over this one,
+    /// both solved with their full models.
     pub costs_db: f64,
-    /// What is turned or moved.
+    /// The part that has to be turned or moved.
     pub remedy: &'static str,
 }
 
-/// A fault, how to mend it, and a model without it.
+/// A fault, its remedy, and the change that removes it from a model.
 struct Fault {
     name: &'static str,
     remedy: &'static str,
     mend: fn(&mut ModelTerms),
 }
 
-/// Faults that can be mended on a bench. Pixels (crosstalk, fill) cannot, and orders of the wavefront above these have no screw.
+/// Faults that can be fixed on a bench. Pixels (crosstalk, fill) cannot be fixed, and no screw adjusts higher orders of
+/// the wavefront.
 const FAULTS: [Fault; 10] = [
     Fault {
         name: "level",
@@ -49,7 +51,8 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "undiffracted",
-        remedy: "the polarization in front of the SLM; or tilt the SLM, so that its reflection misses the eyebox, or stop it by a filter",
+        remedy: "the polarization in front of the SLM: rotate it. Otherwise tilt the SLM so that its reflection misses \
+                 the eyebox, or block it by a filter",
         mend: |model| model.undiffracted = None,
     },
     Fault {
@@ -69,13 +72,14 @@ const FAULTS: [Fault; 10] = [
     },
     Fault {
         name: "spherical",
-        remedy: "the relay's lenses: turn them around (the flatter side to the nearer image), or use better corrected ones",
+        remedy: "the relay's lenses: turn them around (flatter side to the nearer image), or use better corrected ones",
         mend: |model| model.wavefront.retain(|j, _| *j != 12),
     },
     Fault { name: "iris", remedy: "the zero and the scale of the iris's stage", mend: |model| model.iris = None },
 ];
 
-/// Faults of a display that are worth mending, those first that cost most. `decibels`: what is reached on a display.
+/// Faults of a display that are worth fixing, the most expensive first. `decibels` returns the PSNR that a display
+/// reaches.
 pub(super) fn measure(
     display: &Display,
     color: Color,
@@ -111,7 +115,7 @@ mod tests {
         let mends = measure(&display, Color::Green, 20.0, &mut |mended| {
             let model = mended.model(Color::Green);
             models.push(model.clone());
-            // What each of them is said to cost.
+            // The assumed cost of each fault.
             Ok(20.0
                 + f64::from(u8::from(model.lag == 0.0)) * 0.5
                 + f64::from(u8::from(model.undiffracted.is_empty())) * 1.5
@@ -121,7 +125,7 @@ mod tests {
         .expect("numbers");
         let named: Vec<&str> = mends.iter().map(|m| m.fault).collect();
         assert_eq!(named, ["undiffracted", "lag", "coma"]);
-        // Only what the display has is mended, one fault at a time.
+        // Only faults of the display are removed, one at a time.
         assert_eq!(models.len(), 5);
         assert!(models.iter().all(|model| model.fill == 0.9 && model.wavefront.contains_key(&15)));
         assert!(models.iter().any(|model| model.wavefront.len() == 2 && !model.wavefront.contains_key(&8)));

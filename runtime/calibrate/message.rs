@@ -1,4 +1,4 @@
-//! What eyebox and a camera's command say to each other: one JSON object a line.
+//! Defines the messages between eyebox and a camera's command, one JSON object per line.
 
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Longest line that either side writes, bytes.
+/// The longest line that either side writes, bytes.
 pub(super) const LONGEST_LINE: usize = 64 << 10;
-/// The one version of the protocol.
+/// The version of the protocol.
 pub(super) const PROTOCOL: u64 = 1;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,7 +16,7 @@ pub(super) struct Hello {
     pub(super) protocol: u64,
     #[serde(default)]
     pub(super) name: String,
-    /// Wavelengths, nm.
+    /// Wavelength of each color, nm.
     pub(super) colors: BTreeMap<String, f64>,
     pub(super) slm: Slm,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -28,7 +28,7 @@ pub(super) struct Hello {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Slm {
-    /// Rows, columns.
+    /// Number of rows and columns.
     pub(super) resolution: [usize; 2],
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) pitch_um: Option<f64>,
@@ -40,7 +40,7 @@ pub(super) struct Slm {
     pub(super) sub_frames: usize,
 }
 
-/// Where the iris can go.
+/// The range of the iris's place and diameter, mm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct IrisRange {
     pub(super) x_mm: [f64; 2],
@@ -50,7 +50,7 @@ pub(super) struct IrisRange {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct CameraKind {
-    /// Rows, columns.
+    /// Number of rows and columns.
     pub(super) resolution: [usize; 2],
     pub(super) bits: u32,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -70,42 +70,42 @@ fn one() -> usize {
 }
 
 impl Hello {
-    /// From an answer, checked.
+    /// Reads and checks an answer to hello.
     pub(super) fn read(answer: &Value) -> Result<Self, Reason> {
         let hello =
-            Self::deserialize(answer).map_err(|e| reason!("hello", "answers hello with what it cannot be: {e}"))?;
+            Self::deserialize(answer).map_err(|e| reason!("hello", "answers hello with an invalid object: {e}"))?;
         let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         let ordered = |range: &[f64; 2]| finite(range) && range[0] <= range[1];
         let wrong = |what: &str| Err(reason!("hello", "answers hello with {what}"));
         if hello.protocol != PROTOCOL {
             return Err(reason!(
                 "protocol",
-                "speaks version {} of the protocol: this program speaks {PROTOCOL}",
+                "uses version {} of the protocol, but eyebox uses {PROTOCOL}",
                 hello.protocol
             ));
         }
         if hello.colors.is_empty() || hello.colors.values().any(|nm| !(100.0..=20_000.0).contains(nm)) {
-            return wrong("colors that are none, or a wavelength that is not in nanometres");
+            return wrong("no colors, or with a wavelength that is not in nanometers");
         }
         let sides = [hello.slm.resolution, hello.camera.resolution];
         if sides.as_flattened().iter().any(|n| !(1..=65536).contains(n)) {
-            return wrong("a resolution that has no pixels or too many");
+            return wrong("a resolution with a side outside 1 to 65536 pixels");
         }
         if !(1..=32).contains(&hello.camera.bits) || hello.slm.sub_frames == 0 {
-            return wrong("bits of the camera that are not 1 to 32, or with no sub_frames");
+            return wrong("camera bits outside 1 to 32, or with no sub_frames");
         }
         if !hello.slm.takes.iter().any(|kind| kind == "levels" || kind == "phases") {
             return wrong("an SLM that takes neither levels nor phases");
         }
         let iris = hello.iris.iter().flat_map(|i| [&i.x_mm, &i.y_mm, &i.diameter_mm]);
         if !iris.chain(&hello.focus_mm).chain(&hello.camera.exposure_ms).all(ordered) {
-            return wrong("a range whose ends are not two numbers in order");
+            return wrong("a range that is not two finite numbers in ascending order");
         }
         Ok(hello)
     }
 }
 
-/// The patterns to be shown: a `.npy` (sub-frame, row, column).
+/// The patterns to show, a `.npy` of shape (sub-frame, row, column).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Show {
     pub(super) file: String,
@@ -129,7 +129,7 @@ pub(super) struct Request {
 }
 
 impl Request {
-    /// Whether it asks for the same picture, whatever its number and its files are called.
+    /// True if both request the same picture, regardless of their numbers and the names of their files.
     pub(super) fn is_alike(&self, other: &Self) -> bool {
         let bare = |r: &Self| Self { id: 0, out: String::new(), show: None, ..r.clone() };
         let kind = |r: &Self| r.show.as_ref().map(|s| s.kind.clone());
@@ -154,15 +154,15 @@ pub(super) struct Answer {
 }
 
 impl Answer {
-    /// From an answer, checked.
+    /// Reads and checks an answer to a capture.
     pub(super) fn read(answer: &Value) -> Result<Self, Reason> {
         let read = Self::deserialize(answer)
-            .map_err(|e| reason!("capture", "answers a capture with what it cannot be: {e}"))?;
+            .map_err(|e| reason!("capture", "answers a capture with an invalid object: {e}"))?;
         let positive = |v: f64| v.is_finite() && v > 0.0;
         if !positive(read.full_scale) || read.exposure_ms.is_some_and(|ms| !positive(ms)) {
             return Err(reason!(
                 "capture-scale",
-                "answers a capture with a full_scale or an exposure_ms that is no positive number"
+                "answers a capture with a full_scale or an exposure_ms that is not a positive number"
             ));
         }
         let stages = read.iris_mm.iter().flatten().chain(&read.focus_mm).chain(&read.saturated).chain(&read.time_s);
@@ -173,14 +173,14 @@ impl Answer {
     }
 }
 
-/// What a line on the command's standard output is.
+/// A line on the command's standard output.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum CameraReply {
-    /// Not for this program: what libraries print.
+    /// A line that is not part of the protocol, such as the output of a library.
     Said(String),
-    /// Still at it: wait so many seconds longer.
+    /// The command still works on its answer and needs this many seconds more.
     Wait(f64),
-    /// It could not, and why; whether to ask again.
+    /// The command failed with this text. It may be sent the request again if `again` is true.
     Failed {
         text: String,
         again: bool,
@@ -189,16 +189,16 @@ pub(super) enum CameraReply {
 }
 
 impl CameraReply {
-    /// Reads a line that is to answer question `id`.
+    /// Reads a line that should answer question `id`.
     pub(super) fn read(line: &str, id: u64) -> Result<Self, Reason> {
         if !line.starts_with('{') {
             return Ok(Self::Said(line.to_string()));
         }
         let shown = || line.chars().take(80).collect::<String>().replace(char::is_control, " ");
         let value: Value =
-            serde_json::from_str(line).map_err(|e| reason!("not-json", "said '{}', which is no JSON: {e}", shown()))?;
+            serde_json::from_str(line).map_err(|e| reason!("not-json", "wrote '{}', not JSON ({e})", shown()))?;
         if value.get("id").and_then(Value::as_u64) != Some(id) {
-            return Err(reason!("other-question", "said '{}', which does not answer question {id}", shown()));
+            return Err(reason!("other-question", "wrote '{}', which does not answer question {id}", shown()));
         }
         if let Some(error) = value.get("error") {
             let text = error.as_str().map_or_else(|| error.to_string(), str::to_string);
@@ -209,7 +209,7 @@ impl CameraReply {
             None => Ok(Self::Answered(value)),
             Some(wait) => match wait.as_f64() {
                 Some(seconds) if (0.0..=86_400.0).contains(&seconds) => Ok(Self::Wait(seconds)),
-                _ => Err(reason!("wait", "said '{}': wait_s must be 0 to 86400 seconds", shown())),
+                _ => Err(reason!("wait", "wrote '{}', but wait_s must be 0 to 86400 seconds", shown())),
             },
         }
     }

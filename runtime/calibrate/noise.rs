@@ -1,30 +1,30 @@
-//! The camera's noise, from pictures that were taken twice.
+//! Models the camera's noise, from pictures that were taken twice.
 
-/// Variance of a count: what shot noise adds per count over the dark, and the rest.
+/// Variance of a count. `shot` is the part per count above the dark level, and `read` is the rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Noise {
     pub(super) shot: f64,
     pub(super) read: f64,
     pub(super) dark: f64,
-    /// Variance at least: that of rounding.
+    /// The least variance, which is the one of rounding.
     pub(super) least: f64,
 }
 
-/// Counts are sorted into so many classes.
+/// Number of classes of counts.
 const CLASSES: usize = 24;
 
 impl Noise {
-    /// Where nothing was taken twice: a camera of ten thousand electrons at full scale.
+    /// The assumed noise if no picture was taken twice, of a camera with ten thousand electrons at full scale.
     pub(super) fn usual(dark: f64, least: f64) -> Self {
         Self { shot: 1e-4, read: 1e-6, dark, least }
     }
 
-    /// From pairs of counts of the same pixel, 1 at full scale.
+    /// Fits the noise to pairs of counts of the same pixel, 1 at full scale.
     pub(super) fn of_pairs(pairs: &[[f64; 2]], dark: f64, least: f64) -> Self {
         let mut sorted: Vec<[f64; 2]> =
             pairs.iter().map(|[a, b]| [(a + b) / 2.0 - dark, (a - b) * (a - b) / 2.0]).collect();
         sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        // A line through the classes, each as sure as its own variance.
+        // A line through the classes, each weighted by the inverse square of its own variance.
         let classes = sorted.chunks(sorted.len().div_ceil(CLASSES).max(1)).map(|class| {
             let n = class.len() as f64;
             let sum = class.iter().fold([0.0; 2], |s, v| [s[0] + v[0], s[1] + v[1]]);

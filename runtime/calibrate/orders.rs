@@ -1,4 +1,6 @@
-//! The relay's wavefront, from small orders to large: each is added where the one before it has come near enough.
+//! Fits the relay's wavefront from small orders to large ones.
+//!
+//! Each order is added when the order before it has come near enough.
 
 use super::classified::Sorted;
 use super::error::CalibrateError;
@@ -7,23 +9,24 @@ use super::holdout::holdout;
 use super::parameters::{ORDERS, Parameter, Parameters, indices_of_order, of_order};
 use super::slopes::from_shifts;
 
-/// Irises up to this share of the eyebox are small: they see a slope of the wavefront as a shift of the picture.
+/// Irises up to this share of the eyebox are small. They see a slope of the wavefront as a shift of the picture.
 const SMALL: f64 = 0.24;
 /// The highest order that the slopes start and that is fitted at once.
 const NEXT: u32 = 5;
-/// Small irises of which more than this share is left are in a wrong minimum; they are looked for so often.
+/// A small iris of which more than this share is left is in a wrong minimum. `RESCUES` is the number of searches for
+/// such irises.
 const LOST: f64 = 0.3;
 const RESCUES: usize = 3;
-/// Where no more than this share of them is left, the slopes are right.
+/// The slopes are right if no more than this share of the small irises is left.
 const RIGHT: f64 = 0.15;
-/// Widths of crosstalk that are tried, shares of the usual one.
+/// Widths of crosstalk that are tried, as multiples of the usual one.
 const SIGMAS: [f64; 4] = [1.0, 1.7, 3.0, 6.0];
-/// An order is kept if what is left of the pictures that were not fitted falls by this share,
+/// An order is kept if it reduces what is left of the pictures that were not fitted by this share.
 const GAINS: f64 = 0.02;
-/// or if a term of it is this many standard errors from nothing.
+/// An order is also kept if a term of it is this many standard errors from zero.
 const SURE: f64 = 5.0;
 
-/// The pictures of single random patterns: through small irises, and all.
+/// The pictures of single random patterns, through small irises and through all irises.
 pub(super) struct Random {
     pub(super) small: Vec<usize>,
     pub(super) all: Vec<usize>,
@@ -37,7 +40,7 @@ impl Random {
         let all: Vec<usize> = sorted.fitted.iter().copied().filter(single).collect();
         let narrow = |v: &usize| pictures.views[*v].pupil().diameter <= SMALL * pictures.optics.eyebox();
         let small: Vec<usize> = all.iter().copied().filter(|v| narrow(v) && !pattern(v).is_smooth()).collect();
-        // A bench whose irises are all wide has nothing better than these.
+        // A bench whose irises are all wide has nothing better.
         let small = if small.len() < 3 { all.clone() } else { small };
         Self { small, all }
     }
@@ -48,7 +51,8 @@ fn terms(orders: std::ops::RangeInclusive<u32>) -> Vec<Parameter> {
     orders.flat_map(of_order).collect()
 }
 
-/// Where the small irises lead: the wavefront to the fifth order, crosstalk and source, held near what is `known`.
+/// The numbers that the small irises determine. They are the wavefront to the fifth order, crosstalk and source, held
+/// near `known`.
 pub(super) fn slopes(
     sorted: &Sorted,
     random: &Random,
@@ -65,7 +69,8 @@ pub(super) fn slopes(
         if after < before { (trial, true) } else { (at, false) }
     };
     let best = shifted(start.clone(), NEXT).0;
-    // Too much crosstalk is slow to go, and too little slow to come: the fit starts with the width that explains most.
+    // Too much crosstalk disappears slowly, and too little appears slowly. The fit therefore starts with the width that
+    // explains most.
     let wider = |factor: f64| {
         let mut at = best.clone();
         at.model.crosstalk.iter_mut().flatten().for_each(|side| side.sigma *= factor);
@@ -84,7 +89,8 @@ pub(super) fn slopes(
     let which: Vec<usize> = sorted.even.iter().chain(&random.small).copied().collect();
     let mut at = pictures.fit(known, &best, &free, &which, COARSE, &mut |p| observe(p))?.at;
     tracing::debug!("small irises, fifth order: {:.4} is left", share(&at));
-    // A picture in a wrong minimum pulls at the others and is excluded in the end: nothing would tell of its part of the wavefront.
+    // A picture in a wrong minimum pulls at the others and is excluded in the end. No other picture would determine its
+    // part of the wavefront.
     free.extend(terms(NEXT + 1..=*ORDERS.end()));
     for _ in 0..RESCUES {
         let left = pictures.left(&random.small, &pictures.see(&at, COARSE.subpixels, &random.small, &[]));
@@ -105,7 +111,7 @@ pub(super) fn slopes(
     Ok(at)
 }
 
-/// Adds orders of the wavefront to a fit while they gain; the last fit, with its orders among the free numbers.
+/// Adds orders of the wavefront to a fit while they gain. Returns the last fit, with its orders among the free numbers.
 pub(super) fn more(
     sorted: &Sorted,
     which: &[usize],
@@ -133,7 +139,8 @@ pub(super) fn more(
     Ok(best)
 }
 
-/// Whether an order is kept: by the share that is left of the pictures that were not fitted, before and now, and by its surest term.
+/// True if an order is kept, by the share that is left of the pictures that were not fitted, before and now, and by its
+/// surest term.
 fn gains(before: f64, now: f64, surest: f64) -> bool {
     now < (1.0 - GAINS) * before || surest > SURE && now < before
 }
@@ -147,7 +154,7 @@ mod tests {
         assert!(gains(0.10, 0.09, 0.0));
         assert!(!gains(0.10, 0.099, 3.0));
         assert!(gains(0.10, 0.099, 8.0));
-        // However sure its terms are, it does not stay if the pictures that judge it lose.
+        // An order does not stay if the pictures that judge it lose, even if its terms are sure.
         assert!(!gains(0.10, 0.101, 8.0));
     }
 }

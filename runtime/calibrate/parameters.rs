@@ -1,9 +1,9 @@
-//! The numbers that are fitted, by their places in one vector (OPTICS 10).
+//! Lists the numbers that are fitted, with their names, steps and ranges (OPTICS 10).
 
 use super::map::CameraMap;
 use eyebox_optics::{DisplayModel, Spread};
 
-/// One number.
+/// One number of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Parameter {
     /// ln q and ln sigma, towards -y, +y, -x, +x.
@@ -12,20 +12,20 @@ pub(super) enum Parameter {
     Bend(usize),
     Lag,
     Source(usize),
-    /// Of a wave, a number.
+    /// The index of a wave of the zero order, and the index of a number of it.
     Undiffracted(usize, usize),
     Fill,
-    /// ANSI index.
+    /// The ANSI index of a polynomial.
     Wavefront(u32),
-    /// x, y (mm), scale.
+    /// Offset x, offset y (mm), and scale.
     Iris(usize),
-    /// Homography, k1, k2.
+    /// Homography, then k1 and k2.
     Map(usize),
     /// Share of the camera's pixel that sees light.
     CameraPixel,
 }
 
-/// Orders of the wavefront that are fitted at most: 15 small irises show 30 slopes.
+/// Orders of the wavefront that are fitted at most. 15 small irises show 30 slopes.
 pub(super) const ORDERS: std::ops::RangeInclusive<u32> = 2..=7;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -33,8 +33,8 @@ pub(super) struct Parameters {
     pub(super) model: DisplayModel,
     pub(super) map: CameraMap,
     pub(super) camera_pixel: f64,
-    /// Whether the iris passes a share of the bins at its edge, so that pictures change smoothly with its place. A hard edge
-    /// jumps from bin to bin: it is right where the model is, and no slope shows it.
+    /// True if the iris passes a share of the bins at its edge, so that pictures change smoothly with its place. A hard
+    /// edge jumps from bin to bin. It is correct if the model is, but no slope shows it.
     pub(super) soft_edge: bool,
 }
 
@@ -43,13 +43,13 @@ pub(super) fn indices_of_order(n: u32) -> std::ops::RangeInclusive<u32> {
     n * (n + 1) / 2..=n * (n + 3) / 2
 }
 
-/// The wavefront's polynomials of an order.
+/// Parameters of the wavefront's polynomials of an order.
 pub(super) fn of_order(n: u32) -> impl Iterator<Item = Parameter> {
     indices_of_order(n).map(Parameter::Wavefront)
 }
 
 impl Parameter {
-    /// All of them but the wavefront, of a display with so many waves of undiffracted light.
+    /// All parameters except the wavefront, for a display with this many waves of the zero order.
     pub(super) fn all(waves: usize) -> Vec<Self> {
         let counted = |make: fn(usize) -> Self, count: usize| (0..count).map(make).collect::<Vec<_>>();
         let mut all = counted(Self::Crosstalk, 8);
@@ -65,22 +65,22 @@ impl Parameter {
         all
     }
 
-    /// The numbers of a wave of undiffracted light.
+    /// The parameters of one wave of the zero order.
     pub(super) fn of_wave(wave: usize) -> impl Iterator<Item = Self> {
         (0..5).map(move |i| Self::Undiffracted(wave, i))
     }
 
-    /// Whether it changes what leaves the SLM.
+    /// True if the parameter changes the light that leaves the SLM.
     pub(super) fn is_of_device(self) -> bool {
         !matches!(self, Self::Wavefront(_) | Self::Iris(_) | Self::Map(_) | Self::CameraPixel)
     }
 
-    /// Whether it changes the phases before crosstalk.
+    /// True if the parameter changes the phases before crosstalk.
     pub(super) fn is_of_drive(self) -> bool {
         matches!(self, Self::Level(_) | Self::Bend(_) | Self::Lag)
     }
 
-    /// The step of differences.
+    /// The step of finite differences.
     pub(super) fn step(self) -> f64 {
         match self {
             Self::Crosstalk(_) => 1e-4,
@@ -89,7 +89,7 @@ impl Parameter {
         }
     }
 
-    /// Least, most, and how far from its start it is expected, all in its unit.
+    /// Lowest value, highest value, and the expected spread about the start, all in the parameter's unit.
     fn range(self) -> (f64, f64, f64) {
         match self {
             Self::Crosstalk(i) if i % 2 == 0 => (0.4f64.ln(), 3.0f64.ln(), 0.4),
@@ -109,12 +109,12 @@ impl Parameter {
         }
     }
 
-    /// How far from its start it is expected.
+    /// The expected spread about the start.
     pub(super) fn usual(self) -> f64 {
         self.range().2
     }
 
-    /// Its name, as OPTICS 10 has it, and its unit.
+    /// The parameter's name, as in OPTICS 10, and its unit.
     pub(super) fn name(self) -> (String, &'static str) {
         const SIDES: [&str; 4] = ["-y", "+y", "-x", "+x"];
         match self {
@@ -187,14 +187,14 @@ impl Parameters {
         }
     }
 
-    /// With one number a step further on.
+    /// A copy with one number moved by a step.
     pub(super) fn moved(&self, parameter: Parameter, step: f64) -> Self {
         let mut moved = self.clone();
         moved.set(parameter, self.get(parameter) + step);
         moved
     }
 
-    /// With all of these moved, as far as they may be.
+    /// A copy with all of these numbers moved by their steps, clamped to their ranges.
     pub(super) fn stepped(&self, free: &[Parameter], steps: &[f64]) -> Self {
         let mut moved = self.clone();
         for (parameter, step) in free.iter().zip(steps) {

@@ -1,4 +1,4 @@
-//! The patterns: dots, even drives, smooth ones that never wrap, and random ones; their irises, and their order.
+//! Makes the patterns (dots, even drives, smooth and random ones), and plans their irises and their order.
 
 use super::message::Hello;
 use eyebox_base::files::{self, FileError, write_file};
@@ -8,13 +8,13 @@ use eyebox_solve::solve::SplitMix;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// Phases that are asked for, quantised to what the SLM has.
+/// Requested phases, quantized to the levels of the SLM.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pattern {
     pub(super) frames: usize,
     pub(super) height: usize,
     pub(super) width: usize,
-    /// Levels that make a turn.
+    /// Number of levels in one turn.
     pub(super) two_pi_level: f64,
     /// (frames, height, width), radians in 0 .. 2 pi.
     pub(super) drive: Vec<f32>,
@@ -41,13 +41,13 @@ impl Pattern {
         Self { height: rows, width: columns, drive, ..*self }
     }
 
-    /// Whether it is the same but for rounding.
+    /// True if both patterns are equal up to rounding.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-4;
         self.drive.len() == other.drive.len() && self.drive.iter().zip(&other.drive).all(close)
     }
 
-    /// The drive of all pixels, if it is one.
+    /// The drive of all pixels, if all have the same.
     pub(super) fn even_drive(&self) -> Option<f64> {
         let first = self.drive.first()?;
         self.drive.iter().all(|w| (w - first).abs() < 1e-4).then_some(f64::from(*first))
@@ -62,14 +62,14 @@ impl Pattern {
         }
     }
 
-    /// Whether neighbours differ so little that it excites no crosstalk.
+    /// True if neighbors differ so little that the pattern excites no crosstalk.
     pub(super) fn is_smooth(&self) -> bool {
         let rows = self.frame(0).chunks_exact(self.width);
         let steps = rows.flat_map(|row| row.windows(2).map(|w| f64::from((w[1] - w[0]).abs())));
         steps.sum::<f64>() / self.frame(0).len() as f64 <= 0.7
     }
 
-    /// Writes it as a `.npy` (sub-frame, row, column): levels, or radians.
+    /// Writes the pattern as a `.npy` of shape (sub-frame, row, column), in levels or in radians.
     pub(super) fn write(&self, file: &Path, levels: bool) -> Result<(), FileError> {
         let shape = [self.frames, self.height, self.width];
         if !levels {
@@ -89,8 +89,8 @@ impl Pattern {
     }
 }
 
-/// Places of the dots, (x, y) in pixels, and their radius. They stand off a regular grid, and some are missing, so that no turn
-/// or reflection looks like another.
+/// The places of the dots, (x, y) in pixels, and their radius in pixels. The places deviate from a regular grid and
+/// some are missing, so that no rotation or reflection looks like another.
 pub(super) fn dots([height, width]: [usize; 2]) -> (Vec<[f64; 2]>, f64) {
     let side = height.min(width) as f64;
     let across = if side >= 128.0 { 7.0 } else { 5.0 };
@@ -114,13 +114,13 @@ pub(super) fn dots([height, width]: [usize; 2]) -> (Vec<[f64; 2]>, f64) {
     (places, 0.21 * step)
 }
 
-/// From dot to dot, pixels.
+/// The distance of neighboring dots, pixels.
 pub(super) fn spacing(size: [usize; 2]) -> f64 {
     dots(size).1 / 0.21
 }
 
-/// The hologram of the dots: a pixel within one sends its light straight on, all others send it past the iris, by a grating
-/// that has no light on the axis.
+/// The hologram of the dots. A pixel within a dot sends its light straight on. A grating without light on the axis
+/// sends the light of all others past the iris.
 pub(super) fn dots_pattern(size @ [height, width]: [usize; 2], two_pi_level: f64) -> Pattern {
     let (places, radius) = dots(size);
     let phase = |i: usize| {
@@ -138,7 +138,7 @@ pub(super) fn dots_pattern(size @ [height, width]: [usize; 2], two_pi_level: f64
     Pattern::new(size, two_pi_level, &(0..height * width).map(phase).collect::<Vec<_>>())
 }
 
-/// Random, with frequencies up to a tenth of a cycle per pixel, never near a wrap.
+/// A random pattern with frequencies up to a tenth of a cycle per pixel, whose phases never come near a wrap.
 fn smooth(size @ [height, width]: [usize; 2], two_pi_level: f64, seed: u64) -> Pattern {
     let mut random = SplitMix(seed ^ 0x736d_6f6f_7468);
     let mut field: Vec<Complex64> = (0..height * width).map(|_| Complex64::new(random.unit() - 0.5, 0.0)).collect();
@@ -156,7 +156,7 @@ fn smooth(size @ [height, width]: [usize; 2], two_pi_level: f64, seed: u64) -> P
     Pattern::new(size, two_pi_level, &phases)
 }
 
-/// The transform of an image, not normalized.
+/// The two-dimensional transform of an image, not normalized.
 pub(super) fn transformed(
     mut field: Vec<Complex64>,
     [height, width]: [usize; 2],
@@ -168,7 +168,7 @@ pub(super) fn transformed(
     transposed(&turned, height)
 }
 
-/// Lines become columns.
+/// Transposes an image of `width` columns.
 pub(super) fn transposed<T: Copy + Default>(from: &[T], width: usize) -> Vec<T> {
     let height = from.len() / width;
     let mut out = vec![T::default(); from.len()];
@@ -180,14 +180,15 @@ pub(super) fn transposed<T: Copy + Default>(from: &[T], width: usize) -> Vec<T> 
     out
 }
 
-/// Uniform in 0 .. 2 pi, so many sub-frames.
+/// A pattern of `frames` sub-frames with phases uniform in 0 .. 2 pi.
 pub(super) fn random(size: [usize; 2], two_pi_level: f64, frames: usize, seed: u64) -> Pattern {
     let mut random = SplitMix(seed ^ 0x7261_6e64_6f6d);
     let phases: Vec<f64> = (0..frames * size[0] * size[1]).map(|_| TAU * random.unit()).collect();
     Pattern::new(size, two_pi_level, &phases)
 }
 
-/// A pattern with a name, and the irises that it is seen through: x, y, diameter, mm, none where it stands still; each so often.
+/// A pattern with a name and the irises through which it is seen. An iris is x, y and diameter in mm, or none if the
+/// bench's iris does not move. Each picture is taken `times` times.
 #[derive(Debug, Clone)]
 pub(super) struct Show {
     pub(super) name: String,
@@ -196,31 +197,33 @@ pub(super) struct Show {
     pub(super) times: usize,
 }
 
-/// Random patterns through an iris that stands still.
+/// Number of random patterns through an iris that does not move.
 const FIXED_IRIS_PATTERNS: usize = 12;
-/// Irises of the pictures that judge a fit: nowhere that a fitted one stands.
+/// Irises of the pictures that judge a fit, as shares of the eyebox. No fitted picture uses these places.
 const HELD_OUT: [[f64; 3]; 3] = [[0.21, -0.1, 0.26], [-0.09, 0.14, 0.3], [-0.26, -0.22, 0.34]];
-/// Even drives: with four of them the light that is not modulated has a closed form ([`super::even`]).
+/// Number of even drives. With four of them the zero order has a closed form ([`super::even`]).
 const EVEN: usize = 4;
-/// Diameter of the small irises, share of the eyebox: speckles are 5 pixels wide, and a slope of the wavefront moves them.
+/// Diameter of the small irises, share of the eyebox. Speckles are 5 pixels wide then, and a slope of the wavefront
+/// shifts them.
 const SMALL: f64 = 0.2;
-/// The order of the pictures: small irises, larger ones, smooth patterns, sets (`t`).
+/// The order of the pictures, with small irises (`s`), larger ones (`l`), smooth patterns (`m`), sets (`t`).
 const ORDER: &str = "sssslstssmslssltsslssmlsl";
 
-/// An iris in shares of the eyebox, as near as the bench has it, mm.
+/// The iris of these shares of the eyebox, clamped to the range of the bench, mm.
 fn within(hello: &Hello, optics: &Optics, shares: [f64; 3]) -> [f64; 3] {
     let [x, y, d] = shares.map(|v| v * optics.eyebox() * 1e3);
     let range = |v: f64, [low, high]: [f64; 2]| v.clamp(low, high);
     hello.iris.as_ref().map_or([x, y, d], |i| [range(x, i.x_mm), range(y, i.y_mm), range(d, i.diameter_mm)])
 }
 
-/// Irises through which drift is looked for, in turn.
+/// The iris of picture number `turn` of a check for drift. Five places take turns.
 pub(super) fn drift_iris(hello: &Hello, optics: &Optics, turn: usize) -> [f64; 3] {
     let [x, y] = [[0.0, 0.0], [0.25, 0.25], [-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25]][turn % 5];
     within(hello, optics, [x, y, 0.3])
 }
 
-/// What is shown, in this order. At most `most` pictures, two of which are the dots and the dark.
+/// Plans the patterns in their order. They need at most `most` pictures, two of which are the dots and the dark
+/// picture.
 pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usize, quick: bool) -> Vec<Show> {
     let size = [optics.height, optics.width];
     let iris = |shares: [f64; 3]| within(hello, optics, shares);
@@ -243,7 +246,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
         return shows;
     }
-    // Pictures that judge the fit come first: they are taken twice, and never fitted.
+    // Pictures that judge the fit come first. They are taken twice and never fitted.
     let tests = if most >= 30 { 3 } else { 1 };
     for i in 0..tests {
         let pattern = random(size, two_pi_level, if i == 1 { frames } else { 1 }, 1000 + i as u64);
@@ -255,7 +258,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         add(format!("even-{i}"), pattern, vec![iris([0.0, 0.0, SMALL])], 1);
     }
     if hello.iris.is_none() {
-        // More patterns show what more irises would.
+        // Without several irises, more patterns have to separate the numbers.
         for i in 0..FIXED_IRIS_PATTERNS {
             add(format!("random-{i}"), random(size, two_pi_level, 1, i as u64), vec![[0.0; 3]], 1);
             if i % 3 == 0 {
@@ -267,7 +270,7 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
         }
         return shows;
     }
-    // By turns, so that fewer pictures are fewer of all.
+    // The kinds alternate, so that a lower limit of pictures shortens all of them alike.
     let (mut small, mut large) = (small_irises().into_iter(), LARGE.into_iter());
     for (i, kind) in ORDER.chars().enumerate() {
         let (name, pattern, place) = match kind {
@@ -293,8 +296,9 @@ pub(super) fn plan(hello: &Hello, optics: &Optics, two_pi_level: f64, most: usiz
     shows
 }
 
-/// Places of the small irises (x, y, diameter, shares of the eyebox): the middle, a ring about it, and the sides and corners, because
-/// a wavefront that no iris saw there is extrapolated. Any few of them that follow each other lie on different sides.
+/// The places of the small irises (x, y, diameter, shares of the eyebox). They are the middle, a ring around it, and
+/// the sides and corners, because the wavefront is extrapolated where no iris saw it. Consecutive places lie on
+/// different sides.
 fn small_irises() -> Vec<[f64; 3]> {
     let inner = |i: usize| {
         let turn = TAU * ((i * 5 % 6) as f64 + 0.25) / 6.0;
@@ -310,7 +314,7 @@ fn small_irises() -> Vec<[f64; 3]> {
     all
 }
 
-/// Places of the larger irises: the corners of the eyebox, the middle, and a side.
+/// The places of the larger irises, shares of the eyebox. They are the corners, the middle and a side.
 const LARGE: [[f64; 3]; 6] = [
     [0.27, 0.26, 0.4],
     [-0.27, -0.27, 0.38],
@@ -320,7 +324,7 @@ const LARGE: [[f64; 3]; 6] = [
     [0.05, -0.3, 0.36],
 ];
 
-/// The iris that dots are seen through, mm.
+/// The iris of the picture of the dots, mm.
 pub(super) fn dots_iris(optics: &Optics) -> [f64; 3] {
     [0.0, 0.0, 0.23 * optics.eyebox() * 1e3]
 }
@@ -330,7 +334,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// What a bench is asked for, of this many pictures at most.
+    /// The plan for a bench with at most `most` pictures.
     fn asked(iris: bool, sub_frames: usize, most: usize) -> Vec<Show> {
         let mut hello = json!({
             "protocol": 1, "colors": {"green": 520.0}, "slm": {"resolution": [32, 32], "sub_frames": sub_frames},

@@ -1,31 +1,32 @@
-//! A camera's picture: linear counts, as shares of full scale.
+//! Reads a camera's picture as linear counts, in shares of full scale.
 
 use eyebox_base::error::Reason;
 use eyebox_base::files;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// Share of full scale from which a pixel may have been saturated.
+/// A pixel may have been saturated from this share of full scale on.
 const FULL: f32 = 0.995;
 
 #[derive(Debug, Clone)]
 pub(super) struct Picture {
     pub(super) height: usize,
     pub(super) width: usize,
-    /// Row by row, 1 at full scale.
+    /// Counts row by row, 1 at full scale.
     pub(super) values: Vec<f32>,
 }
 
-/// Reads a picture of the camera's size; `full_scale` is the value at which it saturates. Says what is wrong with it.
+/// Reads a picture of the camera's size. `full_scale` is the value at which it saturates. The error states the problem
+/// of the picture.
 pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) -> Result<Picture, Reason> {
     let size = |rows: usize, columns: usize| {
         reason!(
             "picture-size",
-            "sent {}: it has {rows}x{columns} pixels, and the camera has {height}x{width}",
+            "sent {}: it has {rows}x{columns} pixels, but the camera has {height}x{width}",
             file.display()
         )
     };
-    let one_line = |e: files::FileError| reason!("no-picture", "sent a picture that is none: {e}");
+    let one_line = |e: files::FileError| reason!("no-picture", "sent a file that is not a picture ({e})");
     let scale = full_scale.recip();
     let values = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) {
         let npy = files::read_npy(file).map_err(one_line)?;
@@ -33,7 +34,7 @@ pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) ->
             let [rows, columns] = npy.shape[..] else {
                 return Err(reason!(
                     "picture-axes",
-                    "sent {}: it has {} axes, and pictures have 2",
+                    "sent {}: it has {} axes, but pictures have 2",
                     file.display(),
                     npy.shape.len()
                 ));
@@ -47,7 +48,7 @@ pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) ->
         if grey.levels < 65536 && full_scale > 255.0 {
             return Err(reason!(
                 "picture-full-scale",
-                "sent {}: it has 8 bits, and its full scale is {full_scale}",
+                "sent {}: it has 8 bits, but its full scale is {full_scale}",
                 file.display()
             ));
         }
@@ -57,7 +58,7 @@ pub(super) fn load(file: &Path, [height, width]: [usize; 2], full_scale: f64) ->
 }
 
 impl Picture {
-    /// The value at a place (x, y) between pixels, that of the nearest edge outside.
+    /// The value at a place (x, y) between pixels. Outside the picture it is the value of the nearest edge.
     pub(super) fn between(&self, [x, y]: [f64; 2]) -> f64 {
         let axis = |v: f64, n: usize| {
             let v = v.clamp(0.0, (n - 1) as f64);
@@ -70,7 +71,7 @@ impl Picture {
             + dy * ((1.0 - dx) * at(below, x) + dx * at(below, right))
     }
 
-    /// Whether a pixel may have been saturated.
+    /// True if a pixel may have been saturated.
     pub(super) fn is_full(&self, at: usize) -> bool {
         self.values[at] >= FULL
     }
@@ -83,12 +84,12 @@ impl Picture {
         f64::from(self.at(self.values.len() / 2))
     }
 
-    /// The value that a thousandth of the pixels is brighter than.
+    /// The value that a thousandth of the pixels exceeds.
     pub(super) fn brightest(&self) -> f32 {
         self.at(self.values.len() * 999 / 1000)
     }
 
-    /// The value that so many are darker than.
+    /// The value at this place of the sorted values.
     fn at(&self, place: usize) -> f32 {
         *self.values.clone().select_nth_unstable_by(place, f32::total_cmp).1
     }

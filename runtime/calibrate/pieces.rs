@@ -1,20 +1,24 @@
-//! Pieces of a large SLM that are simulated in the place of all of it. A camera pixel sees light from a few SLM pixels around
-//! the point that it looks at: the small irises have speckles of 5 pixels, and crosstalk reaches no farther. 12 pieces of 192 x 192
-//! have a fifth of the pixels of 1080 x 1920, and their transforms stay in a cache.
+//! Chooses pieces of a large SLM that are simulated instead of all of it.
+//!
+//! A camera pixel sees light from a few SLM pixels around the point that it looks at. The small irises have speckles of
+//! 5 pixels, and crosstalk reaches no farther. Twelve pieces of 192 x 192 pixels have a fifth of the pixels of 1080 x
+//! 1920, and their transforms stay in a cache.
 
 use super::map::CameraMap;
 use eyebox_optics::SlmPart;
 
 /// Rows and columns of a piece.
 const SIDE: usize = 192;
-/// Pixels at a piece's edges that no camera pixel looks at: light from beyond the edge is missing there.
+/// Pixels at the edges of a piece that no used camera pixel looks at, because light from beyond the edge is missing
+/// there.
 const MARGIN: f64 = 32.0;
-/// Pieces along the shorter and the longer side of what the camera sees.
+/// Number of pieces along the shorter and the longer side of the area that the camera sees.
 const COUNT: [usize; 2] = [3, 4];
-/// Pixels at the edge of a whole SLM that no camera pixel looks at.
+/// Pixels at the edges of a whole SLM that no used camera pixel looks at, along y and along x.
 const RIM: [f64; 2] = [2.0, 3.0];
 
-/// The parts of an SLM that are simulated: all of it, unless pieces of what the camera sees are far fewer pixels.
+/// The parts of an SLM that are simulated. It is the whole SLM, unless pieces of the area that the camera sees have far
+/// fewer pixels.
 pub(super) fn pieces(map: &CameraMap) -> Vec<SlmPart> {
     let slm = map.slm;
     if slm[0] * slm[1] <= COUNT[0] * COUNT[1] * SIDE * SIDE || slm.iter().any(|n| *n < SIDE) {
@@ -36,7 +40,7 @@ pub(super) fn pieces(map: &CameraMap) -> Vec<SlmPart> {
     firsts[0].iter().flat_map(|row| piece(*row)).collect()
 }
 
-/// First and last row, and column, of the SLM that the camera sees.
+/// The range of rows, then of columns, of the SLM that the camera sees.
 fn seen(map: &CameraMap) -> [[usize; 2]; 2] {
     let [height, width] = map.camera.map(|n| n as f64);
     const STEPS: usize = 16;
@@ -54,7 +58,7 @@ fn seen(map: &CameraMap) -> [[usize; 2]; 2] {
     [0, 1].map(|axis| range[axis].map(|at| at.clamp(0.0, map.slm[axis] as f64).round() as usize))
 }
 
-/// The piece in which a point (x, y) of the SLM is predicted, if any is.
+/// The piece that predicts the point (x, y) of the SLM, if there is one.
 pub(super) fn holding(pieces: &[SlmPart], [x, y]: [f64; 2]) -> Option<usize> {
     let inside = |at: f64, first: usize, size: usize, slm: usize| {
         let [low, high] = if size == slm { RIM } else { [MARGIN; 2] };
@@ -87,11 +91,11 @@ mod tests {
             assert_eq!(holding(&all, at(4, 90.0)), Some(4));
             assert_eq!([holding(&all, at(4, 20.0)), holding(&all, [0.0, 0.0])], [None; 2]);
         }
-        // A camera that sees the middle third.
+        // The camera sees the middle third.
         let all = pieces(&camera([1080, 1920], 3.0));
         let seen = |part: &SlmPart| part.first[0] >= 355 && part.first[0] + SIDE <= 725 && part.first[1] >= 635;
         assert!(all.len() == 12 && all.iter().all(seen), "{all:?}");
-        // A whole SLM has no margin but its rim.
+        // A whole SLM has no margin except its rim.
         let whole = [SlmPart::from([256, 256])];
         assert_eq!(
             [[2.0, 2.0], [252.9, 9.0], [1.9, 9.0], [253.0, 9.0]].map(|at| holding(&whole, at)),

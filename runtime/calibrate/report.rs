@@ -1,4 +1,4 @@
-//! What a calibration says of itself.
+//! Reports the result of a calibration.
 
 use super::classified::Sorted;
 use super::directions::{Directions, PhaseSign};
@@ -11,76 +11,77 @@ use super::residual::{PictureLeft, ResidualMap, left};
 use super::verdict::{self, Verdict};
 use serde::Serialize;
 
-/// A number of the model.
+/// A fitted number of the model.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Fitted {
-    /// Its name, by OPTICS 10.
+    /// The name of the number, as in OPTICS 10.
     pub name: String,
-    /// Its value,
+    /// The value in `unit`.
     pub value: f64,
-    /// its standard error; none of what was not fitted,
+    /// Standard error of the value in `unit`, or none if it was not fitted.
     pub error: Option<f64>,
-    /// and the unit of both.
+    /// The unit of value and error.
     pub unit: &'static str,
 }
 
-/// Two numbers that the pictures cannot tell apart.
+/// Two numbers that the pictures cannot separate.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Confused {
-    /// Their names.
+    /// The names of both numbers.
     pub names: [String; 2],
-    /// Their correlation.
+    /// The correlation of both numbers.
     pub correlation: f64,
 }
 
-/// What a calibration says of itself.
+/// The report of a calibration.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// Which way round the bench is.
+    /// The sign of the phase, and the orientation of the camera's picture.
     pub directions: Directions,
-    /// Whether drift alone was fitted.
+    /// True if only drift was fitted.
     pub quick: bool,
-    /// Pictures answered.
+    /// Number of pictures that were answered.
     pub captures: usize,
-    /// Seconds of computing, without the camera's.
+    /// Computing time in seconds, without the camera's time.
     pub seconds: f64,
-    /// The model's numbers that were fitted.
+    /// The numbers of the model that were fitted.
     pub parameters: Vec<Fitted>,
-    /// The display as its file has it from now on, in the numbers that an optician reads.
+    /// The fitted display as maps, curves and places.
     pub figures: Option<Figures>,
-    /// Pairs of them that the pictures cannot tell apart.
+    /// Pairs of `parameters` that the pictures cannot separate.
     pub confused: Vec<Confused>,
-    /// Numbers that the pictures say nothing of: they stay where the display's file has them.
+    /// Numbers that the pictures do not determine. They keep the values of the display's file.
     #[serde(rename = "untold")]
     pub unobservable: Vec<String>,
-    /// What it is worth on a scene, where that was [measured](crate::Calibration::measure_gain).
+    /// The gain on a scene, if it was [measured](crate::Calibration::measure_gain).
     pub gain: Option<Gain>,
     /// Error of the camera's map by the dots, camera pixels, RMS.
     pub camera_rms_px: f64,
-    /// The camera's map: a homography row by row, whose ninth number is 1, then k1 and k2 (OPTICS 10).
+    /// The camera's map, a homography row by row, whose ninth number is 1, then k1 and k2 (OPTICS 10).
     pub camera_map: [f64; 10],
-    /// Of pictures that were not fitted, as shares of their variance: what the display file as it was leaves,
+    /// Share of the variance that the display file as it was leaves of the pictures that were not fitted.
     pub before: Option<f64>,
-    /// what the fitted model leaves, the noise taken off; of the fitted pictures if none was taken twice; none if it is no number,
+    /// Share of the variance that the fitted model leaves of the same pictures, minus the noise. If none was taken
+    /// twice, it is of the fitted pictures. It is none if it is not a number.
     pub unexplained: Option<f64>,
-    /// and the camera's noise; none if no picture was taken twice.
+    /// Share of the variance that is noise of the camera, or none if no picture was taken twice.
     pub noise: Option<f64>,
-    /// The answer,
+    /// The verdict by the share that is left.
     pub verdict: Verdict,
-    /// and whether the display has a model by it.
+    /// True if the verdict gives the display a model.
     pub calibrated: bool,
-    /// What is left of each picture,
+    /// The rest of each picture.
     pub pictures: Vec<PictureLeft>,
-    /// and where.
+    /// The rest by place on the camera.
     pub map: ResidualMap,
-    /// What should be known, a sentence each.
+    /// Warnings, one sentence each.
     pub warnings: Vec<String>,
 }
 
 impl Report {
-    /// `drift`: what the whole calibration left unexplained, if drift alone was fitted.
+    /// `drift` is the share that the whole calibration left unexplained, if only drift was fitted.
     #[allow(clippy::too_many_arguments, reason = "each is a part of the report")]
     pub(super) fn new(
         sorted: &Sorted,
@@ -106,7 +107,7 @@ impl Report {
         let confused = named(fit.confused());
         let (mut before, mut noise) = (None, None);
         let (pictures, map) = left(sorted, fit, fitted_views, subpixels);
-        // Without pictures that were taken twice those that were fitted are judged, by the noise of an ordinary camera.
+        // Without pictures that were taken twice, the fitted pictures are judged, with the noise of an ordinary camera.
         let few = sorted.pairs.is_empty();
         let after = judged(sorted, &fit.at, fitted_views, subpixels);
         let left = after.left - after.noise;
@@ -123,8 +124,8 @@ impl Report {
             sorted.pictures.views.iter().filter(|v| v.looks.iter().any(|(look, _)| !look.holds(&fit.at))).count();
         if outside > 0 {
             warnings.push(format!(
-                "the iris is so far from where it was asked for that {outside} pictures are not predicted to their edge: \
-                 calibrate once more from the file that was written"
+                "the iris is far from its requested place, so {outside} pictures are not predicted to their edge: \
+                 calibrate once more from the written file"
             ));
         }
         let (camera_rms_px, camera_map) = (sorted.map_rms, fit.at.map.numbers);
@@ -153,7 +154,7 @@ impl Report {
         }
     }
 
-    /// Adds pairs of a fit from which no term had been left out yet.
+    /// Adds pairs from a fit before terms were left out.
     pub(super) fn add_confused(&mut self, pairs: Vec<(Parameter, Parameter, f64)>) {
         for pair in named(pairs) {
             if self.confused.iter().all(|known| known.names != pair.names) {

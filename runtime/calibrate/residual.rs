@@ -1,66 +1,66 @@
-//! What a model leaves, picture by picture and place by place.
+//! Measures the rest that a model leaves, picture by picture and place by place.
 
 use super::classified::Sorted;
 use super::error::CalibrateError;
 use super::fit::Fit;
 use serde::Serialize;
 
-/// What is left of a picture.
+/// The rest of a picture.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct PictureLeft {
-    /// Its file.
+    /// The file of the picture.
     pub file: String,
-    /// What was shown: `even`, `smooth`, `random`, or `set` (several sub-frames).
+    /// The kind of its pattern, `even`, `smooth`, `random`, or `set` (several sub-frames).
     pub kind: &'static str,
-    /// The iris that was asked for: x, y, diameter.
+    /// The iris that was requested, x, y, diameter, mm.
     pub iris_mm: [f64; 3],
     /// `fitted`, `held out` (taken twice), or `left out` (it contradicts the others).
     pub role: &'static str,
-    /// Share of its variance about its mean that is left, noise and all.
+    /// Share of its variance about its mean that is left, including the noise.
     pub left: f64,
-    /// Squares of what is left in those of the camera's noise, on average.
+    /// Mean of the squared rest, in units of the noise.
     pub squares: f64,
 }
 
-/// Where in the camera's picture it is left, all pictures together but those that were left out.
+/// The rest by place in the camera's picture, over all pictures except the excluded ones.
 #[derive(Debug, Clone, Serialize)]
 pub struct ResidualMap {
     /// Camera pixels along a side of a tile.
     pub tile_px: usize,
-    /// Tiles of the map.
+    /// Number of rows of tiles.
     pub rows: usize,
-    /// As `rows`.
+    /// Number of columns of tiles.
     pub columns: usize,
-    /// Squares of what is left in those of the noise, on average, row by row; none where no pixel was looked at.
+    /// Mean of the squared rest in units of the noise, row by row, or none if a tile has too few pixels.
     pub squares: Vec<Option<f64>>,
 }
 
-/// A picture that was not fitted, with what was predicted, on a part of the camera's pixels. Counts are 1 at full scale.
+/// A picture that was not fitted, with its prediction, on a part of the camera's pixels. Counts are 1 at full scale.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct HoldoutPicture {
-    /// Its file.
+    /// The file of the picture.
     pub file: String,
-    /// Rows, columns.
+    /// Number of rows and columns.
     pub size: [usize; 2],
-    /// What the camera saw, row by row.
+    /// Counts of the camera, row by row.
     pub picture: Vec<f32>,
-    /// What the model says.
+    /// Counts that the model predicts, row by row.
     pub prediction: Vec<f32>,
-    /// How far apart they are; 0 where a pixel does not look well inside the SLM's image.
+    /// Absolute difference of both, row by row. It is 0 if a pixel does not look well inside the SLM's image.
     pub difference: Vec<f32>,
 }
 
 pub(super) const LEFT_OUT: &str = "left out";
-/// Tiles along the longer side of the map.
+/// Number of tiles along the longer side of the map.
 const TILES: usize = 16;
-/// Pixels of a tile at least.
+/// The least number of pixels of a tile.
 const FEWEST: usize = 20;
-/// Pixels along the longer side of what is shown.
+/// Largest number of pixels along the longer side of a `HoldoutPicture`.
 const SHOWN: usize = 160;
 
-/// What the model leaves of each picture, and where.
+/// The rest of each picture, and the rest by place.
 pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usize) -> (Vec<PictureLeft>, ResidualMap) {
     let pictures = &sorted.pictures;
     let held_out: Vec<usize> = sorted.pairs.iter().map(|p| p[0]).collect();
@@ -96,7 +96,7 @@ pub(super) fn left(sorted: &Sorted, fit: &Fit, fitted: &[usize], subpixels: usiz
 }
 
 impl ResidualMap {
-    /// Where most is left: x, y of a tile's middle in the camera's pixels, and how much.
+    /// The tile with the largest rest, by x and y of its middle in camera pixels, and its squares.
     pub(super) fn most(&self) -> Option<([usize; 2], f64)> {
         let known = self.squares.iter().enumerate().filter_map(|(i, s)| s.map(|s| (i, s)));
         let (i, squares) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -104,7 +104,7 @@ impl ResidualMap {
     }
 }
 
-/// The pictures that were not fitted, beside what is predicted of them.
+/// The pictures that were not fitted, each with its prediction.
 pub(super) fn shown(sorted: &Sorted, fit: &Fit, subpixels: usize) -> Result<Vec<HoldoutPicture>, CalibrateError> {
     let [height, width] = sorted.camera;
     let step = height.max(width).div_ceil(SHOWN);

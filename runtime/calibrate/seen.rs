@@ -1,4 +1,6 @@
-//! From what enters an iris to what the camera's pixels see: the field at any places of the image, by a non-uniform transform.
+//! Predicts the light at a camera's pixels from the spectrum that enters an iris.
+//!
+//! A non-uniform transform gives the field at any places of the image.
 
 use super::device::{Window, optics_of};
 use super::map::CameraMap;
@@ -9,21 +11,21 @@ use eyebox_optics::{Optics, Pupil, SlmPart, fast_size, transfer, zernike};
 use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 
-/// Width of the interpolating kernel, grid points; with a grid twice as fine as the field its error is 1e-5.
+/// Width of the interpolating kernel, grid points. Its error is 1e-5 if the grid is twice as fine as the field.
 const TAPS: usize = 6;
-/// Its shape (Beatty, Nishimura and Pauly 2005).
+/// Shape of the kernel (Beatty, Nishimura and Pauly 2005).
 const BETA: f64 = 13.86;
-/// Points of a camera's pixel that are looked at.
+/// Number of points that sample a camera's pixel.
 pub(super) const POINTS: usize = 4;
 
-/// Points of a camera's pixel (x, y), from its middle: two by two over the square that sees light, as Gauss has them. The
-/// square is `share` of the pixel.
+/// Points of a camera's pixel (x, y) from its middle. They are the two by two Gauss points of the square that sees
+/// light. `share` is the area of the square as a share of the pixel.
 pub(super) fn points_of_pixel(share: f64) -> [[f64; 2]; POINTS] {
     let off = (share / 12.0).sqrt();
     [[-off, -off], [off, -off], [-off, off], [off, off]]
 }
 
-/// The kernel at |t| <= 1, by a table: its shape is smooth in t.
+/// The kernel at |t| <= 1, from a table. Its shape is smooth in t.
 fn tap(t: f64) -> f64 {
     const STEPS: usize = 1 << 14;
     static TABLE: OnceLock<Vec<f64>> = OnceLock::new();
@@ -51,14 +53,14 @@ fn bessel(x: f64) -> f64 {
     sum
 }
 
-/// What a camera's pixels look at through an iris, on a part of the SLM.
+/// The pixels of a camera that look at a part of the SLM through an iris.
 #[derive(Clone)]
 pub(super) struct Look {
-    /// Of the part alone.
+    /// The optics of this part only.
     pub(super) optics: Optics,
     part: SlmPart,
     pub(super) window: Window,
-    /// The iris as it was asked for.
+    /// The iris as it was requested.
     pub(super) pupil: Pupil,
     pub(super) radius: f64,
     side: usize,
@@ -66,13 +68,13 @@ pub(super) struct Look {
     pub(super) pixels: Vec<[f64; 2]>,
 }
 
-/// Where points lie on the grid: first grid points and weights along both axes.
+/// Positions of points on the grid, as first grid points and weights along both axes.
 pub(super) struct Places {
     first: Vec<[usize; 2]>,
     weights: Vec<[[f64; TAPS]; 2]>,
 }
 
-/// Intensity at the camera's pixels, and its slopes.
+/// Intensity at the camera's pixels, and its slopes by parameter.
 #[derive(Default)]
 pub(super) struct Prediction {
     pub(super) intensity: Vec<f64>,
@@ -80,7 +82,7 @@ pub(super) struct Prediction {
 }
 
 impl Prediction {
-    /// What is seen on all parts of an SLM, one after the other.
+    /// Joins the predictions of all parts of an SLM, in their order.
     pub(super) fn joined(parts: Vec<Self>) -> Self {
         parts.into_iter().reduce(Self::and).unwrap_or_default()
     }
@@ -93,7 +95,8 @@ impl Prediction {
 }
 
 impl Look {
-    /// Through an iris as it was asked for, on a part of an SLM with these optics; `radius`: of the wavefront's disc, metres.
+    /// A look through an iris as it was requested, at a part of an SLM with these optics. `radius` is of the
+    /// wavefront's disc, meters.
     pub(super) fn new(
         (part, optics): (SlmPart, &Optics),
         pupil: Pupil,
@@ -110,8 +113,8 @@ impl Look {
         Self { pixels, ..self.clone() }
     }
 
-    /// The bins that an iris passes, with some to spare for one that is not quite where it was asked for, and the side of the
-    /// grid for them.
+    /// The window of bins that an iris passes, and the side of the grid for it. The window has a margin for an iris
+    /// that is not exactly at its requested place.
     fn frame(optics: &Optics, iris: &Pupil) -> (Window, usize) {
         let (bin_y, bin_x) = optics.bin_size();
         let reach = iris.diameter / 2.0 + 0.4e-3 + 0.02 * (iris.x.abs().max(iris.y.abs()) + iris.diameter / 2.0);
@@ -127,7 +130,7 @@ impl Look {
         (Window { first, size }, fast_size(2 * size))
     }
 
-    /// Whether all that the iris passes lies in the window.
+    /// True if the window contains all that the iris passes.
     pub(super) fn holds(&self, at: &Parameters) -> bool {
         let iris = at.model.true_pupil(&self.pupil);
         let (bin_y, bin_x) = self.optics.bin_size();
@@ -140,13 +143,13 @@ impl Look {
         inside(iris.y, bin_y, y, self.optics.height) && inside(iris.x, bin_x, x, self.optics.width)
     }
 
-    /// K R in the window.
+    /// The product K R in the window.
     pub(super) fn kernel(&self, at: &Parameters) -> Vec<Complex64> {
         let pupil = at.model.true_pupil(&self.pupil);
         self.window.bins().map(|bin| self.kernel_at(at, &pupil, bin)).collect()
     }
 
-    /// K R of an iris as it really stands, at one bin.
+    /// The product K R of an iris at its true place, at one bin.
     pub(super) fn kernel_at(&self, at: &Parameters, iris: &Pupil, (ky, kx): (i64, i64)) -> Complex64 {
         let (bin_y, bin_x) = self.optics.bin_size();
         let (covered, iris) = match at.soft_edge {
@@ -165,7 +168,7 @@ impl Look {
         Complex64::new(re, im) * Complex64::cis(TAU * turns) * covered
     }
 
-    /// How K R changes with a parameter; none where it does not.
+    /// The change of K R with a parameter, or none if it does not depend on it.
     fn kernel_slope(&self, at: &Parameters, kernel: &[Complex64], parameter: Parameter) -> Option<Vec<Complex64>> {
         let (bin_y, bin_x) = self.optics.bin_size();
         match parameter {
@@ -177,7 +180,7 @@ impl Look {
                 Some(self.window.bins().zip(kernel).map(|(bin, k)| k * factor(bin)).collect())
             }
             Parameter::Iris(i) => {
-                // A hard edge jumps from bin to bin: a step of a bin and a half smooths it.
+                // A hard edge jumps from bin to bin, and a step of a bin and a half smooths it.
                 let far = if at.soft_edge { 0.25 } else { 1.5 } * bin_y.min(bin_x) * 1e3;
                 let reach = self.pupil.diameter / 2.0 + self.pupil.x.hypot(self.pupil.y);
                 let step = if i == 2 { far / (reach * 1e3) } else { far };
@@ -188,7 +191,7 @@ impl Look {
         }
     }
 
-    /// Points of the part's image that the pixels look at, `POINTS` each.
+    /// Points of the part's image that the pixels look at, `POINTS` for each pixel.
     pub(super) fn points(&self, map: &CameraMap, camera_pixel: f64) -> Vec<[f64; 2]> {
         let around = points_of_pixel(camera_pixel);
         let [row, column] = self.part.first.map(|n| n as f64);
@@ -196,7 +199,7 @@ impl Look {
         self.pixels.iter().flat_map(|[x, y]| around.map(|[dx, dy]| to_part(map.to_slm([x + dx, y + dy])))).collect()
     }
 
-    /// Where points lie on the grid.
+    /// The positions of points on the grid.
     pub(super) fn places(&self, points: &[[f64; 2]]) -> Places {
         let side = self.side as f64;
         let scale = [side / self.optics.width as f64, side / self.optics.height as f64];
@@ -218,7 +221,7 @@ impl Look {
         Places { first, weights }
     }
 
-    /// What makes up for the interpolation, by a bin's place in the window.
+    /// The correction of the interpolation, by a bin's place in the window.
     pub(super) fn undo(&self) -> Vec<f64> {
         let norm = bessel(BETA).recip();
         let value = |i: usize| {
@@ -229,7 +232,8 @@ impl Look {
         (0..self.window.size).map(value).collect()
     }
 
-    /// The field at places, from its spectrum in the window; its carrier is left out, which no intensity shows.
+    /// The field at places, from its spectrum in the window. The carrier is left out, because no intensity depends on
+    /// it.
     pub(super) fn at(&self, spectrum: &[Complex64], places: &Places, undo: &[f64]) -> Vec<Complex64> {
         self.between(&self.grid(spectrum, undo), places)
     }
@@ -274,8 +278,8 @@ impl Look {
         places.first.iter().zip(&places.weights).map(value).collect()
     }
 
-    /// Intensity at the pixels for what enters in each sub-frame, `fields`; and its slopes by `free`, where `by` has what enters
-    /// (by parameter, then sub-frame) for those of the device.
+    /// Intensity at the pixels for the spectra `fields` that enter in each sub-frame, and its slopes by `free`. `by`
+    /// has the changes of the spectra (by parameter, then sub-frame) for parameters of the device.
     pub(super) fn see(
         &self,
         at: &Parameters,
@@ -336,7 +340,7 @@ impl Look {
         Prediction { intensity, slopes }
     }
 
-    /// Intensity at the pixels for what enters in each sub-frame, for cameras that look elsewhere: by camera.
+    /// Intensity at the pixels for the spectra that enter in each sub-frame, for other maps of the camera, by map.
     pub(super) fn see_from(&self, at: &Parameters, fields: &[&[Complex64]], cameras: &[CameraMap]) -> Vec<Vec<f64>> {
         if self.pixels.is_empty() {
             return vec![Vec::new(); cameras.len()];
@@ -361,7 +365,7 @@ impl Look {
         cameras.iter().map(of_camera).collect()
     }
 
-    /// How the points move with a parameter of the camera, SLM pixels (x, y).
+    /// The movement of the points with a parameter of the camera, SLM pixels (x, y).
     fn moves(&self, at: &Parameters, points: &[[f64; 2]], parameter: Parameter) -> Option<Vec<[f64; 2]>> {
         if !matches!(parameter, Parameter::Map(_) | Parameter::CameraPixel) {
             return None;

@@ -1,4 +1,6 @@
-//! The start of the wavefront, without a guess: a small iris sees the local slope of the wavefront as a shift of its picture.
+//! Starts the wavefront without a guess, from the shifts of pictures through small irises.
+//!
+//! A small iris sees the local slope of the wavefront as a shift of its picture.
 
 use super::fit::COARSE;
 use super::map::CameraMap;
@@ -7,15 +9,17 @@ use super::views::Pictures;
 use eyebox_optics::linear::solve;
 use eyebox_optics::zernike;
 
-/// Shifts that are tried in each round, SLM pixels: reach and step. A speckle of a small iris is 5 pixels wide.
+/// Shifts that are tried in each round, as the reach in steps and the step in SLM pixels. A speckle of a small iris is
+/// 5 pixels wide.
 const ROUNDS: [(i32, f64); 2] = [(3, 2.5), (2, 1.0)];
-/// A picture that leaves more than this share at its best shift shows no slope.
+/// A picture of which more than this share is left at its best shift shows no slope.
 const LOST: f64 = 0.9;
-/// Error of a shift, SLM pixels, and spread of the wavefront's terms, waves: the fewer slopes, the smoother the wavefront.
+/// Error of a shift, SLM pixels, and spread of the wavefront's terms, waves. With fewer slopes the wavefront becomes
+/// smoother.
 const SHIFT_ERROR: f64 = 0.5;
 const SPREAD: f64 = 0.1;
 
-/// Adds to the wavefront what the shifts of these pictures show of the terms, and moves the camera by what they share.
+/// Adds the terms that the shifts of these pictures show to the wavefront, and moves the camera by their common shift.
 pub(super) fn from_shifts(pictures: &Pictures, start: &Parameters, which: &[usize], terms: &[u32]) -> Parameters {
     let mut at = start.clone();
     for (reach, step) in ROUNDS {
@@ -30,7 +34,7 @@ pub(super) fn from_shifts(pictures: &Pictures, start: &Parameters, which: &[usiz
                 Some(([iris.x / look.radius, iris.y / look.radius], shift?))
             })
             .collect();
-        // Pixels per wave and radius of the wavefront's disc.
+        // Pixels per wave and per radius of the wavefront's disc.
         let radius = pictures.views[which[0]].looks[0].0.radius;
         let pixels = pictures.optics.eyebox() / radius;
         let Some((waves, common)) = wavefront(&slopes, pixels, terms) else { break };
@@ -42,7 +46,7 @@ pub(super) fn from_shifts(pictures: &Pictures, start: &Parameters, which: &[usiz
     at
 }
 
-/// The shift at which the model explains each picture best, SLM pixels; none where no shift does.
+/// The shift at which the model explains each picture best, SLM pixels, or none if no shift explains it.
 pub(super) fn shifts(
     pictures: &Pictures,
     at: &Parameters,
@@ -53,7 +57,7 @@ pub(super) fn shifts(
     let side = 2 * reach + 1;
     let camera = |i: i32| shifted(at, [i % side - reach, i / side - reach].map(|n| f64::from(n) * step)).map;
     let cameras: Vec<CameraMap> = (0..side * side).map(camera).collect();
-    // By view, then camera.
+    // The order is by view, then by camera.
     let left: Vec<Vec<f64>> = pictures
         .see_from(at, COARSE.subpixels, which, &cameras)
         .iter()
@@ -68,7 +72,7 @@ pub(super) fn shifts(
         let least = (0..side * side).min_by(|a, b| left[view][*a as usize].total_cmp(&left[view][*b as usize]))?;
         let [x, y] = [least % side - reach, least / side - reach];
         let middle = value(x, y)?;
-        // The lowest point of the parabola through a place and its neighbors.
+        // The lowest point of the parabola through a place and its two neighbors.
         let between = |before: Option<f64>, after: Option<f64>| match (before, after) {
             (Some(a), Some(b)) if a + b > 2.0 * middle => ((a - b) / (2.0 * (a + b - 2.0 * middle))).clamp(-0.5, 0.5),
             _ => 0.0,
@@ -80,7 +84,7 @@ pub(super) fn shifts(
     (0..which.len()).map(best).collect()
 }
 
-/// With the camera's pixels looking at places of the SLM that are further on by a shift (x, y), pixels.
+/// Returns `at` with a camera whose pixels look at places of the SLM that are shifted by (x, y), pixels.
 fn shifted(at: &Parameters, shift: [f64; 2]) -> Parameters {
     let middle = at.map.camera.map(|n| n as f64 / 2.0);
     let look = |at: &Parameters| at.map.to_slm([middle[1], middle[0]]);
@@ -93,8 +97,8 @@ fn shifted(at: &Parameters, shift: [f64; 2]) -> Parameters {
     at.moved(Parameter::Map(2), x / area).moved(Parameter::Map(5), y / area)
 }
 
-/// Waves of the terms whose slopes, at places in shares of the disc's radius, shift pictures as they were shifted, and the shift that
-/// all share. `pixels`: shift by a slope of one wave per radius.
+/// Returns the waves of the terms, and the shift that all pictures share. The slopes of the terms explain the shifts of
+/// the pictures. Places are shares of the disc's radius. `pixels` is the shift by a slope of one wave per radius.
 fn wavefront(slopes: &[([f64; 2], [f64; 2])], pixels: f64, terms: &[u32]) -> Option<(Vec<f64>, [f64; 2])> {
     const STEP: f64 = 1e-4;
     let count = terms.len() + 2;

@@ -1,4 +1,4 @@
-//! The fit in its order: where the camera looks, even drives, small irises, all single patterns, sets, and the last details.
+//! Runs the fit in its order, which is camera, even drives, small irises, single patterns, sets, last details.
 
 use super::acquire::{CaptureSet, TAKING};
 use super::bench::Event;
@@ -19,36 +19,39 @@ use eyebox_optics::{Color, Display, Spread};
 
 /// Sub-pixels along an axis at the end of a fit that reaches the noise.
 const FINE: usize = 5;
-/// The display as its file has it.
+/// Effort of a fit of the display as its file has it.
 const PLAIN: Effort = Effort { subpixels: 1, slopes: 1, rounds: 12, enough: 0.01 };
-/// Fits of all pictures, and the last ones.
+/// Effort of the fits of all pictures, and of the last ones.
 const ALL: Effort = Effort { subpixels: 2, slopes: 1, rounds: 6, enough: 0.02 };
 const END: Effort = Effort { subpixels: FINE, slopes: 2, rounds: 6, enough: 1e-4 };
-/// A fit that leaves this share of the pictures lacks no term: sub-pixels and the iris's hard edge are worth fitting.
+/// A fit that leaves less than this share of the pictures lacks no term. Sub-pixels and the hard edge of the iris are
+/// worth fitting then.
 const INSIDE: f64 = 0.04;
-/// Terms that do not show are left out unless that leaves this much more of the pictures that were not fitted.
+/// Terms that do not show are left out, unless that multiplies what is left of the pictures that were not fitted by
+/// more than this.
 const SETTLED: f64 = 1.02;
-/// A display whose own model leaves so many times the noise's squares is as its file says.
+/// A display matches its file if its own model leaves less than this many times the squares of the noise.
 const AT_THE_NOISE: f64 = 1.3;
-/// Pictures that vary by less than so many times the noise are dark.
+/// Pictures that vary by less than this many times the noise are dark.
 const DARK: f64 = 3.0;
-/// So too where the fit's are not this much fewer.
+/// The file's own model is also kept if the fit does not reduce the squares by this factor.
 const NO_BETTER: f64 = 1.05;
-/// A picture that leaves this share of its variance, and so many times what the middle one leaves, is not believed.
+/// A picture is excluded if it leaves this share of its variance and this many times the share of the median picture.
 const STRANGE: (f64, f64) = (0.3, 8.0);
-/// A number whose standard error is this share of how far off it is expected is not told.
+/// A number is unobservable if its standard error exceeds this share of its expected spread.
 const UNOBSERVABLE: f64 = 0.3;
-/// The warning of a bench whose phases are the negatives of those that it was asked to show.
-const OTHER_SIGN: &str = "the phase has the other sign: the pictures are far closer to the negatives of the phases that were asked for. \
-    Have the bench show them with the sign of the display's file (a level that is twice as high delays the light twice as much), \
-    or turn the table of the SLM's levels around";
-/// Levels of the other sign that are tried, over the display file's: a table may have drifted, too, and no fit changes a level's sign.
+/// The warning for a bench whose phases are the negatives of the requested ones.
+const OTHER_SIGN: &str = "the phase has the other sign: the pictures match the negatives of the requested phases far \
+    better. Use the sign of the display file on the bench (a level of double height delays the light by double \
+    the amount), or reverse the table of the SLM's levels";
+/// Levels of the other sign that are tried, relative to the display file's. A table may have drifted, too, and no fit
+/// changes the sign of a level.
 const NEGATIVES: [f64; 4] = [-1.0, -1.15, -0.87, -1.3];
 /// The second term of the camera's distortion.
 const K2: Parameter = Parameter::Map(9);
-/// Crosstalk of a real device, where a fit begins (Schroff et al. 2024).
+/// Crosstalk of a real device, at which a fit starts (Schroff et al. 2024).
 const CROSSTALK: Spread = Spread { q: 1.2, sigma: 2.03 };
-/// And a fill of its pixels.
+/// Amplitude fill factor of its pixels, at which a fit starts.
 const FILL: f64 = 0.9;
 
 pub(super) fn run(
@@ -61,26 +64,26 @@ pub(super) fn run(
     let at_share = |what: &str, from: f64, to: f64, part: f64| {
         tell(Event::At(what, TAKING + (1.0 - TAKING) * (from + (to - from) * part)));
     };
-    at_share("looking for the dots", 0.0, 0.0, 0.0);
+    at_share("searching for the dots", 0.0, 0.0, 0.0);
     let model = display.model(color);
     let mut sorted = sort(display, color, &taken)?;
     let mut warnings = taken.warnings.clone();
     if sorted.pairs.is_empty() {
-        warnings.push("no picture was taken twice: how large the camera's noise is was not measured".into());
+        warnings.push("no picture was taken twice, so the camera's noise was not measured".into());
     }
     if sorted.pictures.signal(&sorted.fitted) < DARK {
         return Err(reason!(
             "only-noise",
-            "the pictures show nothing but the camera's noise: is the light on, and the exposure long enough?"
+            "the pictures contain only the camera's noise: check that the light is on and the exposure is long enough"
         )
         .into());
     }
     let drift = quick.then(|| display.model.get(&color.into()).and_then(|terms| terms.unexplained).unwrap_or(0.0));
-    // Bins of a piece are coarser than the iris's edge.
+    // Bins of a piece are coarser than the edge of the iris.
     let soft_edge = !sorted.pictures.are_whole();
     let mut start = Parameters { model, map: sorted.map, camera_pixel: CAMERA_PIXEL, soft_edge };
     start.map = aligned::map(&mut sorted, &start)?;
-    // The display as its file has it, and nothing but where the camera looks.
+    // The display stays as its file has it, and only the numbers of the camera are fitted.
     let mut camera: Vec<Parameter> = (0..10).map(Parameter::Map).collect();
     camera.push(Parameter::CameraPixel);
     let mut looking = |part| at_share("fitting where the camera looks", 0.0, 0.05, part);
@@ -114,12 +117,12 @@ pub(super) fn run(
     if taken.hello.iris.is_none() {
         warnings.push(through_one_iris(&unobservable, &pairs));
     }
-    at_share("leaving out what does not show", 0.9, 0.9, 0.0);
+    at_share("removing terms that do not show", 0.9, 0.9, 0.0);
     let settled = terms::settle(&sorted.pictures, &fitted, [&start, &known], fit.clone(), effort)?;
     let judge = |fit: &Fit| judged(&sorted, &fit.at, &fitted, effort.subpixels).left;
     let fit = if judge(&settled) < SETTLED * judge(&fit) { settled } else { fit };
     let fit = if own.squares < NO_BETTER * fit.squares { own } else { fit };
-    at_share("looking at pictures that were not fitted", 0.95, 0.95, 0.0);
+    at_share("comparing pictures that were not fitted", 0.95, 0.95, 0.0);
     let mut report = Report::new(&sorted, &start, &fit, &fitted, captures, warnings, effort.subpixels, drift);
     report.unobservable = unobservable;
     report.add_confused(pairs);
@@ -127,7 +130,7 @@ pub(super) fn run(
         report.directions.phase = PhaseSign::Opposite;
         report.warnings.push(OTHER_SIGN.into());
     }
-    // A fit that is no calibration is not written as if it were one.
+    // A fit that is not a calibration must not replace the model of the display file.
     let display = match report.calibrated {
         true => terms::written(display, color, &start, &fit, &report),
         false => display.clone(),
@@ -135,7 +138,7 @@ pub(super) fn run(
     Calibration::new(display, color, report, shown(&sorted, &fit, effort.subpixels)?)
 }
 
-/// What changes from day to day, fitted to all pictures.
+/// Fits the numbers that change from day to day to all pictures.
 fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f64)) -> Result<Fit, CalibrateError> {
     let mut free: Vec<Parameter> = Parameter::all(0).into_iter().filter(|p| p.drifts()).collect();
     free.extend(of_order(2));
@@ -145,7 +148,7 @@ fn drifted(sorted: &Sorted, start: &Parameters, observe: &mut dyn FnMut(&str, f6
     sorted.pictures.fit(&start, &start, &free, &sorted.fitted, effort, &mut |part| observe("fitting what drifts", part))
 }
 
-/// A whole model: each step starts within the reach of the one before.
+/// Fits a whole model. Each step starts within the reach of the step before.
 fn from_small_to_large(
     sorted: &Sorted,
     [known, start]: [&Parameters; 2],
@@ -157,13 +160,13 @@ fn from_small_to_large(
     if at.model.fill == 0.0 {
         at.model.fill = known.model.fill;
     }
-    // The light that is not modulated is known from here on; what is expected of any display says nothing of its tilt.
+    // From here on the fit has the zero order. The expectation for any display contains nothing about its tilt.
     let mut known = known.clone();
     known.model.undiffracted.clone_from(&at.model.undiffracted);
     let random = Random::new(sorted);
     at =
         orders::slopes(sorted, &random, [&known, &at], &mut |part| observe("fitting small irises", 0.05 + 0.2 * part))?;
-    // Near the end k2 shows; before, it leads astray.
+    // k2 shows near the end of the fit. Earlier, it misleads the fit.
     let all = Parameter::all(at.model.undiffracted.len());
     let mut free: Vec<Parameter> = all.into_iter().filter(|p| ![Parameter::Lag, K2].contains(p)).collect();
     free.extend((*ORDERS.start()..=5).flat_map(of_order));
@@ -182,8 +185,8 @@ fn from_small_to_large(
     })
 }
 
-/// The last details of a fit that leaves next to nothing: sub-pixels, and the hard edge of the iris. They stay if the pictures that
-/// were not fitted gain by them.
+/// Adds the last details to a fit that leaves next to nothing. These are sub-pixels and the hard edge of the iris. They
+/// stay if they reduce what is left of the pictures that were not fitted.
 fn finest(
     sorted: &Sorted,
     which: &[usize],
@@ -193,17 +196,17 @@ fn finest(
 ) -> Result<(Fit, Effort), CalibrateError> {
     let pictures = &sorted.pictures;
     let left = judged(sorted, &fit.at, which, ALL.subpixels).left;
-    tracing::debug!("all pictures: {left:.5} is left");
+    tracing::debug!("{left:.5} is left of all pictures");
     let (whole, hard) = (pictures.are_whole(), Parameters { soft_edge: false, ..fit.at.clone() });
     if left > INSIDE {
         if !whole {
             return Ok((fit, ALL));
         }
-        // The fewer bins an iris has, the more a soft edge leaves: whether a hard one explains more is cheap to ask.
+        // With fewer bins in an iris, a soft edge leaves more. A test of the hard edge is cheap.
         let moves = fit.free.contains(&Parameter::Iris(0));
         let rim = if moves { pictures.rim(&hard, ALL.subpixels, which).at } else { hard.clone() };
         let now = judged(sorted, &rim, which, ALL.subpixels).left;
-        tracing::debug!("with a hard edge: {now:.5} is left");
+        tracing::debug!("{now:.5} is left with a hard edge");
         if now > left {
             return Ok((fit, ALL));
         }
@@ -217,7 +220,7 @@ fn finest(
     Ok(if now < left { (finer, END) } else { (fit, ALL) })
 }
 
-/// Whether phases of the other sign predict the pictures of a bench far better than what was fitted.
+/// True if phases of the other sign predict the pictures of a bench far better than the fit does.
 fn has_other_sign(
     sorted: &mut Sorted,
     start: &Parameters,
@@ -237,8 +240,8 @@ fn has_other_sign(
     Ok(false)
 }
 
-/// Where the numbers are that no picture tells: where the display's file has them, and crosstalk and pixels of which it says
-/// nothing are a real device's.
+/// The values of numbers that no picture determines. They come from the display's file. Crosstalk and fill factor
+/// come from a real device if the file has none.
 fn known(start: &Parameters) -> Parameters {
     let mut known = start.clone();
     known.model.crosstalk = known.model.crosstalk.or(Some([CROSSTALK; 4]));
@@ -248,7 +251,8 @@ fn known(start: &Parameters) -> Parameters {
     known
 }
 
-/// The fit's end: the iris by its edge and the other numbers by slopes, by turns, held near what is `known`.
+/// The end of the fit. It alternates between the iris, by its edge, and the other numbers, by slopes, held near
+/// `known`.
 fn fine(
     pictures: &Pictures,
     which: &[usize],
@@ -271,11 +275,11 @@ fn fine(
     Ok(fit.with_iris(rim.errors))
 }
 
-/// What should be known of a fit through an iris that stands still.
+/// The warning for a fit through an iris that does not move.
 fn through_one_iris(unobservable: &[String], pairs: &[(Parameter, Parameter, f64)]) -> String {
-    let mut said = "the iris stands still: the pictures tell of the light that it passes alone".to_string();
+    let mut said = "the iris does not move, so the pictures determine only the light that it passes".to_string();
     if !unobservable.is_empty() {
-        said += &format!(", and they say nothing of {}", unobservable.join(", "));
+        said += &format!(", and they do not determine {}", unobservable.join(", "));
     }
     let waves = |p: &Parameter| matches!(p, Parameter::Wavefront(_));
     let pairs: Vec<String> = pairs
@@ -284,16 +288,16 @@ fn through_one_iris(unobservable: &[String], pairs: &[(Parameter, Parameter, f64
         .map(|(a, b, _)| format!("{} from {}", a.name().0, b.name().0))
         .collect();
     if !pairs.is_empty() {
-        said += &format!("; they do not tell {}, which hold within the iris alone", pairs.join(", "));
+        said += &format!(". They do not separate {}, which hold within the iris only", pairs.join(", "));
     }
-    said + "; what is not told stays as the display's file has it, and the errors of the rest count it"
+    said + ". Other numbers keep the values of the display file, and the standard errors of the rest include them"
 }
 
-/// Numbers of a fit that are hardly surer than what is expected of any display.
+/// Numbers of a fit whose errors are hardly smaller than the expected spread for any display.
 fn unobservable(fit: &Fit) -> Vec<String> {
     let blurs = fit.at.model.crosstalk.is_some_and(|sides| sides.iter().all(|side| side.sigma < 10.0));
     let counts = |p: &Parameter| match p {
-        // Phases of what may not be there.
+        // Tilts and curvature of a wave that may not exist do not count.
         Parameter::Undiffracted(_, i) => *i < 2,
         Parameter::Crosstalk(_) => blurs,
         _ => true,
@@ -302,8 +306,8 @@ fn unobservable(fit: &Fit) -> Vec<String> {
     fit.free.iter().filter(|p| counts(p) && unsure(p)).map(|p| p.name().0).collect()
 }
 
-/// Pictures that the model predicts about as well as the others: one that was taken through another iris, or of another pattern,
-/// is not. Even drives have so little contrast that their shares do not compare.
+/// The pictures that the model predicts about as well as the others. A picture that was taken through another iris, or
+/// of another pattern, is not among them. Even drives have so little contrast that their shares do not compare.
 fn inliers(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize> {
     let (pictures, which) = (&sorted.pictures, &sorted.fitted);
     let left = pictures.left(which, &pictures.see(&fit.at, ALL.subpixels, which, &[]));
@@ -320,22 +324,22 @@ fn inliers(sorted: &Sorted, fit: &Fit, warnings: &mut Vec<String>) -> Vec<usize>
             warnings.push(strange(sorted, *v, *left));
         }
     }
-    // Where most are strange none is.
+    // If most pictures are strange, none is excluded.
     if 2 * inliers.len() < which.len() { which.clone() } else { inliers }
 }
 
-/// The warning of a picture that contradicts the others.
+/// The warning for a picture that contradicts the others.
 fn strange(sorted: &Sorted, view: usize, left: f64) -> String {
     format!(
-        "{}: {:.0} % of its variance is not explained by the model fitted to the other pictures: excluded; was the iris where it \
-         should be?",
+        "{}: {:.0} % of its variance is not explained by the model fitted to the other pictures, so it is excluded. \
+         Check the place of the iris",
         sorted.pictures.views[view].file.display(),
         100.0 * left
     )
 }
 
 impl Parameter {
-    /// Whether it changes from day to day.
+    /// True if the number changes from day to day.
     fn drifts(self) -> bool {
         matches!(self, Self::Map(_) | Self::Iris(_) | Self::Source(0 | 1) | Self::Level(_) | Self::Wavefront(3..=5))
     }
@@ -353,7 +357,7 @@ mod tests {
         let at = Parameters { model: DisplayModel::default(), map, camera_pixel: CAMERA_PIXEL, soft_edge: false };
         let free =
             vec![Parameter::Fill, Parameter::Wavefront(12), Parameter::Undiffracted(0, 3), Parameter::Crosstalk(1)];
-        // Errors in shares of what is expected of any display.
+        // Errors as shares of the expected spread for any display.
         let error = |p: &Parameter| p.usual() * if *p == Parameter::Fill { 0.1 } else { 0.9 };
         let row = |i: usize| (0..free.len()).map(|j| if i == j { error(&free[i]).powi(2) } else { 0.0 }).collect();
         let covariance = (0..free.len()).map(row).collect();

@@ -1,4 +1,4 @@
-//! Which terms of the model show, and the display file with them.
+//! Finds the terms of the model that show, and writes them into the display file.
 
 use super::age::today;
 use super::error::CalibrateError;
@@ -10,10 +10,10 @@ use super::views::Pictures;
 use eyebox_optics::linear::solve;
 use eyebox_optics::{Color, Display, DisplayModel, Level, ModelTerms, Spread, WAVES};
 
-/// A term less than so many standard errors from where it was stays there.
+/// A term less than this many standard errors from its start stays there.
 const SHOWS: f64 = 3.0;
 
-/// The terms: each is on or off as a whole.
+/// The groups of parameters, each of which is on or off as a whole.
 fn terms() -> Vec<Vec<Parameter>> {
     let counted = |make: fn(usize) -> Parameter, count: usize| (0..count).map(make).collect::<Vec<_>>();
     let mut terms = vec![
@@ -30,7 +30,7 @@ fn terms() -> Vec<Vec<Parameter>> {
     terms
 }
 
-/// Whether a term shows: what it gained in squares is more than its numbers gain by chance, with `SHOWS` to spare.
+/// True if a term shows. Its gain in squares must exceed the gain of its numbers by chance, by `SHOWS` standard errors.
 fn shows(fit: &Fit, start: &Parameters, term: &[Parameter]) -> bool {
     let places: Vec<usize> = term.iter().filter_map(|p| fit.free.iter().position(|f| f == p)).collect();
     if places.is_empty() {
@@ -40,11 +40,11 @@ fn shows(fit: &Fit, start: &Parameters, term: &[Parameter]) -> bool {
         return crosstalk_shows(fit);
     }
     let off = |p: &usize| match fit.free[*p] {
-        // Where it is 0 its square is what the light depends on.
+        // At 0 the light depends on the square of the fill factor.
         Parameter::Fill => (fit.at.model.fill - start.model.fill) / 2.0,
         p => fit.at.get(p) - start.get(p),
     };
-    // Amplitudes alone: phases mean nothing without them.
+    // Amplitudes only, because phases mean nothing without them.
     let places: Vec<usize> =
         places.into_iter().filter(|p| !matches!(fit.free[*p], Parameter::Undiffracted(_, 2..))).collect();
     let away: Vec<f64> = places.iter().map(off).collect();
@@ -55,12 +55,12 @@ fn shows(fit: &Fit, start: &Parameters, term: &[Parameter]) -> bool {
     squares > n - 1.0 + SHOWS * SHOWS * (1.0 + (2.0 * (n - 1.0)).sqrt() / SHOWS)
 }
 
-/// Whether any side's transfer at half a cycle per pixel is less than 1 by more than `SHOWS` standard errors.
+/// True if the transfer of any side at half a cycle per pixel is less than 1 by more than `SHOWS` standard errors.
 fn crosstalk_shows(fit: &Fit) -> bool {
     let Some(sides) = fit.at.model.crosstalk else { return false };
     sides.iter().enumerate().any(|(side, Spread { q, sigma })| {
         let loss = (0.5 / sigma).powf(*q);
-        // By ln q and ln sigma.
+        // The slopes are by ln q and ln sigma.
         let slopes = [loss * q * (0.5 / sigma).ln(), -loss * q];
         let places = [0, 1].map(|i| fit.free.iter().position(|p| *p == Parameter::Crosstalk(2 * side + i)));
         let [Some(a), Some(b)] = places else { return false };
@@ -71,8 +71,8 @@ fn crosstalk_shows(fit: &Fit) -> bool {
     })
 }
 
-/// The terms that do not show. Orders of the wavefront are asked from the highest down, each once those above it that do not show
-/// are gone: through one iris high orders look much like low ones, and it is the low ones that stay.
+/// The terms that do not show. Orders of the wavefront are tested from the highest down, each after the orders above it
+/// that do not show are removed. Through one iris high orders look much like low ones, and the low ones should stay.
 fn hidden(fit: &Fit, start: &Parameters) -> Vec<Parameter> {
     let (mut fit, mut hidden) = (fit.clone(), Vec::new());
     for term in terms().into_iter().rev() {
@@ -88,7 +88,7 @@ fn hidden(fit: &Fit, start: &Parameters) -> Vec<Parameter> {
     hidden
 }
 
-/// What a fit comes to, by its slopes, where a number stays where it began.
+/// Estimates, by the slopes of a fit, the fit in which a number stays at its start.
 fn without(fit: &Fit, start: &Parameters, number: Parameter) -> Fit {
     let Some(at) = fit.free.iter().position(|p| *p == number) else { return fit.clone() };
     let mut fit = fit.clone();
@@ -101,8 +101,8 @@ fn without(fit: &Fit, start: &Parameters, number: Parameter) -> Fit {
     fit
 }
 
-/// Puts terms that do not show where they were, and fits the others once more, near what is `known` of the display; their errors
-/// count what was left out.
+/// Resets terms that do not show, and fits the others once more, near `known`. Their errors include the terms that were
+/// left out.
 pub(super) fn settle(
     pictures: &Pictures,
     which: &[usize],
@@ -141,7 +141,7 @@ fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter
             Parameter::Bend(_) => model.bend = other.bend,
             Parameter::Lag => model.lag = other.lag,
             Parameter::Source(_) => model.source = other.source,
-            // The waves after it keep their places.
+            // Waves with higher indices keep their indices.
             Parameter::Undiffracted(wave, _) => {
                 if let Some(here) = model.undiffracted.get_mut(*wave) {
                     *here = other.undiffracted.get(*wave).copied().unwrap_or_default();
@@ -161,7 +161,7 @@ fn with_terms_of(model: &DisplayModel, other: &DisplayModel, hidden: &[Parameter
     model
 }
 
-/// The display with what was fitted, and its standard errors.
+/// The display with the fitted terms and their standard errors.
 pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: &Fit, report: &Report) -> Display {
     let mut display = display.clone();
     if fit.at.model == start.model {
@@ -170,7 +170,7 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     let (at, mut errors, mut terms) = (&fit.at, ModelTerms::default(), ModelTerms::default());
     let error = |p: Parameter| fit.error(p).unwrap_or(0.0);
     let rounded = |value: f64, error: f64| {
-        // Two digits of the error are enough, and all of what was not fitted.
+        // Two digits of the error are enough. Numbers that were not fitted keep all digits.
         if error <= 0.0 || !error.is_finite() {
             return value;
         }
@@ -233,7 +233,7 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     let named = terms.wavefront.keys().filter(|j| fitted(Parameter::Wavefront(**j)));
     errors.wavefront = named.map(|j| (*j, about(Parameter::Wavefront(*j)))).collect();
     match report.quick {
-        // The rest is that of the whole calibration.
+        // The other terms stay as the whole calibration fitted them.
         true => terms.updated = today(),
         false => {
             terms.from = format!("eyebox display calibrate, {} pictures", report.captures);
@@ -247,7 +247,7 @@ pub(super) fn written(display: &Display, color: Color, start: &Parameters, fit: 
     display
 }
 
-/// What was fitted, and what was known of other terms before, with the errors of both.
+/// Merges the fitted terms into the earlier ones, with the errors of both.
 fn merged(mut before: ModelTerms, fitted: ModelTerms, errors: ModelTerms) -> ModelTerms {
     let known = before.errors.take().map_or_else(ModelTerms::default, |errors| *errors);
     let mut waves = known.wavefront.clone();
@@ -255,7 +255,7 @@ fn merged(mut before: ModelTerms, fitted: ModelTerms, errors: ModelTerms) -> Mod
     waves.retain(|j, _| fitted.wavefront.contains_key(j));
     let errors = ModelTerms { wavefront: waves, ..over(known, errors) };
     let fitted = match fitted.date.is_empty() {
-        // Drift alone was fitted.
+        // Only drift was fitted.
         true => ModelTerms {
             from: before.from.clone(),
             date: before.date.clone(),
@@ -267,7 +267,7 @@ fn merged(mut before: ModelTerms, fitted: ModelTerms, errors: ModelTerms) -> Mod
     ModelTerms { errors: Some(Box::new(errors)), ..over(before, fitted) }
 }
 
-/// The display whose model the pictures agree with.
+/// The display with a model that the pictures confirm, with today's date of the check.
 pub(super) fn confirmed(display: &Display, color: Color) -> Display {
     let mut display = display.clone();
     if let Some(terms) = display.model.get_mut(&color.into()).filter(|terms| !terms.date.is_empty()) {
@@ -276,7 +276,7 @@ pub(super) fn confirmed(display: &Display, color: Color) -> Display {
     display
 }
 
-/// What was fitted, over what was known before.
+/// The fitted terms, with the earlier ones for terms that were not fitted.
 fn over(before: ModelTerms, fitted: ModelTerms) -> ModelTerms {
     let wavefront = if fitted.wavefront.is_empty() { before.wavefront } else { fitted.wavefront };
     ModelTerms {

@@ -1,45 +1,47 @@
-//! The answer of a calibration: calibrated, calibrated although the bench has faults that the model lacks, or not calibrated.
+//! Decides if a display is calibrated, calibrated with faults that the model lacks, or not calibrated.
 
 use super::holdout::Holdout;
 use super::residual::{LEFT_OUT, PictureLeft, ResidualMap};
 use serde::Serialize;
 
-/// The answer of a calibration.
+/// The result of a calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Verdict {
     /// The model explains the pictures to the camera's noise.
     Calibrated,
-    /// The model explains most of the pictures: solving for it regains most of the loss. The rest has no term.
+    /// The model explains most of the pictures, and solving for it regains most of the loss. No term describes the
+    /// rest.
     WithFaults,
-    /// The model does not explain the pictures: the display keeps the model that it had.
+    /// The model does not explain the pictures, so the display keeps its earlier model.
     NotCalibrated,
 }
 
-/// Unexplained light of up to this many times the noise is the noise's.
+/// Unexplained light of up to this many times the noise counts as noise.
 const NOISE: f64 = 2.0;
-/// The noise of pictures that were fitted is that of an ordinary camera and not measured: a percent of the variance is usual
-/// for an ordinary bench.
+/// The noise of fitted pictures is not measured but assumed for an ordinary camera. One percent of the variance is
+/// usual for an ordinary bench.
 const LEAST_FITTED: f64 = 5e-3;
-/// Less noise than this share of the variance does not count: it is below the error of the prediction.
+/// Noise below this share of the variance counts as this share, because it is below the error of the prediction.
 const LEAST: f64 = 1e-5;
-/// Share of the variance that faults without a term may leave. On three simulated benches with fifteen such faults, fits that left
-/// 5 to 14 % regained 77 to 80 % of the mean's loss; fits in a wrong minimum left 25 % and more.
+/// Share of the variance that faults without a term may leave. On three simulated benches with fifteen such faults,
+/// fits that left 5 to 14 % regained 77 to 80 % of the mean's loss. Fits in a wrong minimum left 25 % and more.
 const FAULTS: f64 = 0.2;
-/// A fit of what drifts has few numbers, and pictures that it was fitted to: it has to leave less, or at most so many times what the
-/// whole calibration left. Faults without a term do not go away.
+/// A fit of drift has few numbers and is judged by pictures that it was fitted to. It has to leave less than
+/// `FAULTS_QUICK`, or at most `DRIFTED` times the share that the whole calibration left. Faults without a term do not
+/// go away.
 const FAULTS_QUICK: f64 = 0.03;
 const DRIFTED: f64 = 1.5;
 
 impl Verdict {
-    /// By the share of the pictures that is left. `few`: none was taken twice; `drift`: what the whole calibration left, if only drift was
-    /// fitted.
+    /// The verdict by the share of the pictures that is left. `few` is true if none was taken twice. `drift` is the
+    /// share that the whole calibration left, if only drift was fitted.
     pub(super) fn of(left: Holdout, few: bool, drift: Option<f64>) -> Self {
         let unexplained = left.left - left.noise;
         let noise = NOISE * left.noise.max(if few { LEAST_FITTED } else { LEAST });
         let faults = drift.map_or(FAULTS, |before| (DRIFTED * before).clamp(FAULTS_QUICK, FAULTS));
-        // A share that is no number is no calibration.
+        // A share that is not a number is no calibration.
         if unexplained <= noise {
             Self::Calibrated
         } else if unexplained <= faults {
@@ -50,7 +52,7 @@ impl Verdict {
     }
 }
 
-/// The warning of an answer that is not simply yes: the size of what is left, and its place.
+/// The warning for a verdict other than calibrated, with the size and the place of the rest.
 pub(super) fn said(verdict: Verdict, left: Holdout, pictures: &[PictureLeft], map: &ResidualMap) -> Option<String> {
     let shares = format!(
         "{:.2} % of the pictures' variance is unexplained, and the camera's noise is {:.2} %",
@@ -64,13 +66,14 @@ pub(super) fn said(verdict: Verdict, left: Holdout, pictures: &[PictureLeft], ma
             Some(format!("calibrated, but the bench has faults that the model lacks: {shares}{place}"))
         }
         Verdict::NotCalibrated => Some(format!(
-            "not calibrated: {shares}{place}. Check that the iris moves as requested, that the SLM shows each pattern before the \
-             exposure begins, and that the camera is linear and does not move; the display's file keeps the model that it had"
+            "not calibrated: {shares}{place}. Check that the iris moves as requested, that the SLM shows each \
+             pattern before the exposure begins, and that the camera is linear and does not move. The display \
+             file keeps its earlier model"
         )),
     }
 }
 
-/// Where most is left: kind of the pictures, one picture, and a place of the camera.
+/// Describes where most is left, by the kind of the pictures, one picture, and a place of the camera.
 fn place(pictures: &[PictureLeft], map: &ResidualMap) -> String {
     let counted = || pictures.iter().filter(|p| p.role != LEFT_OUT);
     let kinds: Vec<String> = ["even", "smooth", "random", "set"]
@@ -84,7 +87,7 @@ fn place(pictures: &[PictureLeft], map: &ResidualMap) -> String {
     let whole = counted().max_by(|a, b| a.squares.total_cmp(&b.squares));
     whole.zip(map.most()).map_or_else(String::new, |(whole, ([x, y], squares))| {
         format!(
-            " ({}); most is left of {} ({:.1} times the noise) and about x {x}, y {y} of the camera's pixels ({squares:.1} times)",
+            " ({}). Most is left of {} ({:.1} times the noise) and near camera pixel x {x}, y {y} ({squares:.1} times)",
             kinds.join(", "),
             whole.file,
             whole.squares
@@ -102,13 +105,13 @@ mod tests {
             |left: f64, few: bool, quick: bool| Verdict::of(Holdout { left, noise: 1e-3 }, few, quick.then_some(0.0));
         assert_eq!(of(0.0029, false, false), Verdict::Calibrated);
         assert_eq!(of(0.0032, false, false), Verdict::WithFaults);
-        // Pictures that were fitted are believed to a percent.
+        // For fitted pictures, up to one percent counts as noise.
         assert_eq!(of(0.0032, true, false), Verdict::Calibrated);
         assert_eq!(of(0.12, false, false), Verdict::WithFaults);
         assert_eq!(of(0.12, true, true), Verdict::NotCalibrated);
         assert_eq!(of(0.4, false, false), Verdict::NotCalibrated);
         assert_eq!(of(f64::NAN, false, false), Verdict::NotCalibrated);
-        // Faults that the whole calibration left are still there, and no more than they.
+        // Faults that the whole calibration left are still there, and no further ones.
         let after = |left: f64, before: f64| Verdict::of(Holdout { left, noise: 1e-3 }, true, Some(before));
         assert_eq!(after(0.12, 0.1), Verdict::WithFaults);
         assert_eq!(after(0.16, 0.1), Verdict::NotCalibrated);

@@ -1,4 +1,4 @@
-//! Pictures, and what a model predicts of them.
+//! Holds the pictures and predicts them from a model.
 
 use super::captures::picture_of;
 use super::device::{Device, Set};
@@ -13,15 +13,15 @@ use eyebox_optics::{Optics, Pupil, SlmPart};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// A picture's pixels that are compared.
+/// The compared pixels of a picture.
 pub(super) struct View {
     pub(super) set: usize,
-    /// By part of the SLM: the pixels that look at it, and which of its windows they look through.
+    /// For each part of the SLM, the pixels that look at it, and the index of the window of the iris.
     pub(super) looks: Vec<(Look, usize)>,
-    /// Counts, 1 at full scale, part by part.
+    /// Counts of the pixels, 1 at full scale, part by part.
     pub(super) counts: Vec<f64>,
     pub(super) variance: Vec<f64>,
-    /// Variance of the light over the picture, counts: what errors of the model scale with.
+    /// Variance of the light over the picture, counts squared. Errors of the model scale with it.
     pub(super) signal: f64,
     pub(super) exposure_ms: f64,
     pub(super) full_scale: f64,
@@ -29,7 +29,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// The iris as it was asked for.
+    /// The iris as it was requested.
     pub(super) fn pupil(&self) -> Pupil {
         self.looks[0].0.pupil
     }
@@ -42,39 +42,40 @@ impl View {
         self.file.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Its pixels (x, y), part by part.
+    /// The pixels (x, y), part by part.
     pub(super) fn pixels(&self) -> impl Iterator<Item = [f64; 2]> {
         self.looks.iter().flat_map(|(look, _)| look.pixels.iter().copied())
     }
 }
 
-/// What was shown: the whole SLM, and by part.
+/// The pattern on the whole SLM, and by part.
 pub(super) struct PatternSet {
     pub(super) pattern: Pattern,
     pub(super) parts: Vec<Set>,
 }
 
-/// Pictures, and what was shown for them.
+/// The pictures, and the patterns that were shown for them.
 pub(super) struct Pictures {
     pub(super) optics: Optics,
-    /// Parts of the SLM that are simulated.
+    /// The simulated parts of the SLM.
     pub(super) parts: Vec<SlmPart>,
     pub(super) sets: Vec<PatternSet>,
     pub(super) views: Vec<View>,
-    /// The camera's dark level, counts.
+    /// The dark level of the camera, counts.
     pub(super) dark: f64,
 }
 
-/// What looks at a part, and what enters its iris: by sub-frame, and by parameter and sub-frame.
+/// The look at a part and the light that enters its iris, by sub-frame, then by parameter and sub-frame.
 type Entering<'a> = (&'a Look, &'a [&'a [Complex64]], &'a [Vec<&'a [Complex64]>]);
 
 impl Pictures {
-    /// Whether the whole SLM is simulated, as one part.
+    /// True if the whole SLM is simulated, as one part.
     pub(super) fn are_whole(&self) -> bool {
         self.parts.len() == 1
     }
 
-    /// Something of each of these views, part by part. What leaves a set's pixels is computed once for all of its views.
+    /// Calls `of` for each of these views, part by part. The light that leaves a set's pixels is computed once for all
+    /// of its views.
     fn each<T: Send>(
         &self,
         (at, subpixels): (&Parameters, usize),
@@ -109,7 +110,7 @@ impl Pictures {
         views
     }
 
-    /// What the model predicts of each of these views, with slopes.
+    /// The prediction of each of these views, with slopes.
     pub(super) fn see(
         &self,
         at: &Parameters,
@@ -129,7 +130,7 @@ impl Pictures {
         parts.into_iter().map(Prediction::joined).collect()
     }
 
-    /// What the model predicts of each of these views for cameras that look elsewhere: by view, then camera.
+    /// The prediction of each of these views for other maps of the camera, by view, then by map.
     pub(super) fn see_from(
         &self,
         at: &Parameters,
@@ -148,7 +149,7 @@ impl Pictures {
         parts.into_iter().map(by_camera).collect()
     }
 
-    /// What the model predicts of a view at other camera pixels (x, y), wherever on the SLM they look.
+    /// The prediction of a view at other camera pixels (x, y), for any place of the SLM.
     pub(super) fn see_places(&self, at: &Parameters, subpixels: usize, view: usize, places: &[[f64; 2]]) -> Vec<f64> {
         let (of_view, slm) = (&self.views[view], SlmPart::from([self.optics.height, self.optics.width]));
         let radius = of_view.looks[0].0.radius;

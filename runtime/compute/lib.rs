@@ -1,12 +1,14 @@
-//! **eyebox-compute**: lists of kernels and the engines that run them, for [eyebox](https://github.com/eyebox/eyebox).
+//! **eyebox-compute** describes computations as lists of kernels and runs them on the CPU or on Vulkan, for
+//! [eyebox](https://github.com/eyebox/eyebox).
 //!
-//! [`plan`] describes as plain data what is computed. [`gpu`] is one Vulkan device. [`engine`] runs plans on that device or on the CPU.
+//! [`plan`] describes the computations as plain data. [`gpu`] is one Vulkan device. [`engine`] runs plans on that
+//! device or on the CPU.
 
 pub mod engine;
 pub mod gpu;
 pub mod plan;
 
-// Modules name these as if they were beside them.
+// Re-exports let modules name these crates as siblings.
 #[cfg(feature = "vulkan")]
 use eyebox_base::files;
 use eyebox_base::memory;

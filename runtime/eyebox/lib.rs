@@ -1,9 +1,10 @@
 //! **eyebox** computes phase holograms for near-eye displays. The image stays correct across the whole eyebox and
 //! sharpens at the tracked pupil.
 //!
-//! A light field becomes the phases of a spatial light modulator (SLM) by Stochastic Light Field Holography (Schiffers et al. 2023,
-//! <https://arxiv.org/abs/2307.06277>): pupils are drawn from the whole eyebox, and the hologram is moved towards the photograph that
-//! each of them should see. What comes of it is looked at, measured, encoded for the SLM, shown, and refined for where an eye is.
+//! Stochastic Light Field Holography (Schiffers et al. 2023, <https://arxiv.org/abs/2307.06277>) turns a light field
+//! into the phases of a spatial light modulator (SLM). Each step draws pupils from the whole eyebox. It moves the
+//! hologram towards the target image of each pupil. The library also simulates, measures, encodes and shows the
+//! hologram, and refines it for the tracked pupil.
 //!
 //! # From a scene to the SLM's bytes
 //!
@@ -42,26 +43,28 @@
 //! let solved = solve_scene(&job, None, engine.as_mut(), &mut |_| Flow::Continue)?;
 //! let hologram = solved.into_hologram().ok_or("one scene makes one hologram")?;
 //!
-//! // Metres: 2 mm to the right, 4 mm wide, focused at 1 mm from the SLM's image. One plane of linear light per colour.
+//! // In meters. 2 mm to the right, 4 mm wide, in focus 1 mm from the SLM's image. One plane of linear light per color.
 //! let seen = hologram.look(&Pupil { x: 2e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, engine.as_mut())?;
 //! assert_eq!(seen.len(), hologram.colors.len());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! More are in `examples/`: refinement with pupil updates, a display loop, a Vulkan device of the program's own.
+//! More examples are in `examples/`. They show refinement with pupil updates, a display loop, and a Vulkan device that
+//! the program owns.
 //!
 //! # Features
 //!
-//! All are on by default. Without any: optics, scenes, the CPU engine, the solvers, holograms and encoding.
+//! All features are on by default. Without them, the library has optics, scenes, the CPU engine, the solvers, holograms
+//! and encoding.
 //!
 //! | feature | adds |
 //! |---|---|
 //! | `vulkan` | the Vulkan engine and encoder |
-//! | `window` | [`present`] and [`session`]: windows over monitors, playing, refining for the eye |
+//! | `window` | [`present`] and [`session`], windows over monitors, playback, refinement for the tracked pupil |
 //! | `direct-display` | displays that no desktop drives |
 //! | `trackers` | HID eye trackers and Pupil Core |
-//! | `preview` | [`preview`]: what an eye sees, in a window |
-//! | `image-formats` | pictures in and out: PNG, JPEG, OpenEXR, TIFF, BMP, PPM |
+//! | `preview` | [`preview`], a window with the image that an eye sees |
+//! | `image-formats` | images in PNG, JPEG, OpenEXR, TIFF, BMP and PPM |
 //!
 //! # Modules
 //!
@@ -85,8 +88,9 @@
 //! | [`preview`] | Shows what an eye sees of a hologram, live, in an ordinary window |
 //! | [`session`] | Plays content on a display on time, refines it for the tracked pupil, and records what was shown |
 //!
-//! Comments that say "OPTICS n" mean section n of `docs/optics.md`. Lengths are metres, angles radians, images linear light, axis
-//! order (row = y, column = x), +y down. Errors are typed, one enum a module, and [`Error`] wraps each; no input panics.
+//! A comment with "OPTICS n" refers to section n of `docs/optics.md`. Lengths are in meters and angles in radians.
+//! Images are linear light. The axis order is (row = y, column = x), with +y down. Errors are typed, with one enum per
+//! module, and [`Error`] wraps each of them. No input panics.
 
 mod library_error;
 pub mod low_level;
@@ -103,14 +107,14 @@ pub mod files {
     pub use eyebox_base::files::{FileError, encode_png, end_without_drafts, read_npy, write_npy, write_png};
 }
 
-/// Display, pupil and optics: lengths in meters, float64.
+/// Display, pupil and optics, with lengths in meters as float64.
 pub mod optics {
     pub use eyebox_optics::{Color, Depth, Display, DisplayModel, Encoding, Geometry, JointColor, Obstruction, Optics};
     pub use eyebox_optics::{OpticsError, PRESETS, Packing, Padding, Prescription, Pupil, PupilDistribution, Sources};
     pub use eyebox_optics::{Viewing, Wavelength, WindowFactor, depth_of_dioptres, dioptres, wrap_phase};
 }
 
-/// Light fields: reading, built-in scenes, depth and disparity.
+/// Light fields from files and built-in scenes, with depth and disparity.
 pub mod scene {
     pub use eyebox_scene::{BUILTINS, Fit, Inspection, LightField, Near, Order, Request, SceneError, ViewSynthesis};
     #[cfg(target_os = "linux")]
@@ -123,7 +127,7 @@ pub mod gpu {
     pub use eyebox_compute::gpu::{DeviceReport, Gpu, Options, devices};
 }
 
-/// Engines: the CPU's and Vulkan's.
+/// Engines for the CPU and for Vulkan.
 pub mod engine {
     pub use eyebox_compute::engine::cpu::CpuEngine;
     #[cfg(feature = "vulkan")]
@@ -132,7 +136,7 @@ pub mod engine {
     pub use eyebox_compute::plan::Storage;
 }
 
-/// Solvers: from a light field to phases, and the refinement of phases for a pupil.
+/// Solvers from a light field to phases, and the refinement of phases for a pupil.
 pub mod solve {
     pub use eyebox_solve::solve::{
         Diameters, FirstPhases, Flow, Full, Levels, Method, Optimizer, PaddingRule, Problem,
@@ -143,7 +147,7 @@ pub mod solve {
     pub use eyebox_solve::solve::{solve, solve_from};
 }
 
-/// The hologram file: phase frames with their metadata, whole, in sequences and in tiles.
+/// The hologram file, with phase frames and metadata, for single holograms, sequences and tiles.
 pub mod hologram {
     pub use eyebox_solve::hologram::{ColorHologram, Hologram, HologramError, Metadata, NewestHologram, Opening};
     pub use eyebox_solve::hologram::{
@@ -160,7 +164,8 @@ pub mod reconstruction {
     pub use eyebox_solve::reconstruction::{SceneReading, SceneSource, SolveInput};
 }
 
-/// Holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one.
+/// Holograms of whole scenes, with all colors, sequences and tiled far fields, and the refinement of a finished
+/// hologram.
 pub mod produce {
     pub use eyebox_solve::produce::solve_scene;
     pub use eyebox_solve::produce::{ProduceError, Refinement, SceneEvent, SceneJob, SceneSolution, SequencePieces};
@@ -182,7 +187,7 @@ pub mod calibrate {
     };
 }
 
-/// Eye trackers: devices, recordings, the network and a simulated eye, as samples with a steady time.
+/// Eye trackers as samples with a steady time, from devices, recordings, the network and a simulated eye.
 pub mod trackers {
     pub use eyebox_tracking::trackers::pushed::SampleSender;
     pub use eyebox_tracking::trackers::{
@@ -191,12 +196,12 @@ pub mod trackers {
     pub use eyebox_tracking::trackers::{Unit, now_ns, open};
 }
 
-/// From the samples of a tracker to where the pupil will be when the light arrives.
+/// The prediction of the pupil at the time of the light, from the samples of a tracker.
 pub mod gaze {
     pub use eyebox_tracking::gaze::{Calibration, Estimator, Eye, EyeVelocity, Eyepiece, GazeError, Settings};
 }
 
-/// Displays: windows over monitors, direct displays, memory.
+/// Displays as windows over monitors, direct displays, and memory.
 #[cfg(feature = "window")]
 pub mod present {
     pub use eyebox_present::{DirectDisplay, Monitor, Offscreen, PresentError, Rate, Sink};

@@ -1,4 +1,4 @@
-//! One error for the whole library.
+//! Wraps every error of the library in one type.
 
 use eyebox_base::files::FileError;
 use eyebox_calibrate::CalibrateError;
@@ -22,7 +22,8 @@ use eyebox_solve::tiled::TiledError;
 use eyebox_tracking::gaze::GazeError;
 use eyebox_tracking::trackers::TrackerError;
 
-/// Any error of the library. Every error type of the library converts into it, so `?` works in functions that return it.
+/// Any error of the library. Every error type of the library converts into it, so `?` works in functions that return
+/// it.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
@@ -52,7 +53,8 @@ pub enum Error {
     Tracker(#[from] TrackerError),
 }
 
-/// The part of the library that an [`Error`] is about. C has a status for most of these kinds, and Python has an exception.
+/// The part of the library that an [`Error`] is about. C has a status for most of these kinds, and Python has an
+/// exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ErrorKind {
     /// The display, or a pupil in front of it.

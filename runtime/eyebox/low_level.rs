@@ -1,5 +1,7 @@
-//! All public items of the crates behind the facade, without a promise that they stay: kernels and plans, buffers of engines, the Vulkan
-//! device with its handles (`ash`), stages of sessions, fits of calibrations. The command, the laboratory and the tests use it.
+//! Exports all public items of the crates behind the facade, which may change at any time.
+//!
+//! They are kernels and plans, buffers of engines, the Vulkan device with its handles (`ash`), stages of sessions, and
+//! fits of calibrations. The command, the laboratory and the tests use them.
 
 #[doc(inline)]
 pub use eyebox_base::{error, files, memory, quantity, reason};

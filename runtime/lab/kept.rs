@@ -1,7 +1,7 @@
-//! What is done stays done: every result in a file of its own, with everything that decided it.
+//! Caches each result in its own file, together with all that decided it.
 //!
-//! A result is used again if what decides it is, to the letter, what the file says. Anything else, a damaged file
-//! included, is computed again and replaced.
+//! A cached result is used again only if the text of its inputs is equal, character by character. Every other result,
+//! also one in a damaged file, is computed again and replaced.
 
 use eyebox::low_level::files::{self, FileError};
 use eyebox::low_level::optics::Display;
@@ -15,27 +15,27 @@ struct CachedResult<S, T> {
     result: T,
 }
 
-/// A folder of results.
+/// A folder of cached results.
 pub(crate) struct ResultCache {
     folder: PathBuf,
     _made: files::CreatedDirGuard,
 }
 
 impl ResultCache {
-    /// In this folder, which is made if it is not there.
+    /// Opens the cache in this folder and creates the folder if it does not exist.
     pub fn new(folder: PathBuf) -> Result<Self, FileError> {
         let _made = files::CreatedDirGuard::new(&folder)?;
         Ok(Self { folder, _made })
     }
 
-    /// The result of this name, if it was made by exactly this.
+    /// Returns the result with this name if its inputs are equal to `made_by`.
     pub fn load<T: DeserializeOwned>(&self, name: &str, made_by: &str) -> Option<T> {
         let file = files::read::bytes(&self.file(name), files::read::RESULTS).ok()?;
         let kept: CachedResult<String, T> = serde_json::from_slice(&file).ok()?;
         (kept.made_by == made_by).then_some(kept.result)
     }
 
-    /// Keeps a result, whole or not at all.
+    /// Saves a result atomically.
     pub fn save<T: Serialize>(&self, name: &str, made_by: &str, result: &T) -> Result<(), FileError> {
         files::write_file(&self.file(name), |out| Ok(serde_json::to_writer(out, &CachedResult { made_by, result })?))
     }
@@ -45,29 +45,29 @@ impl ResultCache {
     }
 }
 
-/// Refuses a folder that nothing can be written into, before anything is computed. It is made if it is not there, and gone
-/// again with what is returned if nothing came to be in it.
+/// Refuses a folder that eyebox cannot write into, before any computation. The folder is created if it does not exist.
+/// The returned guard removes it again if it is still empty.
 ///
 /// # Errors
-/// [`FileError`].
+/// Returns [`FileError`] if the folder cannot be created or written.
 pub fn writable(folder: &Path) -> Result<files::CreatedDirGuard, FileError> {
     let made = files::CreatedDirGuard::new(folder)?;
     files::check_place(&folder.join("report"))?;
     Ok(made)
 }
 
-/// Everything that a display adds to a result, as text: its file without its name. Displays with the same text give the same
-/// results.
+/// Returns all properties of a display that decide a result, as text. This is its file without its name. Displays with
+/// the same text give the same results.
 pub(crate) fn identity(display: &Display) -> String {
     Display { name: String::new(), ..display.clone() }.to_toml()
 }
 
-/// Changes with any pixel of any view.
+/// Returns a checksum of all pixels of all views.
 pub(crate) fn checksum(field: &LightField) -> u32 {
     field.planes.iter().flatten().fold(0, |sum, view| append(sum, view))
 }
 
-/// CRC-32C of what `sum` is that of, and then of the little-endian bytes of these values.
+/// Continues the CRC-32C checksum `sum` with the little-endian bytes of these values.
 pub(crate) fn append(sum: u32, values: &[f32]) -> u32 {
     let mut bytes = Vec::with_capacity(4 * 4096);
     values.chunks(4096).fold(sum, |sum, some| {
@@ -98,7 +98,7 @@ mod tests {
         assert_eq!(keep.load::<Vec<f64>>("a", made_by), None);
     }
 
-    /// Results on one display are never taken for those on another that differs in one thing.
+    /// A result for one display is never used for another display that differs in one property.
     #[test]
     fn every_part_of_a_display_decides_its_results_but_its_name() {
         let paper = Display::preset("paper").unwrap();
@@ -128,7 +128,7 @@ mod tests {
     fn a_folder_that_cannot_be_is_refused() {
         let here = tempfile::tempdir().unwrap();
         writable(&here.path().join("new/folder")).unwrap();
-        assert!(!here.path().join("new").exists(), "what was tried is gone again");
+        assert!(!here.path().join("new").exists(), "the attempt leaves no folder");
         std::fs::write(here.path().join("file"), "x").unwrap();
         let in_the_way = writable(&here.path().join("file/folder"));
         assert!(matches!(&in_the_way, Err(FileError::Taken { path, .. }) if path.ends_with("file")), "{in_the_way:?}");

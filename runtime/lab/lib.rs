@@ -1,10 +1,12 @@
-//! **eyebox-lab**: the laboratory. What holograms are worth, and which settings are worth their time.
+//! Compares methods, measures settings, and writes films and reports (**eyebox-lab**, the laboratory).
 //!
-//! [`comparison`] solves the same scenes by every method and looks through the same groups of pupils. [`tuning`] tries a grid of
-//! [`Settings`](eyebox::low_level::solve::Settings) and recommends three of them for this device. [`film`] writes what an eye sees while it moves.
-//! [`study`] measures what refinement for a simulated eye gains. [`report`] makes pages, tables and plots of all of this, of studies and of calibrations.
+//! The module [`comparison`] solves the same scenes with each method and measures the holograms through the same groups
+//! of pupils. The module [`tuning`] tries a grid of [`Settings`](eyebox::low_level::solve::Settings) and recommends
+//! three of them for this device. The module [`film`] writes the images that an eye sees while it moves. The module
+//! [`study`] measures the gain of the refinement for a simulated eye. The module [`report`] makes pages, tables and
+//! plots of these results, of studies and of calibrations.
 //!
-//! Nothing that solves or shows holograms needs it.
+//! The solver and the display of holograms do not depend on this crate.
 
 pub mod comparison;
 pub mod film;

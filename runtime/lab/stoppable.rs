@@ -1,4 +1,4 @@
-//! An engine that takes no more work once its user stops: long jobs end at their next list, wherever they are.
+//! Wraps an engine that refuses work after a stop, so that a long job ends at its next list.
 
 use eyebox::low_level::engine::{
     Buffer, Engine, EngineError, LookUp, Memory, PendingStep, PhasesOnDevice, Shape, Step, StepResult, Storage, Timing,
@@ -7,7 +7,7 @@ use eyebox::low_level::scene::Pyramid;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Runs lists on another engine, until `stops` returns true: then it answers [`EngineError::Stopped`].
+/// Runs lists on another engine until `stops` returns true. From then on it returns [`EngineError::Stopped`].
 pub(crate) struct Stoppable<'a> {
     pub(crate) engine: &'a mut dyn Engine,
     pub(crate) stops: &'a (dyn Fn() -> bool + Sync),

@@ -1,12 +1,13 @@
-//! The observer of a long job, who may stop it between any two lists of its engine.
+//! Passes progress to the observer of a long job, who may stop it between any two lists of the engine.
 
 use eyebox::low_level::engine::EngineError;
 use eyebox::low_level::quality::QualityError;
 use eyebox::low_level::solve::Flow;
 use std::sync::{Mutex, PoisonError};
 
-/// Observer of a long job: it gets what is being done and how much of all is done, 0 to 1. [`Flow::Stop`] ends the job with the
-/// results that are there. It is called before each list of the engine, too, so that a stop is heard within it.
+/// Observer of a long job. It receives the name of the current part and the completed share of the job, 0 to 1.
+/// [`Flow::Stop`] ends the job with the results until then. The observer is also called before each list of the engine,
+/// so that a stop takes effect within a part.
 pub type Observe<'a> = dyn FnMut(&str, f64) -> Flow + Send + 'a;
 
 /// Calls the observer for the job and for its engine.
@@ -21,7 +22,7 @@ struct Watched<'a> {
 
 impl Watched<'_> {
     fn goes_on(&mut self) -> bool {
-        // An observer that stopped it is not called again.
+        // An observer that stopped the job is not called again.
         self.stopped = self.stopped || (self.observe)(&self.what, self.share) == Flow::Stop;
         !self.stopped
     }
@@ -32,7 +33,7 @@ impl<'a> JobObserver<'a> {
         Self(Mutex::new(Watched { observe, what: String::new(), share: 0.0, stopped: false }))
     }
 
-    /// Reports what is being done and the share of all that is done, 0 to 1. Returns false once the job is stopped.
+    /// Reports the current part and the completed share of the job, 0 to 1. Returns false once the job is stopped.
     pub(crate) fn say(&self, what: &str, share: f64) -> bool {
         let mut watched = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if watched.what != what {
@@ -42,26 +43,26 @@ impl<'a> JobObserver<'a> {
         watched.goes_on()
     }
 
-    /// Reports the same again. Returns true once the job is stopped.
+    /// Reports the same progress again. Returns true once the job is stopped.
     pub(crate) fn stops(&self) -> bool {
         !self.0.lock().unwrap_or_else(PoisonError::into_inner).goes_on()
     }
 
-    /// Refuses more work once the job is stopped: for loops that use no engine.
+    /// Refuses more work once the job is stopped. Loops that use no engine call it.
     ///
     /// # Errors
-    /// [`EngineError::Stopped`].
+    /// Returns [`EngineError::Stopped`] once the job is stopped.
     pub(crate) fn check(&self) -> Result<(), QualityError> {
         if self.stops() { Err(EngineError::Stopped.into()) } else { Ok(()) }
     }
 
-    /// Whether the job was stopped.
+    /// Returns true if the job was stopped.
     pub(crate) fn is_stopped(&self) -> bool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).stopped
     }
 }
 
-/// Nothing instead of the error of a job that its observer stopped.
+/// Replaces the error of a stopped job by `None`.
 pub(crate) fn unless_stopped<T>(result: Result<T, QualityError>) -> Result<Option<T>, QualityError> {
     match result {
         Ok(found) => Ok(Some(found)),

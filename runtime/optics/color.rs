@@ -1,22 +1,22 @@
-//! The primaries.
+//! Names the primary colors of a display.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A primary of the display, ordered red, green, blue.
+/// A primary of the display, in the order red, green, blue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Color {
-    /// The longest wavelength.
+    /// The primary with the longest wavelength.
     Red,
-    /// The middle one.
+    /// The primary with the middle wavelength.
     Green,
-    /// The shortest.
+    /// The primary with the shortest wavelength.
     Blue,
 }
 
 impl Color {
-    /// Channel of an RGB image.
+    /// The channel of this color in an RGB image.
     pub fn channel(self) -> usize {
         self as usize
     }

@@ -1,10 +1,11 @@
-//! Turns of each color's light for one drive of a display (OPTICS 13).
+//! Computes the turns of each color's light for one drive value of a display (OPTICS 13).
 
 use super::{Color, Display};
 
 impl Display {
-    /// Turns of each color's light over all drives, in the order of `colors`: as the file's `dispersion` says, else in proportion to
-    /// one over the wavelength (OPTICS 13). The longest wavelength of them makes as many whole turns as the SLM reaches, one as a rule.
+    /// Turns of each color's light over all drive values, in the order of `colors`. They come from `dispersion` of the
+    /// file. Otherwise they are in proportion to one over the wavelength (OPTICS 13). The longest wavelength of
+    /// `colors` makes the largest whole number of turns that the SLM reaches, usually one.
     pub fn slopes(&self, colors: &[Color]) -> Vec<f64> {
         let wavelength =
             |color: &Color| self.wavelengths.iter().find(|w| w.color == *color).map_or(f64::NAN, |w| w.wavelength);

@@ -1,4 +1,4 @@
-//! Displays: presets and TOML files.
+//! Defines displays, which come from presets and TOML files.
 
 use super::color::Color;
 use super::encoding::Encoding;
@@ -18,13 +18,13 @@ use std::{collections::BTreeMap, path::Path};
 /// One laser of a display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wavelength {
-    /// Its color.
+    /// The color of the laser.
     pub color: Color,
-    /// Meters.
+    /// The wavelength in meters.
     pub wavelength: f64,
 }
 
-/// A display: an SLM behind a 4f relay, or in the pupil plane, with one to three wavelengths.
+/// A display, which is an SLM behind a 4f relay or in the pupil plane, with one to three wavelengths.
 ///
 /// ```toml
 /// name = "bench"
@@ -61,110 +61,112 @@ pub struct Wavelength {
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
-    /// Its name.
+    /// The name of the display.
     pub name: String,
-    /// Rows of the SLM.
+    /// Rows of the SLM's pixels.
     pub height: usize,
-    /// Columns.
+    /// Columns of the SLM's pixels.
     pub width: usize,
-    /// Pixel pitch, meters.
+    /// Pixel pitch in meters.
     pub pitch: f64,
-    /// Focal length of the relay, meters; in the far field, what angles and diopters are measured with.
+    /// Focal length of the relay in meters. In the far field it converts angles and diopters.
     pub focal_length: f64,
-    /// Where the SLM stands.
+    /// The place of the SLM.
     pub geometry: Geometry,
-    /// Red, green, blue; one to three of them.
+    /// One to three wavelengths, in the order red, green, blue.
     pub wavelengths: Vec<Wavelength>,
     /// Phase levels of the SLM.
     pub levels: u32,
-    /// Video frames that it takes a second, where it is known.
+    /// Video frames per second, or none without a known rate.
     pub rate_hz: Option<f64>,
-    /// Whether it is meant to be higher than wide ([`check_usual`](Self::check_usual)).
+    /// True if the SLM is intentionally higher than wide ([`check_usual`](Self::check_usual)).
     pub portrait: bool,
-    /// Turns of a color's light where that of the longest wavelength makes one, as far as measured ([`slopes`](Self::slopes)).
+    /// Measured turns of a color's light per turn of the longest wavelength's ([`slopes`](Self::slopes)).
     pub dispersion: BTreeMap<Color, f64>,
-    /// How it takes its phases.
+    /// The encoding of phases into video frames.
     pub encoding: Encoding,
-    /// What is known of it beyond the ideal display.
+    /// Known deviations from the ideal display.
     pub model: ModelSections,
-    /// Its light, where that is no laser on the axis.
+    /// The light of the display, if it is not a laser on the axis.
     pub source: SourceSections,
-    /// The static phase mask in front of its SLM; none without.
+    /// The static phase mask in front of the SLM, if there is one.
     pub mask: Option<Mask>,
-    /// Its switchable sources, where it has any (OPTICS 12).
+    /// The switchable sources, if there are any (OPTICS 12).
     pub sources: Sources,
-    /// Where its picture is seen.
+    /// The measured places of the pictures.
     pub picture: Picture,
-    /// The eye that looks at it; none for a perfect one.
+    /// The errors of the viewer's eye, or none for a perfect eye.
     pub prescription: Option<Prescription>,
-    /// How bright and how fine its picture is seen.
+    /// The luminance and the angular resolution of the picture.
     pub viewing: Viewing,
-    /// The file that it was read from; none for a preset.
+    /// The file of the display, or none for a preset.
     pub file: Option<FileRecord>,
 }
 
-/// A display file: its keys are as in [`Display`], in the units that their names end with.
+/// A display file. Its keys match [`Display`], in the units at the ends of their names.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    /// What it is called; without, as the file is.
+    /// Name of the display. The default is the name of the file.
     #[serde(default)]
     name: Option<String>,
     /// Rows and columns of the SLM.
     resolution: [usize; 2],
-    /// Pixel pitch, micrometers.
+    /// Pixel pitch in micrometers.
     pitch_um: f64,
-    /// Focal length of the relay, millimeters; in the far field, what angles and diopters are measured with.
+    /// Focal length of the relay in millimeters. In the far field it converts angles and diopters.
     focal_length_mm: f64,
-    /// Wavelengths, nanometers: one to three of red, green, blue.
+    /// Wavelengths in nanometers of one to three of red, green and blue.
     wavelengths_nm: BTreeMap<Color, f64>,
-    /// Phase levels of the SLM, 2 to 65536 [default: 256].
+    /// Phase levels of the SLM, 2 to 65536. The default is 256.
     #[serde(default = "levels_default")]
     levels: u32,
-    /// Video frames that it takes a second, where that is known, 1 to 100000.
+    /// Video frames per second, 1 to 100000. It may be left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rate_hz: Option<f64>,
-    /// Where the SLM stands: behind a relay, or in the plane of the pupil [default: relay].
+    /// Place of the SLM, behind a relay or in the plane of the pupil. The default is relay.
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
-    /// Whether it is meant to be higher than wide.
+    /// True if the SLM is intentionally higher than wide.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     portrait: bool,
-    /// Turns of a color's light where that of the longest wavelength makes one, above 0, at most 8 [default: the longest
-    /// wavelength over the color's].
+    /// Turns of a color's light per turn of the longest wavelength's, above 0 and at most 8. The default is the longest
+    /// wavelength over the color's.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     dispersion: BTreeMap<Color, f64>,
-    /// Which of its switchable sources are lit: `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`
-    /// [default: in-turn].
+    /// The lit switchable sources, `"in-turn"`, `"together"`, `"steered"`, or `{ only = { green = [1, 2] } }`. The
+    /// default is in-turn.
     #[serde(default, skip_serializing_if = "super::is_default")]
     sources_lit: SourcesLit,
-    /// How it takes its phases: the table below.
+    /// Encoding of phases into video frames, see the table below.
     #[serde(default)]
     encoding: Encoding,
-    /// What is known of it beyond the ideal display: `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, below.
+    /// Known deviations from the ideal display in `[model.red]`, `[model.green]`, `[model.blue]`, `[model.all]`, see
+    /// below.
     #[serde(default, skip_serializing_if = "ModelSections::is_empty")]
     model: ModelSections,
-    /// Its light, where that is no laser on the axis: `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, below.
+    /// Light that is not a laser on the axis, in `[source.red]`, `[source.green]`, `[source.blue]`, `[source.all]`, see
+    /// below.
     #[serde(default, skip_serializing_if = "SourceSections::is_empty")]
     source: SourceSections,
-    /// The static phase mask in front of its SLM: below.
+    /// Static phase mask in front of the SLM, see below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mask: Option<Mask>,
-    /// Its switchable sources, one table each: `[[sources]]`, below.
+    /// Switchable sources, with one table `[[sources]]` each, see below.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     sources: Vec<SwitchedSource>,
-    /// Where its picture is seen, as `eyebox display calibrate --register` found: below.
+    /// Places of the pictures, measured by `eyebox display calibrate --register`, see below.
     #[serde(default, skip_serializing_if = "Picture::is_empty")]
     picture: Picture,
-    /// The eye that looks at it; a perfect one without: below.
+    /// Errors of the viewer's eye, see below. The default is a perfect eye.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     prescription: Option<Prescription>,
-    /// How bright and how fine it is seen, which JOD are judged by: below.
+    /// Luminance and angular resolution for JOD, see below.
     #[serde(default, skip_serializing_if = "Viewing::is_default")]
     viewing: Viewing,
 }
 
-/// The shortest number that, in so many meters, is this length as nearly as any.
+/// The number with the fewest digits that, times `unit`, gives this length in meters to within rounding.
 fn in_unit(metres: f64, unit: f64) -> f64 {
     let plain = metres / unit;
     (0..17)
@@ -178,10 +180,10 @@ fn levels_default() -> u32 {
 }
 
 impl Display {
-    /// Reads the text of a display file; `file` names it in errors.
+    /// Reads the text of a display file. `file` is its name for errors.
     ///
     /// # Errors
-    /// [`OpticsError::DisplayFile`] and those of [`Optics::new`].
+    /// [`OpticsError::DisplayFile`] and the errors of [`Optics::new`].
     pub fn from_toml(text: &str, file: &str) -> Result<Self, OpticsError> {
         let wrong = |reason: Reason| OpticsError::DisplayFile { file: file.into(), reason };
         let read: File = eyebox_base::files::read::toml(text).map_err(wrong)?;
@@ -195,12 +197,12 @@ impl Display {
             return Err(wrong(reason!("levels", "levels is {}: it must be 2 to 65536", read.levels)));
         }
         if let Some(hz) = read.rate_hz.filter(|hz| !(1.0..=100_000.0).contains(hz)) {
-            return Err(wrong(reason!("rate", "rate_hz is {hz}: it must be 1 to 100000 video frames a second")));
+            return Err(wrong(reason!("rate", "rate_hz is {hz}: it must be 1 to 100000 video frames per second")));
         }
         read.encoding.check(read.levels).map_err(&wrong)?;
         let wavelengths: Vec<(Color, f64)> = read.wavelengths_nm.iter().map(|(color, nm)| (*color, *nm)).collect();
         check_dispersion(&read.dispersion, &wavelengths).map_err(&wrong)?;
-        // Files that it names lie beside it.
+        // Files that the display file names are relative to its folder.
         let mut encoding = read.encoding;
         let beside = Path::new(file).parent().unwrap_or(Path::new(""));
         for file in encoding.look_up.values_mut().chain(encoding.correction.iter_mut().map(|c| &mut c.file)) {
@@ -250,12 +252,12 @@ impl Display {
         }
         display.viewing.check().map_err(|reason| wrong(reason.within("[viewing]")))?;
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
-            let reason = "[model] has a fill, which in the far field dims the picture's edges and not the eyebox: \
+            let reason = "[model] has a fill, but in the far field it dims the picture's edges and not the eyebox: \
                           leave it out";
             return Err(wrong(Reason::new("model-far-field", reason)));
         }
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).subpixels > 1) {
-            let reason = "[model] has subpixels, of which the far field knows only 1: leave it out";
+            let reason = "[model] has subpixels, but the far field supports only 1: leave it out";
             return Err(wrong(Reason::new("model-far-field", reason)));
         }
         for w in &display.wavelengths {
@@ -288,13 +290,13 @@ impl Display {
             prescription: self.prescription.clone(),
             viewing: self.viewing,
         };
-        toml::to_string(&file).expect("a display has nothing that TOML cannot say")
+        toml::to_string(&file).expect("TOML can express every display")
     }
 
-    /// The optics at one of its colors, over the SLM's own grid.
+    /// The optics at one of the display's colors, over the grid of the SLM.
     ///
     /// # Errors
-    /// [`OpticsError::NoColor`] and those of [`Optics::new`].
+    /// [`OpticsError::NoColor`] and the errors of [`Optics::new`].
     pub fn optics(&self, color: Color) -> Result<Optics, OpticsError> {
         let found = self.wavelengths.iter().find(|w| w.color == color).ok_or_else(|| OpticsError::NoColor {
             display: self.name.clone(),
@@ -305,12 +307,12 @@ impl Display {
         Ok(optics.in_geometry(self.geometry).behind_mask(self.mask_factor()))
     }
 
-    /// What it does to one of its colors.
+    /// The model of the display at one of its colors.
     pub fn model(&self, color: Color) -> DisplayModel {
         model::of_color(&self.model, color)
     }
 
-    /// The same display with another model of one of its colors.
+    /// The same display with a changed model of one color.
     #[must_use]
     pub fn with_model_of(&self, color: Color, change: impl FnOnce(&mut ModelTerms)) -> Self {
         let colors: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
@@ -320,13 +322,14 @@ impl Display {
         Self { model: sections, ..self.clone() }
     }
 
-    /// Rows and columns of the pictures that it shows: its pixels, or a square of as many where it stands in the far field.
+    /// Rows and columns of the pictures that the display shows. They are its pixels behind a relay, or a square that
+    /// holds them in the far field.
     pub fn picture_size(&self) -> (usize, usize) {
         self.geometry.picture_size(self.height, self.width)
     }
 
-    /// Size of a picture's pixel in the focal plane, meters: the pitch, or that of the field of view which all its
-    /// colors share, the shortest wavelength's (OPTICS 9).
+    /// Size of a picture's pixel in the focal plane in meters. Behind a relay it is the pitch. In the far field it
+    /// belongs to the field of view of the shortest wavelength, which all colors share (OPTICS 9).
     pub fn picture_pixel(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.pitch,
@@ -334,14 +337,14 @@ impl Display {
         }
     }
 
-    /// Pixels a degree of visual angle in the middle of its picture: as `[viewing]` says, else those of the optics, of which
-    /// one takes `picture_pixel / focal_length` radians (OPTICS 2 and 9).
+    /// Pixels per degree of visual angle in the middle of the picture. `[viewing]` overrides the value of the optics,
+    /// in which a pixel takes `picture_pixel / focal_length` radians (OPTICS 2 and 9).
     pub fn pixels_per_degree(&self) -> f64 {
         self.viewing.pixels_per_degree.unwrap_or((self.focal_length / self.picture_pixel()).to_radians())
     }
 
-    /// Share of one color's field of view that the picture takes along each axis: in the far field all colors show what
-    /// the shortest wavelength can.
+    /// Share of one color's field of view that the picture takes along each axis. In the far field all colors show the
+    /// field of view of the shortest wavelength.
     pub fn picture_share(&self, wavelength: f64) -> f64 {
         match self.geometry {
             Geometry::Relay => 1.0,

@@ -1,4 +1,4 @@
-//! How a display takes its phases, as its file says it: plain data, read by the room `encode`.
+//! Describes how a display receives its phases, as plain data that the module `encode` reads.
 
 use super::color::Color;
 use eyebox_base::error::Reason;
@@ -6,49 +6,50 @@ use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::PathBuf};
 
-/// The `[encoding]` table of a display file; `docs/displays.md` explains every key.
+/// The `[encoding]` table of a display file. `docs/displays.md` explains every key.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Encoding {
-    /// Which sub-frame goes where in the video frames.
+    /// The map from sub-frames to video frames.
     pub packing: Packing,
-    /// Channel of packings that fill one.
+    /// Channel of packings that fill one channel.
     #[serde(skip_serializing_if = "super::is_default")]
     pub channel: Channel,
-    /// Order in which the display shows the channels, of packings that fill all three.
+    /// Order in which the display shows the channels, for packings that fill all three.
     #[serde(skip_serializing_if = "super::is_default")]
     pub channel_order: ChannelOrder,
-    /// The user's own packing.
+    /// The entries of a user-defined packing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub map: Vec<Place>,
-    /// Gray level of 2 pi; the number of levels if it is not given.
+    /// Gray level of 2 pi. The default is the number of levels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub two_pi_level: Option<TwoPi>,
-    /// Phase of every level, turns, where levels are not even.
+    /// Phase of each level in turns, if the levels are not evenly spaced.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub phases_turns: Vec<f64>,
-    /// Files with the phase of every level, per color.
+    /// Files with the phase of each level, per color.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub look_up: BTreeMap<Color, PathBuf>,
-    /// What the memory holds for each level, where that is not the level's number.
+    /// Code in memory for each level, if it is not the number of the level.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub codes: Vec<u8>,
-    /// Memory cells of a pixel, row by row: which bit of the code each holds.
+    /// Memory cells of a pixel, row by row. Each entry is the bit of the code that the cell holds.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cells: Vec<Vec<u8>>,
-    /// Flips the video frame, after everything else.
+    /// Flip of the video frame, after all other steps.
     #[serde(skip_serializing_if = "super::is_default")]
     pub flip_video: Flip,
-    /// Flips the hologram.
+    /// Flip of the hologram.
     #[serde(skip_serializing_if = "super::is_default")]
     pub flip: Flip,
-    /// Turns it clockwise, after the flip, by a multiple of 90 degrees.
+    /// Clockwise rotation of the hologram after the flip, a multiple of 90 degrees.
     #[serde(skip_serializing_if = "super::is_default")]
     pub rotation_deg: u16,
-    /// Moves it down and to the right, after the turn; what leaves at one edge enters at the other.
+    /// Shift of the hologram down and to the right, after the rotation. Pixels that leave at one edge enter at the
+    /// other.
     #[serde(skip_serializing_if = "super::is_default")]
     pub offset_px: [i32; 2],
-    /// Phase images that are added or taken away.
+    /// Phase images that are added or subtracted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub correction: Vec<Correction>,
     /// Blazed gratings that are added.
@@ -56,21 +57,21 @@ pub struct Encoding {
     pub grating: Vec<Grating>,
 }
 
-/// A packing: a map (color, sub-frame) -> (video frame, channel, bits).
+/// A packing, which maps (color, sub-frame) to (video frame, channel, bits).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Packing {
-    /// One gray image a video frame; of each sub-frame the colors in turn.
+    /// One gray image per video frame. The colors of each sub-frame follow each other.
     #[default]
     Grey8,
-    /// One sub-frame a video frame, its colors in the channels.
+    /// One sub-frame per video frame, with its colors in the channels.
     Fields,
-    /// Eight sub-frames of one color a video frame, sub-frame `j` in bit `j` of one channel.
+    /// Eight sub-frames of one color per video frame. Sub-frame `j` is in bit `j` of one channel.
     Planes8,
-    /// 24 bit-planes a video frame: plane `n` in the channel `n / 8` of the order, bit `n % 8`; the planes of the
-    /// first color first.
+    /// 24 bit planes per video frame. Plane `n` is in the channel `n / 8` of the order, in bit `n % 8`. The planes of
+    /// the first color come first.
     Planes24,
-    /// As [`Encoding::map`] says.
+    /// The packing that [`Encoding::map`] defines.
     Map,
 }
 
@@ -78,16 +79,16 @@ pub enum Packing {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Channel {
-    /// The one channel of a gray frame.
+    /// The only channel of a gray frame.
     #[default]
     Grey,
-    /// Of an RGB frame.
+    /// The red channel of an RGB frame.
     Red,
-    /// Of an RGB frame.
+    /// The green channel of an RGB frame.
     Green,
-    /// Of an RGB frame.
+    /// The blue channel of an RGB frame.
     Blue,
-    /// All three of an RGB frame as a word of 24 bits, red lowest.
+    /// All three channels of an RGB frame as a word of 24 bits, with red lowest.
     Rgb,
 }
 
@@ -106,7 +107,7 @@ pub enum ChannelOrder {
 }
 
 impl ChannelOrder {
-    /// The channels' numbers, first shown first.
+    /// The numbers of the channels in the order in which they are shown.
     pub fn channels(self) -> [u8; 3] {
         match self {
             Self::Rgb => [0, 1, 2],
@@ -119,104 +120,104 @@ impl ChannelOrder {
     }
 }
 
-/// An entry of the user's own packing.
+/// An entry of a user-defined packing.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
     /// Color of the hologram.
     pub color: Color,
-    /// Its sub-frame.
+    /// Sub-frame of the color.
     pub sub_frame: u32,
-    /// Video frame of the set.
+    /// Video frame in the set.
     pub video_frame: u32,
-    /// Channel of it.
+    /// Channel of the video frame.
     pub channel: Channel,
-    /// Bits of the channel, for the level's bits from the lowest on.
+    /// Bits of the channel that hold the bits of the level, from the lowest on.
     pub bits: Vec<u8>,
 }
 
-/// Gray level of 2 pi.
+/// The gray level of 2 pi.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TwoPi {
-    /// For all colors.
+    /// One level for all colors.
     One(f64),
-    /// Per color.
+    /// A level for each color.
     Each(BTreeMap<Color, f64>),
 }
 
-/// Left-right, up-down.
+/// A flip along one axis or along both.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Flip {
-    /// As it is.
+    /// The image stays unchanged.
     #[default]
     None,
-    /// Left-right.
+    /// Left and right are exchanged.
     Horizontal,
-    /// Up-down.
+    /// Up and down are exchanged.
     Vertical,
-    /// Both.
+    /// Both axes are flipped.
     Both,
 }
 
 impl Flip {
-    /// Whether left and right change places.
+    /// True if left and right are exchanged.
     pub fn mirrors(self) -> bool {
         matches!(self, Self::Horizontal | Self::Both)
     }
 
-    /// Whether up and down do.
+    /// True if up and down are exchanged.
     pub fn overturns(self) -> bool {
         matches!(self, Self::Vertical | Self::Both)
     }
 }
 
-/// A phase image: an 8- or 16-bit gray PNG or BMP, or an `.npy` of radians.
+/// A phase image, as an 8- or 16-bit gray PNG or BMP, or as an `.npy` of radians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
-    /// The file; relative to the display's.
+    /// The file, relative to the display file.
     pub file: PathBuf,
-    /// 1 adds it, -1 takes it away.
+    /// 1 adds the phase, -1 subtracts it.
     pub sign: i8,
-    /// The color that it is for; all without.
+    /// The color of this correction. The default is all colors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
-    /// Level of 2 pi of a picture [default: 256 of 8 bits, 65536 of 16].
+    /// Gray level of 2 pi of a picture. The default is 256 for 8 bits and 65536 for 16 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub two_pi_level: Option<f64>,
-    /// Whether it lies as the hologram does, before it is turned, or as the SLM's pixels do.
+    /// Orientation of the correction, as the hologram before its rotation or as the SLM's pixels.
     #[serde(default)]
     pub orientation: Orientation,
 }
 
-/// How a correction lies.
+/// The orientation of a correction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Orientation {
-    /// As the hologram: it is flipped, turned and moved with it.
+    /// The orientation of the hologram. The correction is flipped, rotated and moved with it.
     #[default]
     Hologram,
-    /// As the SLM's pixels.
+    /// The orientation of the SLM's pixels.
     Slm,
 }
 
-/// A blazed grating in the hologram's own orientation.
+/// A blazed grating in the orientation of the hologram.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grating {
-    /// Pixels of a turn.
+    /// Pixels per turn of phase.
     pub period_px: f64,
-    /// Where the phase grows: 0 is right, 90 is down.
+    /// Direction in which the phase grows. 0 is right, 90 is down.
     pub direction_deg: f64,
-    /// The color that it is for; all without.
+    /// The color of this grating. The default is all colors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub color: Option<Color>,
 }
 
 impl Encoding {
-    /// What no display file may say. Says what is wrong and what would be right.
+    /// Rejects values that no display file may have. The reason includes the remedy.
     pub(super) fn check(&self, levels: u32) -> Result<(), Reason> {
         if !matches!(self.rotation_deg, 0 | 90 | 180 | 270) {
             return Err(reason!("rotation", "rotation_deg is {}: it must be 0, 90, 180 or 270", self.rotation_deg));
@@ -277,7 +278,7 @@ impl Encoding {
         if (self.packing == Packing::Map) == self.map.is_empty() {
             return Err(reason!(
                 "map-without-packing",
-                "packing = \"map\" and a map belong together: one is given without the other"
+                "packing = \"map\" and map belong together, but one is given without the other: give both"
             ));
         }
         Ok(())

@@ -1,13 +1,13 @@
-//! Where a display can be seen from: the eyebox of its SLM, once for each of its switchable sources (OPTICS 12).
+//! Computes the eyebox of a display, once for each of its switchable sources (OPTICS 12).
 
 use super::{Color, Display, Geometry, OpticsError, Pupil};
 
-/// A rectangle of the pupil plane, meters.
+/// A rectangle of the pupil plane in meters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EyeboxRegion {
-    /// Its middle, (x, y).
+    /// The middle of the rectangle, (x, y).
     pub center: [f64; 2],
-    /// Its sides along x and y.
+    /// The sides along x and y.
     pub size: [f64; 2],
 }
 
@@ -16,7 +16,8 @@ impl EyeboxRegion {
         Self { center, size: [side; 2] }
     }
 
-    /// How far a disc of this diameter may be from its middle along each axis, so that all of it is inside; 0 where it does not fit.
+    /// The largest distance along each axis between the centers of a disc of this diameter and of the rectangle, with
+    /// the disc inside. It is 0 if the disc does not fit.
     pub fn room(&self, diameter: f64) -> [f64; 2] {
         self.size.map(|side| ((side - diameter) / 2.0).max(0.0))
     }
@@ -26,10 +27,10 @@ impl EyeboxRegion {
     }
 }
 
-/// Edges this near to each other are one, meters.
+/// Edges closer than this count as one edge, meters.
 const SAME: f64 = 1e-9;
 
-/// The rectangle around these, and the area of it that they cover, square meters.
+/// The rectangle around the regions, and the area that they cover in square meters.
 fn around(regions: &[EyeboxRegion]) -> (EyeboxRegion, f64) {
     let edges = |i: usize| {
         let ends = |r: &EyeboxRegion| [r.center[i] - r.size[i] / 2.0, r.center[i] + r.size[i] / 2.0];
@@ -55,8 +56,8 @@ fn around(regions: &[EyeboxRegion]) -> (EyeboxRegion, f64) {
 }
 
 impl Display {
-    /// Side of the eyebox that all its colors serve with one source, meters: the shortest wavelength's (OPTICS 1), or the SLM's
-    /// (OPTICS 9).
+    /// Side in meters of the eyebox that all colors serve with one source. It is the eyebox of the shortest wavelength
+    /// (OPTICS 1), or the side of the SLM (OPTICS 9).
     pub fn source_eyebox_min(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.shortest() * self.focal_length / (self.pitch / self.mask_factor() as f64),
@@ -64,8 +65,8 @@ impl Display {
         }
     }
 
-    /// Side of the square about the axis that holds the eyeboxes of all its sources, meters: [that of
-    /// one](Self::source_eyebox_min) without switchable sources. Views and pupils are spread over it.
+    /// Side in meters of the square about the axis that holds the eyeboxes of all sources. Without switchable sources
+    /// it is [the side for one source](Self::source_eyebox_min). Views and pupils are spread over this square.
     pub fn eyebox_min(&self) -> f64 {
         let farthest = |source: &super::SwitchedSource| {
             let [x, y] = source.eyebox(self.focal_length).map(f64::abs);
@@ -75,15 +76,15 @@ impl Display {
         2.0 * off + self.source_eyebox_min()
     }
 
-    /// The eyeboxes, of the side that all colors serve, of the sources that these places of its list name.
+    /// The eyeboxes of the sources at these places in the list. Their side is the one that all colors serve.
     fn eyeboxes(&self, sources: &[usize]) -> Vec<EyeboxRegion> {
         let side = self.source_eyebox_min();
         let middle = |at: &usize| self.sources.each[*at].eyebox(self.focal_length);
         sources.iter().map(|at| EyeboxRegion::square(middle(at), side)).collect()
     }
 
-    /// Where pupils of a color are served by the sources that are lit: rectangles in which the whole pupil stays, one where the
-    /// eyeboxes leave no gap. None where that is the square about the axis, as without switchable sources.
+    /// Rectangles in which the lit sources serve a whole pupil of a color. They are one rectangle if the eyeboxes leave
+    /// no gap. The list is empty if that rectangle is the square about the axis, as without switchable sources.
     pub fn regions(&self, color: Color) -> Vec<EyeboxRegion> {
         let each = self.eyeboxes(&self.sources.lit(color, self.focal_length));
         if each.is_empty() {
@@ -100,8 +101,8 @@ impl Display {
         }
     }
 
-    /// The rectangle around the eyeboxes of all its sources of the color that has the smallest, and the area that they cover,
-    /// meters and square meters.
+    /// The rectangle around the eyeboxes of all sources of the shortest wavelength, in meters, and the area that they
+    /// cover in square meters.
     pub(super) fn whole_eyebox(&self) -> (EyeboxRegion, f64) {
         let shortest = self.wavelengths.iter().min_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
         let each = shortest.map_or_else(Vec::new, |w| self.eyeboxes(&self.sources.of(w.color)));
@@ -109,10 +110,11 @@ impl Display {
         if each.is_empty() { (EyeboxRegion::square([0.0; 2], side), side * side) } else { around(&each) }
     }
 
-    /// [`Pupil::check_usual`] before one of its colors: the pupil's center must lie in the eyebox of one of that color's sources.
+    /// Does [`Pupil::check_usual`] for one color. The pupil's center must be in the eyebox of one of that color's
+    /// sources.
     ///
     /// # Errors
-    /// Those of [`Pupil::check_usual`] and [`optics`](Self::optics).
+    /// The errors of [`Pupil::check_usual`] and [`optics`](Self::optics).
     pub fn check_pupil(&self, color: Color, pupil: Pupil) -> Result<Pupil, OpticsError> {
         let optics = self.optics(color)?;
         let seen_by = |at: usize| {
@@ -126,7 +128,7 @@ impl Display {
         let (eyebox_mm, reach_mm) = (self.eyebox_min() * 1e3, self.eyebox_min() * 0.5e3);
         let outside = OpticsError::OutsideEyebox { x_mm, y_mm, diameter_mm, eyebox_mm, reach_mm, color };
         match pupil.check_usual(&optics) {
-            // The axis may lie in no source's eyebox.
+            // The axis may be in no eyebox of a source.
             Ok(_) | Err(OpticsError::OutsideEyebox { .. }) if !self.sources.is_empty() => Err(outside),
             checked => checked,
         }

@@ -1,31 +1,34 @@
-//! A source by fewer modes, where a pupil is wide enough not to tell the difference.
+//! Represents a source by fewer modes, for pupils that are wide enough to show no difference.
 //!
-//! Modes of a source whose image is small beside the pupil are nearly one disc: what they average is nearly one speckle. What such a
-//! pupil sees of a source follows from how far its modes are apart on average, so few modes of the same mean and spread do.
+//! If the image of a source is small compared with the pupil, its modes are nearly one disc and average nearly one
+//! speckle. A wide pupil depends only on the mean distance of the modes. Therefore a few modes with the same mean and
+//! spread are enough.
 
 use super::light::{EXACT, place, speckle_contrast};
 use super::source::SourceMode;
 use std::sync::Arc;
 
-/// Fewer modes that stand for a source in what a wide pupil sees.
+/// Fewer modes that represent a source for wide pupils.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FewerModes {
-    /// Pupils of this diameter or wider, meters: narrower ones need more.
+    /// Smallest diameter of a pupil for these modes, in meters. Narrower pupils need more modes.
     pub from: f64,
-    /// The modes; their weights add up to 1.
+    /// The modes. Their weights add up to 1.
     pub modes: Arc<[SourceMode]>,
 }
 
-/// Diameters that are tried, meters: widest, narrowest, and one over the next.
+/// Diameters in meters that the search covers. They are the widest, the narrowest, and the ratio of neighbors.
 const WIDEST: f64 = 0.1;
 const NARROWEST: f64 = 0.5e-3;
 const STEP: f64 = 1.05;
 
-/// Fewer and fewer modes for these, each from the diameter on from which the contrast of speckle is right to 3 %, in the order of
-/// their diameters. A wavelength counts as a place of the light at the eyebox's edge, `reach` meters from the axis.
+/// Lists of fewer and fewer modes for a source, in the order of their smallest diameters. From that diameter on, the
+/// speckle contrast is right to 3 %. A wavelength counts as a place of the light at the eyebox's edge, `reach` meters
+/// from the axis.
 ///
-/// Formulas of degree 3, 2 and 1 for the modes' mean and covariance (Stroud 1971): of 2 k points, of k + 1 and of one, in the k
-/// dimensions that they fill; and two points of the same mean and mean square distance.
+/// The lists are formulas of degree 3, 2 and 1 for the mean and covariance of the modes (Stroud 1971). They have 2 k
+/// points, k + 1 points and one point, in the k dimensions that the modes fill. Two points of the same mean and mean
+/// square distance are another list.
 pub fn fewer_modes(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<FewerModes> {
     let mut diameters = Vec::new();
     let mut diameter = WIDEST;
@@ -39,14 +42,14 @@ pub fn fewer_modes(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<F
             (speckle_contrast(&few, *diameter, reach, focal_length) / exact - 1.0).abs() <= EXACT
         };
         let Some((from, _)) = diameters.iter().take_while(does).last() else { continue };
-        // What fewer modes do as well is theirs.
+        // A list with fewer modes that is as good replaces the longer ones.
         found.retain(|more| more.from < *from);
         found.push(FewerModes { from: *from, modes: few.into() });
     }
     found
 }
 
-/// Lists of fewer modes, the longest first.
+/// Candidate lists of modes, the longest first.
 fn candidates(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<Vec<SourceMode>> {
     let mean_wavelength = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
     let place = |mode: &SourceMode| (place(mode, mean_wavelength, reach, focal_length), mode.weight);
@@ -84,8 +87,8 @@ fn candidates(modes: &[SourceMode], reach: f64, focal_length: f64) -> Vec<Vec<So
     lists
 }
 
-/// Vectors the sum of whose squares (outer products) is this symmetric, semi-definite matrix: columns of Cholesky's factor, without
-/// those of nothing.
+/// Vectors whose outer products add up to this symmetric, semi-definite matrix. They are the columns of Cholesky's
+/// factor without the zero ones.
 fn root(mut matrix: [[f64; 3]; 3]) -> Vec<[f64; 3]> {
     let whole = matrix.iter().enumerate().map(|(i, row)| row[i]).sum::<f64>();
     let mut columns = Vec::new();
@@ -103,13 +106,14 @@ fn root(mut matrix: [[f64; 3]; 3]) -> Vec<[f64; 3]> {
     columns
 }
 
-/// The corners of a regular simplex in so many dimensions, around 0, of covariance 1 along each axis.
+/// The corners of a regular simplex in this many dimensions. Its center is 0 and its covariance is 1 along each axis.
 fn simplex(dimensions: usize) -> Vec<Vec<f64>> {
     let n = dimensions as f64;
     (0..=dimensions)
         .map(|corner| {
             let at = |axis: usize| {
-                // Of the usual construction: corner `axis` stands out along its axis, those behind it stand against it.
+                // The usual construction puts corner `axis` out along its axis, and the later corners on the opposite
+                // side.
                 let left = n - axis as f64;
                 let out = ((n + 1.0) * left / (left + 1.0)).sqrt();
                 match corner.cmp(&axis) {
@@ -130,7 +134,7 @@ mod tests {
     const F: f64 = 0.4;
     const REACH: f64 = 11e-3;
 
-    /// A grid of 3 x 3 modes, so many meters wide, and of so many lines, two nanometers apart.
+    /// A grid of 3 x 3 modes of this width in meters, with this many lines that are two nanometers apart.
     fn grid(width: f64, lines: usize) -> Vec<SourceMode> {
         let at = |i: usize| (i as f64 - 1.0) * 0.5 * width / F;
         let mode = |i: usize, line: usize| SourceMode {
@@ -182,7 +186,7 @@ mod tests {
                 assert!((contrast(&few.modes) / contrast(&all) - 1.0).abs() <= EXACT);
             }
         }
-        // A smaller source needs fewer modes at the same pupil; a point none.
+        // A smaller source needs fewer modes at the same pupil. A point needs none.
         let smaller = fewer_modes(&grid(1e-3, 1), REACH, F);
         assert!(smaller.iter().zip(&fewer).all(|(a, b)| a.from < b.from));
         assert!(fewer_modes(&all[..1], REACH, F).is_empty());

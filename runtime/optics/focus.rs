@@ -1,55 +1,56 @@
-//! Depths in people's units: what a depth asks of the eye, and depths as they are written.
+//! Converts depths to diopters, and writes depths as text.
 
 use eyebox_base::quantity::{CM, D, Dimension, M, MM, Quantity, QuantityError};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-/// What focusing at `depth` (meters, positive towards the eye) asks of the eye, diopters: `D = z / f^2` (OPTICS 9). The
-/// relay's last lens shows content so far inside its focus at the distance `f^2 / z` (Newton's form of the lens equation);
-/// depth 0 is at infinity, and below it no relaxed eye sees sharp. `focal_length` in meters.
+/// The accommodation, in diopters, that focusing at `depth` requires from the eye, `D = z / f^2` (OPTICS 9). `depth` is
+/// in meters, positive towards the eye. The last lens of the relay shows content that far inside its focus at the
+/// distance `f^2 / z` (Newton's form of the lens equation). Depth 0 is at infinity, and no relaxed eye is in focus
+/// below it. `focal_length` is in meters.
 pub fn dioptres(depth: f64, focal_length: f64) -> f64 {
     depth / (focal_length * focal_length)
 }
 
-/// The depth, meters, at which an eye that accommodates by so many diopters sees sharp: `z = f^2 D`, the inverse of
-/// [`dioptres`].
+/// The depth in meters at which an eye with this accommodation in diopters is in focus, `z = f^2 D`. It is the inverse
+/// of [`dioptres`].
 pub fn depth_of_dioptres(dioptres: f64, focal_length: f64) -> f64 {
     dioptres * focal_length * focal_length
 }
 
-/// A depth (meters) in both units, for people: `1.50 mm (0.009 D)`.
+/// A depth (meters) in both units, such as `1.50 mm (0.009 D)`.
 pub fn depth_in_words(depth: f64, focal_length: f64) -> String {
     format!("{:.2} mm ({})", depth * 1e3, dioptres_in_words(depth, focal_length))
 }
 
-/// A range of depths (meters) in both units: `-3.00..3.25 mm (-0.019..0.020 D)`.
+/// A range of depths (meters) in both units, such as `-3.00..3.25 mm (-0.019..0.020 D)`.
 pub fn depths_in_words(depths: [f64; 2], focal_length: f64) -> String {
     let [far, near] = depths.map(|z| z * 1e3);
     let [from, to] = depths.map(|z| dioptres_in_words(z, focal_length).trim_end_matches(" D").to_owned());
     format!("{far:.2}..{near:.2} mm ({from}..{to} D)")
 }
 
-/// A depth (meters) in diopters: `0.009 D`.
+/// A depth (meters) in diopters, such as `0.009 D`.
 pub fn dioptres_in_words(depth: f64, focal_length: f64) -> String {
     let value = dioptres(depth, focal_length);
-    // Three digits after the point are 160 um behind a lens of 400 mm; nothing is -0.
+    // Three decimals are 160 um behind a lens of 400 mm. No result is -0.
     format!("{:.3} D", if value.abs() < 5e-4 { 0.0 } else { value })
 }
 
-/// A depth as people give it: in meters, or in diopters, which become meters once the display's focal length is known.
-/// Text is in millimeters, or has a unit, such as `-0.5D`. In meters and centimeters it is a distance from the eye: `2m` is `0.5D`.
-/// JSON has a number or such a text.
+/// A depth as users write it, in meters or in diopters. Diopters become meters with the focal length of the display.
+/// Text is in millimeters, or has a unit, such as `-0.5D`. A text in meters or centimeters is a distance from the eye,
+/// so `2m` is `0.5D`. JSON holds a number or such a text.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum Depth {
-    /// Meters, positive towards the eye.
+    /// A depth in meters, positive towards the eye.
     Metres(f64),
-    /// Diopters, positive nearer.
+    /// A depth in diopters, positive nearer to the eye.
     Dioptres(f64),
 }
 
 impl Depth {
-    /// In meters, before a display of this focal length (meters).
+    /// The depth in meters for a display of this focal length (meters).
     pub fn metres(self, focal_length: f64) -> f64 {
         match self {
             Self::Metres(metres) => metres,
@@ -58,7 +59,7 @@ impl Depth {
     }
 }
 
-/// Depths beyond this are refused [mm or diopters].
+/// Larger depths are rejected, in mm or in diopters.
 const FARTHEST: f64 = 1e9;
 
 impl FromStr for Depth {
@@ -79,7 +80,7 @@ impl Depth {
     }
 
     fn of(quantity: Quantity<'_>) -> Result<Self, QuantityError> {
-        // Depths are millimeters of the image behind the relay. Nobody measures those in meters.
+        // Depths are millimeters of the image behind the relay, which nobody measures in meters.
         let (depth, value) = match quantity.unit() {
             D => (Self::Dioptres(quantity.value_in(D)), quantity.value_in(D)),
             M | CM => (Self::Dioptres(1.0 / quantity.value_in(M)), 1.0 / quantity.value_in(M)),
@@ -98,7 +99,7 @@ impl fmt::Display for Depth {
     }
 }
 
-/// A depth in JSON.
+/// A depth as JSON holds it.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Written {
@@ -132,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_depth_is_a_vergence() {
-        // 160 mm of depth behind a lens of 400 mm are one diopter, nearer is more.
+        // 160 mm of depth behind a lens of 400 mm are one diopter. Nearer is more.
         assert!((dioptres(0.16, 0.4) - 1.0).abs() < 1e-12 && dioptres(-0.16, 0.4) < 0.0);
         assert!((depth_of_dioptres(dioptres(3e-3, 0.4), 0.4) - 3e-3).abs() < 1e-15);
         assert_eq!(depth_in_words(1.5e-3, 0.4), "1.50 mm (0.009 D)");

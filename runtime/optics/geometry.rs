@@ -1,28 +1,29 @@
-//! The display at one wavelength: a 4f relay, or the SLM in the pupil plane itself.
+//! Describes the display at one wavelength, behind a 4f relay or in the pupil plane itself.
 
 use super::OpticsError;
 use super::units::guess;
 use serde::{Deserialize, Serialize};
 
-/// Where the SLM stands.
+/// The place of the SLM.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Geometry {
-    /// In an image plane; a 4f relay puts its Fourier plane where the pupil is (OPTICS 1).
+    /// The SLM is in an image plane. A 4f relay puts its Fourier plane at the pupil (OPTICS 1).
     #[default]
     Relay,
-    /// In the pupil plane: a pixel at r is the pupil-plane position r (OPTICS 9).
+    /// The SLM is in the pupil plane. A pixel at r is the pupil-plane position r (OPTICS 9).
     FarField,
 }
 
 impl Geometry {
-    /// The name by which it is chosen.
+    /// The name in display files.
     pub fn name(self) -> &'static str {
         ["relay", "far-field"][self as usize]
     }
 
-    /// Rows and columns of what an SLM of so many pixels shows: as many, or a square that holds them, for the far field
-    /// sees as far up as to the side.
+    /// Rows and columns of the picture that an SLM of `height` x `width` pixels shows. Behind a relay the picture has
+    /// the size of the SLM. In the far field it is a square that holds the SLM, because the field of view has the same
+    /// angle along both axes.
     pub fn picture_size(self, height: usize, width: usize) -> (usize, usize) {
         match self {
             Self::Relay => (height, width),
@@ -30,44 +31,44 @@ impl Geometry {
         }
     }
 
-    /// For `skip_serializing_if`: files say only what is not usual.
+    /// For `skip_serializing_if`, because files hold only values that differ from the default.
     pub fn is_relay(&self) -> bool {
         *self == Self::Relay
     }
 }
 
-/// A phase-only SLM and what stands in front of it, at one wavelength. All lengths in meters.
+/// A phase-only SLM and the optics in front of it, at one wavelength. All lengths are in meters.
 ///
-/// A *bin* is a place of the pupil plane: a DFT bin of the relay's spectrum, a pixel of a far-field SLM. Bins are signed,
-/// and bin 0 is on the axis.
+/// A *bin* is a place of the pupil plane. It is a DFT bin of the relay's spectrum, or a pixel of a far-field SLM. Bins
+/// are signed, and bin 0 is on the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Optics {
-    /// Rows of the grid (SLM pixels, padding included).
+    /// Rows of the grid, which are SLM pixels including padding.
     pub height: usize,
-    /// Columns of the grid.
+    /// Columns of the grid, including padding.
     pub width: usize,
-    /// Pixel pitch, meters.
+    /// Pixel pitch in meters.
     pub pitch: f64,
-    /// Wavelength, meters.
+    /// Wavelength of the light in meters.
     pub wavelength: f64,
-    /// Focal length of the relay, meters; in the far field, what angles and diopters are measured with (OPTICS 9).
+    /// Focal length of the relay in meters. In the far field it converts angles and diopters (OPTICS 9).
     pub focal_length: f64,
-    /// Where the SLM stands.
+    /// The place of the SLM.
     pub geometry: Geometry,
-    /// Bins (rows, columns) by which the middle of the grid lies off the axis: not zero for a piece that is cut out of a
+    /// Offset of the middle of the grid from the axis, in bins (rows, columns). It is not zero for a piece of a
     /// far-field SLM.
     pub offset: [i64; 2],
-    /// Pixels of a static mask that cover one of these along an axis (OPTICS 12), 1 without: the light's own grid is so many times
-    /// finer ([`Padding::grid`](super::Padding::grid)), and the eyebox so many times wider.
+    /// Pixels of a static mask per pixel of this grid along an axis (OPTICS 12), or 1 without a mask. The grid of the
+    /// light is finer by this factor ([`Padding::grid`](super::Padding::grid)), and the eyebox is wider by it.
     pub mask_factor: usize,
 }
 
 impl Optics {
-    /// Checks every number.
+    /// Makes optics after a check of every number.
     ///
     /// # Errors
-    /// [`OpticsError::Size`], [`OpticsError::NotPositive`], [`OpticsError::OutOfRange`]: from a nanometer to a meter, the
-    /// focal length from a micrometer to a kilometer.
+    /// [`OpticsError::Size`], [`OpticsError::NotPositive`] or [`OpticsError::OutOfRange`]. Pitch and wavelength must be
+    /// from a nanometer to a meter, and the focal length from a micrometer to a kilometer.
     pub fn new(
         height: usize,
         width: usize,
@@ -97,25 +98,26 @@ impl Optics {
         Ok(Self { height, width, pitch, wavelength, focal_length, geometry, offset, mask_factor: 1 })
     }
 
-    /// The same SLM behind a mask, of whose pixels so many cover one of its own along an axis.
+    /// The same SLM behind a mask with `factor` mask pixels per SLM pixel along an axis.
     pub fn behind_mask(self, factor: usize) -> Self {
         Self { mask_factor: factor.max(1), ..self }
     }
 
-    /// The grid on which light is after the mask; these optics themselves where there is none.
+    /// The grid of the light after the mask. Without a mask it is these optics.
     pub fn at_mask(self) -> Self {
         let Self { height, width, pitch, mask_factor, .. } = self;
         let (height, width) = (height * mask_factor, width * mask_factor);
         Self { height, width, pitch: pitch / mask_factor as f64, mask_factor: 1, ..self }
     }
 
-    /// The same SLM in another place.
+    /// The same SLM at another place.
     pub fn in_geometry(self, geometry: Geometry) -> Self {
         Self { geometry, ..self }
     }
 
-    /// Side of the square eyebox at this wavelength, meters: `wavelength * focal_length / pitch` (OPTICS 1), of the mask's pixels
-    /// where there is one, or the SLM's own shorter side (OPTICS 9).
+    /// Side of the square eyebox at this wavelength in meters. Behind a relay it is `wavelength * focal_length / pitch`
+    /// (OPTICS 1), with the pitch of the mask if there is one. In the far field it is the shorter side of the SLM
+    /// (OPTICS 9).
     pub fn eyebox(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.wavelength * self.focal_length / (self.pitch / self.mask_factor as f64),
@@ -123,7 +125,7 @@ impl Optics {
         }
     }
 
-    /// Meters of pupil plane per bin, as (y, x).
+    /// Meters of the pupil plane per bin, as (y, x).
     pub fn bin_size(&self) -> (f64, f64) {
         let to_pupil = self.wavelength * self.focal_length;
         match self.geometry {
@@ -134,7 +136,8 @@ impl Optics {
         }
     }
 
-    /// Extent of the retinal image in the focal plane, meters, as (y, x): the grid's own, or `wavelength f / pitch`.
+    /// Extent of the retinal image in the focal plane in meters, as (y, x). Behind a relay it is the extent of the grid. In
+    /// the far field it is `wavelength f / pitch`.
     pub fn field_of_view(&self) -> (f64, f64) {
         match self.geometry {
             Geometry::Relay => (self.height as f64 * self.pitch, self.width as f64 * self.pitch),
@@ -142,13 +145,13 @@ impl Optics {
         }
     }
 
-    /// Rows and columns of the retinal image when everything is transformed
-    /// ([`Geometry::picture_size`]).
+    /// Rows and columns of the retinal image of the whole grid ([`Geometry::picture_size`]).
     pub fn image_size(&self) -> (usize, usize) {
         self.geometry.picture_size(self.height, self.width)
     }
 
-    /// Direction cosine per bin, as (y, x): `wavelength q`, of light at pupil-plane position `wavelength f q`.
+    /// Direction cosine per bin, as (y, x), which is `wavelength q` of light at the pupil-plane position `wavelength f
+    /// q`.
     pub fn cosine_per_bin(&self) -> (f64, f64) {
         match self.geometry {
             Geometry::Relay => (
@@ -159,25 +162,25 @@ impl Optics {
         }
     }
 
-    /// `(wavelength q)^2` per squared bin, as (y, x): what the kernel `transfer` takes.
+    /// `(wavelength q)^2` per squared bin, as (y, x). The kernel `transfer` takes it.
     pub fn slopes(&self) -> (f64, f64) {
         let (y, x) = self.cosine_per_bin();
         (y * y, x * x)
     }
 
-    /// The first of the bins that exist, as (y, x): there are `height` x `width` of them.
+    /// The first existing bin, as (y, x). There are `height` x `width` bins.
     pub fn first_bin(&self) -> (i64, i64) {
         (self.offset[0] - self.height as i64 / 2, self.offset[1] - self.width as i64 / 2)
     }
 
-    /// Whether there is such a bin.
+    /// True if the grid has this bin.
     pub fn has_bin(&self, ky: i64, kx: i64) -> bool {
         let (y, x) = self.first_bin();
         (y..y + self.height as i64).contains(&ky) && (x..x + self.width as i64).contains(&kx)
     }
 
-    /// Where the grid holds a bin, as (row, column): in the order of the DFT, or in that of the SLM's pixels. Bins that do
-    /// not exist wrap.
+    /// The index (row, column) of a bin in the grid. A relay has the order of the DFT, and the far field has the order
+    /// of the SLM's pixels. Bins outside the grid wrap around.
     pub fn index_of(&self, ky: i64, kx: i64) -> (usize, usize) {
         let first = match self.geometry {
             Geometry::Relay => (0, 0),
@@ -186,15 +189,16 @@ impl Optics {
         ((ky - first.0).rem_euclid(self.height as i64) as usize, (kx - first.1).rem_euclid(self.width as i64) as usize)
     }
 
-    /// The piece of a far-field SLM that begins at this pixel, or before its first: a far-field problem of its own, on the same
-    /// axis.
+    /// The piece of a far-field SLM that begins at this pixel, which may lie before the first one. The piece is a
+    /// far-field problem of its own on the same axis.
     pub fn piece(self, [top, left]: [i64; 2], [height, width]: [usize; 2]) -> Self {
         let (y, x) = self.first_bin();
         let offset = [y + top + (height / 2) as i64, x + left + (width / 2) as i64];
         Self { height, width, offset, ..self }
     }
 
-    /// The middle of a far-field SLM's piece in the pupil plane, (x, y), meters; a relay's eyebox is around the axis.
+    /// The middle of a piece of a far-field SLM in the pupil plane, (x, y), in meters. It is zero for a relay, whose
+    /// eyebox is around the axis.
     pub fn center(&self) -> [f64; 2] {
         match self.geometry {
             Geometry::Relay => [0.0, 0.0],
@@ -207,7 +211,7 @@ impl Optics {
         Self { height, width, ..self }
     }
 
-    /// Share of the eyebox's area that a pupil of this diameter covers: `(pi/4) (d/w)^2` (OPTICS 2).
+    /// Share of the eyebox's area that a pupil of this diameter covers, `(pi/4) (d/w)^2` (OPTICS 2).
     pub fn share(&self, diameter: f64) -> f64 {
         let area = match self.geometry {
             Geometry::Relay => self.eyebox().powi(2),
@@ -216,7 +220,8 @@ impl Optics {
         std::f64::consts::FRAC_PI_4 * diameter.powi(2) / area
     }
 
-    /// Size of a pixel of the whole image in the focal plane, meters: the SLM's pitch, or `wavelength f / (pitch N)`.
+    /// Size of a pixel of the whole image in the focal plane in meters. It is the SLM's pitch, or `wavelength f /
+    /// (pitch N)` in the far field.
     pub fn image_pixel(&self) -> f64 {
         match self.geometry {
             Geometry::Relay => self.pitch,
@@ -224,20 +229,22 @@ impl Optics {
         }
     }
 
-    /// The finest detail that an intensity through a pupil of this diameter (meters) can have, cycles per degree: `d /
-    /// wavelength` a radian, or the pixels' own.
+    /// The finest detail of an intensity through a pupil of this diameter (meters), in cycles per degree. The limit is
+    /// `d / wavelength` cycles per radian, or the limit of the pixels if that is lower.
     pub fn finest_cycles_per_degree(&self, diameter: f64) -> f64 {
         let pixels = self.focal_length / (2.0 * self.image_pixel());
         (diameter.min(self.eyebox()) / self.wavelength).min(pixels).to_radians()
     }
 
-    /// Depth at which content moves by `disparity` pixels between views `view_pitch` meters apart (OPTICS 3).
+    /// Depth in meters at which content moves by `disparity` pixels between views that are `view_pitch` meters apart
+    /// (OPTICS 3).
     pub fn depth_of_disparity(&self, disparity: f64, view_pitch: f64) -> f64 {
         disparity * self.focal_length * self.image_pixel() / view_pitch
     }
 }
 
-/// The signed DFT bin of index `k` (which may lie outside `0..n`): in `-n/2 ..= (n - 1)/2`, as `fftfreq` orders them.
+/// The signed DFT bin of index `k`, which may lie outside `0..n`. The result is in `-n/2 ..= (n - 1)/2`, in the order
+/// of `fftfreq`.
 pub fn frequency_bin(k: i64, n: usize) -> i64 {
     let n = n as i64;
     (k + n / 2).rem_euclid(n) - n / 2
@@ -256,7 +263,8 @@ mod tests {
     #[test]
     fn details_are_as_fine_as_the_pupil_is_wide() {
         let optics = Optics::new(8, 8, 8e-6, 520e-9, 0.4).unwrap();
-        // 4 mm of green: 134 cycles a degree, 6.5 pixels of 8 um each; a wide pupil is left with two pixels a cycle.
+        // 4 mm of green light give 134 cycles per degree, 6.5 pixels of 8 um each. A wide pupil is limited by two
+        // pixels per cycle.
         assert!((optics.finest_cycles_per_degree(4e-3) - 134.26).abs() < 0.01);
         assert!((optics.finest_cycles_per_degree(20e-3) - 436.33).abs() < 0.01);
     }

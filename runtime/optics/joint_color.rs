@@ -1,5 +1,6 @@
-//! Sub-frames that all colors share, each lit by every laser with a power of its own (OPTICS 13; Markley et al. 2023, Kavakli et
-//! al. 2023).
+//! Defines sub-frames in simultaneous color, each lit by every laser with its own power (OPTICS 13).
+//!
+//! The method follows Markley et al. 2023 and Kavakli et al. 2023.
 
 use super::Color;
 use eyebox_base::error::Reason;
@@ -9,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// The most turns that a color's light may make over all drives: no display spans more.
+/// The most turns that a color's light may make over all drive values. No display spans more.
 const STEEPEST: f64 = 8.0;
 
-/// How one drive and several lasers show all colors at once: what a hologram keeps beside its phases.
+/// The use of one drive value and several lasers for all colors. A hologram stores it with its phases.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointColor {
@@ -20,43 +21,46 @@ pub struct JointColor {
     pub lasers: BTreeMap<Color, Laser>,
 }
 
-/// One laser of joint colors.
+/// One laser of simultaneous color.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Laser {
-    /// Turns of its light over all drives, which are one turn here; a whole number, 1 as a rule, for the color that they are meant at.
+    /// Turns of the laser's light over all drive values, which are one turn here. The reference color has a whole
+    /// number, usually 1.
     pub slope: f64,
-    /// Its power in each sub-frame, over its own mean.
+    /// The power of the laser in each sub-frame, over its mean.
     pub powers: Vec<f64>,
 }
 
 impl Laser {
-    /// Share of the time that it shines, as if it shone with its largest power: mean over largest, `B_c`. White of one exposure is
-    /// as bright as lasers of one peak power let it be by this.
+    /// Share of the time that the laser would shine with its largest power, which is mean over largest, `B_c`. This
+    /// share limits the brightness of white at one exposure, for lasers of one peak power.
     pub fn duty(&self) -> f64 {
         let largest = self.powers.iter().copied().fold(0.0, f64::max);
         if largest > 0.0 { 1.0 / largest } else { 0.0 }
     }
 
-    /// The phases (radians) that its light has of drives, which are given as phases of one turn.
+    /// The phases (radians) of the laser's light for drive values, which are given as phases of one turn.
     pub fn phases(&self, drives: &[f32]) -> Vec<f32> {
         drives.iter().map(|drive| phase_of(drive_of(*drive), self.slope)).collect()
     }
 }
 
 impl JointColor {
-    /// The color that drives are meant at, where it is among these.
+    /// The reference color of the drive values, if it is among these lasers.
     pub fn reference(&self) -> Option<Color> {
         let place = reference_of(self.lasers.values().map(|laser| laser.slope));
         place.and_then(|place| self.lasers.keys().nth(place).copied())
     }
 
-    /// Times that white is brighter than of one color after another, by lasers of the same peak power and at the same exposures.
+    /// Ratio of the brightness of white to sequential color, with lasers of the same peak power and at the same
+    /// exposures.
     pub fn brightness(&self) -> f64 {
         self.lasers.len() as f64 * self.lasers.values().map(Laser::duty).fold(f64::INFINITY, f64::min)
     }
 
-    /// A table of the lasers' powers for whoever drives them: a line a sub-frame, a column a color; 1 is the largest of all.
+    /// A table of the lasers' powers for their driver. It has a line per sub-frame and a column per color, and 1 is the
+    /// largest power of all.
     pub fn table(&self) -> String {
         let frames = self.lasers.values().next().map_or(0, |laser| laser.powers.len());
         let all = self.lasers.values().flat_map(|laser| &laser.powers);
@@ -70,10 +74,10 @@ impl JointColor {
         format!("sub_frame{names}\n{}", (0..frames).map(line).collect::<String>())
     }
 
-    /// Refuses what cannot be of a hologram of these colors and so many sub-frames.
+    /// Rejects values that do not fit a hologram of these colors and this many sub-frames.
     ///
     /// # Errors
-    /// What is wrong, and what would be right.
+    /// The fault and the remedy.
     pub fn check(&self, colors: &[Option<Color>], frames: usize) -> Result<(), Reason> {
         let lit = |color: &Option<Color>| color.is_some_and(|color| self.lasers.contains_key(&color));
         if let Some(dark) = colors.iter().position(|color| !lit(color)) {
@@ -89,7 +93,7 @@ impl JointColor {
             if powers.len() != frames {
                 return Err(reason!(
                     "powers-count",
-                    "joint_color has {} powers of {color}: it must be {frames}, one a sub-frame",
+                    "joint_color has {} powers of {color}: it must be {frames}, one per sub-frame",
                     powers.len()
                 ));
             }
@@ -114,21 +118,22 @@ impl JointColor {
     }
 }
 
-/// The powers of one color after another: each of `colors` has so many times its mean power in its own sub-frames, which follow
-/// each other, and none in the others'. (color, sub-frame).
+/// The powers of one color after another, (color, sub-frame). Each of `colors` has `colors` times its mean power in its
+/// own sub-frames, which are consecutive, and no power in the others.
 pub fn powers_in_sequence(colors: usize, frames: usize) -> Vec<Vec<f64>> {
     let power = |color: usize, frame: usize| if frame * colors / frames.max(1) == color { 1.0 } else { 0.0 };
     (0..colors).map(|c| with_mean_of_one((0..frames).map(|f| power(c, f)).collect())).collect()
 }
 
-/// The place, among colors of these slopes, of the one that drives are meant at: it makes whole turns, and the fewest.
+/// The place of the reference color of the drive values, among colors of these slopes. It makes the smallest whole
+/// number of turns.
 pub fn reference_of(slopes: impl Iterator<Item = f64>) -> Option<usize> {
     let whole = slopes.enumerate().filter(|(_, slope)| *slope >= 1.0 && slope.fract() == 0.0);
     whole.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(place, _)| place)
 }
 
-/// The drives, as phases (radians) of one turn, of which colors of these slopes have these phases; where the color that they are meant at makes
-/// one turn over them, its phases are the drives.
+/// The drive values, as phases (radians) of one turn, that give colors of these slopes these phases. If the reference
+/// color makes one turn, its phases are the drive values.
 pub fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync) -> Vec<f32> {
     let Some(reference) = reference_of(slopes.iter().copied()) else { return Vec::new() };
     let mut drives = phases(reference).to_vec();
@@ -138,8 +143,8 @@ pub fn drives_of<'a>(slopes: &[f64], phases: impl Fn(usize) -> &'a [f32] + Sync)
     drives
 }
 
-/// The same behind whichever color they are meant at, into memory that is there: of the drives that leave that color its phases, the one that
-/// leaves the others theirs, too.
+/// The same for a given reference color, into existing memory. Several drive values give the reference color its phase.
+/// The result is the one of them that fits the other colors best.
 pub fn drives_into<'a>(
     slopes: &[f64],
     reference: usize,
@@ -165,7 +170,7 @@ pub fn drives_into<'a>(
     });
 }
 
-/// These divided by their mean.
+/// Divides the powers by their mean.
 pub fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
     let mean = powers.iter().sum::<f64>() / powers.len().max(1) as f64;
     if mean > 0.0 {
@@ -174,33 +179,34 @@ pub fn with_mean_of_one(mut powers: Vec<f64>) -> Vec<f64> {
     powers
 }
 
-/// The drive, 0 to a turn, behind the phase of the color that it is meant at (radians, any turn).
+/// The drive value, 0 to a turn, of a phase of the reference color (radians, any turn).
 pub fn drive_of(phase: f32) -> f64 {
     let phase = f64::from(phase);
-    // Within a turn of zero, as phases are, the same without a division.
+    // Phases are within a turn of zero, so this gives the same result without a division.
     let drive = match phase {
         0.0..TAU => phase,
         _ if phase < 0.0 && phase > -TAU => phase + TAU,
         _ => phase.rem_euclid(TAU),
     };
-    // What is less than nothing by less than a digit is nothing.
+    // A value below zero by less than a digit becomes a whole turn, which is zero.
     if drive >= TAU { 0.0 } else { drive }
 }
 
-/// The phase, -pi to pi radians, that a color of this slope has of a drive (OPTICS 13): the drive keeps its wrap.
+/// The phase, -pi to pi radians, that a color of this slope has at a drive value (OPTICS 13). The drive value keeps its
+/// wrap.
 pub fn phase_of(drive: f64, slope: f64) -> f32 {
     let phase = slope * drive;
     (phase - TAU * (phase / TAU).round()) as f32
 }
 
-/// Refuses a `dispersion` that no SLM has, of a display of these wavelengths (meters). Says what is wrong.
+/// Rejects a `dispersion` that no SLM has, for a display of these wavelengths (meters).
 pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &[(Color, f64)]) -> Result<(), Reason> {
     let longest = wavelengths.iter().map(|w| w.1).fold(0.0, f64::max);
     let color_of_longest = wavelengths.iter().find(|w| w.1 == longest).map(|w| w.0);
     let fewest = color_of_longest.and_then(|color| dispersion.get(&color)).copied().unwrap_or(1.0);
     for (color, slope) in dispersion {
         let Some((_, wavelength)) = wavelengths.iter().find(|w| w.0 == *color) else {
-            return Err(reason!("dispersion-color", "dispersion names {color}, of which wavelengths_nm has none"));
+            return Err(reason!("dispersion-color", "dispersion names {color}, but wavelengths_nm has no such color"));
         };
         if !(*slope > 0.0 && *slope <= STEEPEST) {
             return Err(reason!(
@@ -211,14 +217,14 @@ pub(super) fn check_dispersion(dispersion: &BTreeMap<Color, f64>, wavelengths: &
         if *wavelength == longest && (*slope < 1.0 || slope.fract() != 0.0) {
             return Err(reason!(
                 "dispersion-whole",
-                "dispersion of {color} is {slope}: it is a whole number of turns for the longest wavelength, which drives are meant \
-                 at, 1 as a rule"
+                "dispersion of {color} is {slope}: it must be a whole number of turns, usually 1, because the longest \
+                 wavelength defines the drive values"
             ));
         }
         if *slope < fewest {
             return Err(reason!(
                 "dispersion-order",
-                "dispersion of {color} is {slope}: it is {fewest} or more, as the longest wavelength has"
+                "dispersion of {color} is {slope}: it must be at least {fewest}, the value of the longest wavelength"
             ));
         }
     }
@@ -271,7 +277,7 @@ mod tests {
         }
     }
 
-    /// Of phases that were kept in eight bits, too.
+    /// Phases that were stored in eight bits have the same property.
     #[test]
     fn drives_are_found_behind_the_phases_of_all_colours() {
         let drives: Vec<f32> = (0..4000).map(|i| (f64::from(i) / 4000.0 * TAU - TAU / 2.0) as f32).collect();
@@ -299,7 +305,7 @@ mod tests {
         for (drive, slope, wanted) in [(1.0, 1.5, 1.5), (4.0, 1.5, 6.0 - TAU), (6.0, 1.0, 6.0 - TAU)] {
             assert!((f64::from(phase_of(drive, slope)) - wanted).abs() < 1e-6);
         }
-        // A drive beyond a turn begins anew, and its colors with it.
+        // A drive value beyond a turn begins again, and its colors with it.
         assert!((drive_of(-0.5) - (TAU - 0.5)).abs() < 1e-6 && drive_of(-1e-20) < TAU);
         assert!((f64::from(phase_of(drive_of(-0.5), 1.5)) - (1.5 * (TAU - 0.5) - TAU)).abs() < 1e-5);
     }
@@ -315,7 +321,7 @@ mod tests {
         let measured = read("dispersion = { green = 1.31, blue = 1.62 }\n").unwrap();
         assert_eq!(measured.slopes(&all), [1.0, 1.31, 1.62]);
         assert_eq!(measured.slopes(&all[1..]), [1.0, 1.62 / 1.31]);
-        // An SLM of more than a turn: of red two, and of the rest as much more.
+        // This SLM makes more than a turn, two turns of red, and the other colors more in proportion.
         let far = read("dispersion = { red = 2 }\n").unwrap();
         assert!(far.slopes(&all).iter().zip(wanted).all(|(a, b)| (a - 2.0 * b).abs() < 1e-12));
         let [green, blue] = far.slopes(&all[1..])[..] else { panic!("two colors") };

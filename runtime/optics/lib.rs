@@ -1,8 +1,8 @@
-//! Display, pupil, propagation and window as pure functions in float64, without buffers or threads.
+//! Defines display, pupil, propagation and window as pure functions in float64, without buffers or threads.
 //!
-//! A phase-only SLM of `height` x `width` pixels lit by a plane wave shows `u = exp(i phi)`. A 4f relay puts its
-//! Fourier plane where the eye's pupil is: frequency `q` lands at pupil position `wavelength * focal_length * q`. Or the
-//! SLM stands in the pupil plane itself ([`Geometry::FarField`]).
+//! A phase-only SLM of `height` x `width` pixels, lit by a plane wave, shows `u = exp(i phi)`. A 4f relay puts its
+//! Fourier plane at the eye's pupil. Frequency `q` arrives at the pupil position `wavelength * focal_length * q`.
+//! Alternatively the SLM is in the pupil plane itself ([`Geometry::FarField`]).
 
 mod color;
 mod dispersion;
@@ -78,58 +78,58 @@ pub use zernike::{zernike, zernike_name};
 
 use eyebox_base::error::Reason;
 
-/// For `skip_serializing_if`: files say only what is not usual.
+/// For `skip_serializing_if`, because files hold only values that differ from the default.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// What can be wrong with a display, a pupil or a grid.
+/// An error of a display, a pupil or a grid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "fields that their names explain")]
 pub enum OpticsError {
-    /// A number that has to be positive and finite is not.
+    /// A number must be positive and finite, but is not.
     #[error("{what} is {value}: it must be a positive, finite number{hint}")]
     NotPositive {
-        /// Which quantity, with its unit.
+        /// The quantity with its unit.
         what: &'static str,
-        /// Its value, in that unit.
+        /// The value in that unit.
         value: f64,
-        /// What would be right, or nothing.
+        /// A hint at the correct value, or an empty text.
         hint: &'static str,
     },
-    /// A length that no display has, and with which float64 would not get far.
+    /// A length is outside the range of real displays, in which float64 is accurate enough.
     #[error("{what} is {value:e}: it must be {low:e} to {high:e}{hint}")]
     OutOfRange {
-        /// Which quantity, with its unit.
+        /// The quantity with its unit.
         what: &'static str,
-        /// Its value, in that unit.
+        /// The value in that unit.
         value: f64,
         low: f64,
         high: f64,
-        /// What is probably meant, or nothing.
+        /// The value that is probably meant, or an empty text.
         hint: String,
     },
-    /// What is possible and most likely a mistake.
+    /// A value is possible, but most likely a mistake.
     #[error("{given}: {probably}")]
     Unusual {
-        /// What was given, with its unit.
+        /// The given value with its unit.
         given: String,
-        /// What it probably should be.
+        /// The value that is probably meant.
         probably: String,
     },
-    /// A number that has to be finite is not.
+    /// A number must be finite, but is not.
     #[error("{what} is {value}: it must be a finite number")]
     NotFinite {
-        /// Which quantity, with its unit.
+        /// The quantity with its unit.
         what: &'static str,
         value: f64,
     },
-    /// A resolution with an axis of zero or beyond what is addressed.
+    /// A resolution has an axis of zero pixels, or of more than 65536.
     #[error("the size {height}x{width} has no pixels or too many: each axis must be 1 to 65536")]
     Size { height: usize, width: usize },
-    /// The pupil reaches no light at all.
+    /// The pupil receives no light at all.
     #[error(
         "the pupil at ({x_mm}, {y_mm}) mm, {diameter_mm} mm wide, lies outside the {color} eyebox of {eyebox_mm:.2} mm: \
          its center must be within {reach_mm:.2} mm on each axis"
@@ -138,61 +138,61 @@ pub enum OpticsError {
         x_mm: f64,
         y_mm: f64,
         diameter_mm: f64,
-        /// Side of the eyebox.
+        /// Side of the eyebox in mm.
         eyebox_mm: f64,
-        /// Largest coordinate of the center.
+        /// Largest allowed coordinate of the center in mm.
         reach_mm: f64,
-        /// The wavelength, in words.
+        /// The wavelength as text.
         color: String,
     },
-    /// Not a preset and not a readable file.
+    /// The name is neither a preset nor a readable file.
     #[error("the display '{name}' is neither a preset ({presets}) nor a readable file: {reason}")]
     UnknownDisplay {
-        /// What was asked for.
+        /// The name that was requested.
         name: String,
         presets: String,
-        /// Why it could not be read.
+        /// The reason why it could not be read.
         reason: Reason,
     },
-    /// A display file that does not say what it must.
+    /// A display file is incomplete or wrong.
     #[error("display file {file}: {reason}")]
     DisplayFile {
         file: String,
-        /// What is wrong in it, where.
+        /// The fault in the file and its place.
         reason: Reason,
     },
-    /// A prescription that cannot be.
+    /// A prescription is impossible.
     #[error("the prescription: {reason}")]
     Prescription {
-        /// What is wrong with it, and where.
+        /// The fault and its place.
         reason: Reason,
     },
-    /// An obstruction that has no such name.
+    /// No obstruction has this name.
     #[error("the obstruction '{name}' is unknown: expected {known}")]
     UnknownObstruction { name: String, known: String },
-    /// A way of viewing that cannot be.
+    /// The viewing conditions are impossible.
     #[error("the viewing: {reason}")]
     Viewing {
-        /// What is wrong with it.
+        /// The fault of the viewing conditions.
         reason: Reason,
     },
-    /// An eye that blurs too much for the picture.
+    /// The eye blurs too much for the picture.
     #[error(
-        "an eye of {eye} blurs a point over {blur_mm:.2} mm through a pupil of {diameter_mm:.2} mm: more than half of the \
-         picture, {most_mm:.2} mm; this display serves that eye through pupils up to {fits_mm:.2} mm"
+        "an eye of {eye} blurs a point over {blur_mm:.2} mm through a pupil of {diameter_mm:.2} mm, more than half of \
+         the picture, {most_mm:.2} mm. This display serves that eye through pupils of up to {fits_mm:.2} mm"
     )]
     Blur {
-        /// The eye, in words.
+        /// The eye in words.
         eye: String,
         diameter_mm: f64,
-        /// How wide a point is.
+        /// Diameter of the blurred point in mm.
         blur_mm: f64,
-        /// How wide it may be.
+        /// Largest allowed diameter of a blurred point in mm.
         most_mm: f64,
-        /// The widest pupil that fits.
+        /// Diameter in mm of the widest pupil that fits.
         fits_mm: f64,
     },
-    /// A color that the display does not have.
+    /// The display does not have this color.
     #[error("the display '{display}' has no {color} wavelength: it has {has}")]
     NoColor { display: String, color: Color, has: String },
 }

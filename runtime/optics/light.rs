@@ -1,4 +1,4 @@
-//! A display's light: the modes of its source, color by color, and how few of them do (OPTICS 12).
+//! Computes the modes of a display's source for each color, and how few modes are enough (OPTICS 12).
 
 use super::quadrature::MOST;
 use super::source::{LINES, SourceMode, SourceShape, SourceTerms};
@@ -8,26 +8,26 @@ use eyebox_base::reason;
 use serde::Serialize;
 use std::f64::consts::PI;
 
-/// The contrast of speckle may be off by so much of itself, for as few samples as a scene requires.
+/// Relative error of the speckle contrast that is allowed for the fewest samples of a scene.
 pub(super) const EXACT: f64 = 0.03;
 
-/// How many samples stand for a source, and what they make of speckle through a pupil.
+/// The samples of a source, and the speckle contrast that they give through a pupil.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SourceSampling {
-    /// Points along an axis of its size, and wavelengths of its line.
+    /// Points along an axis of the source's size, and wavelengths of its line.
     pub samples: [usize; 2],
-    /// Modes in all.
+    /// Number of modes in all.
     pub modes: usize,
-    /// Contrast of fully developed speckle in one sub-frame through the pupil, with these samples,
+    /// Contrast of fully developed speckle in one sub-frame through the pupil, with these samples.
     pub contrast: f64,
-    /// with one more along each axis,
+    /// The contrast with one more sample along each axis.
     pub one_more: f64,
-    /// and with the most that there are.
+    /// The contrast with the largest number of samples.
     pub limit: f64,
 }
 
 impl Display {
-    /// The terms of its source at a color; none where nothing is said of it.
+    /// The terms of the source at a color, or none if the file has none.
     fn source_terms(&self, color: Color) -> Option<SourceTerms> {
         let (own, all) = (self.source.get(&color.into()), self.source.get(&ModelOf::All));
         match (own, all) {
@@ -36,8 +36,8 @@ impl Display {
         }
     }
 
-    /// The modes of one of its colors' light, whose weights add up to 1 for each switchable source of power 1, of sources that are
-    /// lit and of those that are not; none for a laser on the axis, or a color that it does not have.
+    /// The modes of the light of one color, from lit and unlit sources. Their weights add up to 1 for each switchable
+    /// source of power 1. The list is empty for a laser on the axis, or for a color that the display does not have.
     pub fn modes(&self, color: Color) -> Vec<SourceMode> {
         let Ok(optics) = self.optics(color) else { return Vec::new() };
         let centred = || vec![SourceMode::centred(optics.wavelength)];
@@ -47,18 +47,18 @@ impl Display {
             false => self.sources.modes(color, self.focal_length, &modes),
         };
         match modes[..] {
-            // Whichever source it is of, there is no other.
+            // The number of the source does not matter, because there is no other.
             [one] if SourceMode { source: 0, ..one } == SourceMode::centred(optics.wavelength) => Vec::new(),
             _ => modes,
         }
     }
 
-    /// What is wrong with its source, in words.
+    /// Checks the source and the switchable sources.
     pub(super) fn check_source(&self) -> Result<(), Reason> {
         if !self.sources.is_empty() && self.geometry == Geometry::FarField {
             return Err(reason!(
                 "sources-without-relay",
-                "[[sources]]: they are for an SLM behind a relay: leave them out"
+                "[[sources]]: only an SLM behind a relay has switchable sources, so leave them out"
             ));
         }
         let all: Vec<Color> = self.wavelengths.iter().map(|w| w.color).collect();
@@ -73,7 +73,7 @@ impl Display {
             if self.geometry == Geometry::FarField {
                 return Err(wrong(reason!(
                     "source-without-relay",
-                    "a source is for an SLM behind a relay: leave it out"
+                    "only an SLM behind a relay has a source: leave it out"
                 )));
             }
             for color in colors {
@@ -85,9 +85,10 @@ impl Display {
         Ok(())
     }
 
-    /// The fewest samples of one of its colors' source that do for pupils from this diameter on anywhere in the eyebox, and
-    /// content up to this far from the eye's focus (meters): the contrast of speckle is right to 3 %, and neighboring points
-    /// part no content by more than a pixel. What its file gives is taken. None where there is nothing to sample.
+    /// The fewest samples of one color's source that are enough for pupils from this diameter on anywhere in the
+    /// eyebox. Content may be this far from the eye's focus (meters). The speckle contrast is right to 3 %, and
+    /// neighboring points split no content by more than a pixel. Values of the display file are kept. The result is
+    /// none if there is nothing to sample.
     pub fn source_sampling(&self, color: Color, diameter: f64, depth: f64) -> Option<SourceSampling> {
         let terms = self.source_terms(color).filter(|terms| terms.modes.is_empty())?;
         let optics = self.optics(color).ok()?;
@@ -125,7 +126,7 @@ impl Display {
         })
     }
 
-    /// The same display with so many samples of a color's source.
+    /// The same display with this many samples of a color's source.
     #[must_use]
     pub fn with_source_samples(&self, color: Color, [samples, lines]: [usize; 2]) -> Self {
         let mut display = self.clone();
@@ -137,16 +138,16 @@ impl Display {
     }
 }
 
-/// Where a mode's light is, meters: (x, y) of the eyebox, and how far it is moved at the eyebox's edge, `reach` from the axis, for its
-/// wavelength is not the main one.
+/// The place of a mode's light in meters. The first two numbers are (x, y) of its eyebox. The third is the shift at the
+/// eyebox's edge, `reach` from the axis, because its wavelength is not the main one.
 pub(super) fn place(mode: &SourceMode, main: f64, reach: f64, focal_length: f64) -> [f64; 3] {
     let [x, y] = mode.eyebox(focal_length);
     [x, y, reach * (mode.wavelength / main - 1.0)]
 }
 
-/// Contrast (standard deviation over mean) of fully developed speckle that these modes show through a pupil: the root of
-/// `sum w_j w_k |mu_jk|^2`, `mu` what the discs of two modes have in common of a disc (Goodman 2007, chapter 4). A wavelength moves
-/// the disc by its share of the place in the eyebox, of which the edge, `reach` from the axis, is taken.
+/// Contrast (standard deviation over mean) of fully developed speckle that these modes show through a pupil. It is the
+/// root of `sum w_j w_k |mu_jk|^2`, with `mu` the common share of the discs of two modes (Goodman 2007, chapter 4). A
+/// wavelength moves the disc in proportion to the place in the eyebox. This takes the edge, `reach` from the axis.
 pub(super) fn speckle_contrast(modes: &[SourceMode], diameter: f64, reach: f64, focal_length: f64) -> f64 {
     let main = modes.iter().map(|mode| mode.weight * mode.wavelength).sum::<f64>();
     let place = |mode: &SourceMode| place(mode, main, reach, focal_length);

@@ -27,7 +27,7 @@ fn moments(modes: &[SourceMode]) -> [f64; 3] {
 #[test]
 fn presets_and_sizes_are_modes_of_their_spread() {
     assert!(display("").modes(Color::Green).is_empty());
-    // A laser, said or not, and a point of one line are no source at all.
+    // A laser, given or by default, and a point of one line are no source at all.
     for none in ["[source.all]\nkind = \"laser\"\n", "[source.green]\nmodes = [{ weight = 3 }]\n"] {
         assert!(display(none).modes(Color::Green).is_empty());
     }
@@ -68,7 +68,7 @@ fn a_colour_s_source_comes_before_that_of_all_and_survives_the_file() {
     assert!((modes[0].wavelength - wanted[0].wavelength).abs() < 1e-21);
     assert_eq!((modes[0].angle, modes[0].weight, modes[1]), (wanted[0].angle, wanted[0].weight, wanted[1]));
     assert_eq!(Display::from_toml(&list.to_toml(), "b").unwrap(), list);
-    // A pupil sees a mode where, in the SLM's own light, it stands moved against the mode's image.
+    // In the SLM's own light, the pupil of a mode is moved against the mode's image.
     let seen = wanted[0].pupil(&Pupil::from_mm([1.0, 1.0, 4.0, 2.0]), 0.4).to_mm();
     assert!(seen.iter().zip([0.6, 1.8, 4.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{seen:?}");
 }
@@ -120,7 +120,7 @@ fn speckle_falls_as_the_source_grows_and_few_samples_tell() {
     let (few, many) = (sampling(8e-3), sampling(2e-3));
     assert!(few.modes < many.modes && many.samples[1] == 1, "{few:?}, {many:?}");
     assert!((few.contrast / few.limit - 1.0).abs() <= EXACT && (few.one_more - few.contrast).abs() < 0.05, "{few:?}");
-    // Content that is far from the focus asks for more; what the file gives is taken.
+    // Content far from the focus requires more samples. Values of the file are kept.
     assert!(square.source_sampling(Color::Green, 8e-3, 8e-3).unwrap().modes > few.modes);
     let given =
         display("[source.green]\nimage_mm = 2\nsamples = 4\n").source_sampling(Color::Green, 8e-3, 0.0).unwrap();

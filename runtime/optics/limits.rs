@@ -1,19 +1,20 @@
-//! Numbers that are possible and most likely a mistake: one unit taken for another, axes exchanged, a pupil that no eye has.
-//! What people give is checked before anything is computed of it; who means it can leave the check out.
+//! Detects values that are possible but most likely a mistake in units, in axes or in the pupil.
+//!
+//! User input passes these checks before any computation. A caller that means such a value can skip them.
 
 use super::units::{APERTURE, COMMON_DEPTH, DIAMETER, FOCAL_LENGTH, PITCH, VIEW_PITCH, WAVELENGTH, in_words, meant};
 use super::{Color, Display, Optics, OpticsError, Pupil, depth_of_dioptres};
 
-/// Rows to columns above which a display is taken for one with its axes exchanged: the squarest SLMs are 5 to 4.
+/// Ratio of rows to columns above which the axes are probably exchanged. The squarest SLMs are 5 to 4.
 const PORTRAIT: [usize; 2] = [6, 5];
-/// A pupil may be as wide as the eyebox; people round.
+/// A pupil may be as wide as the eyebox, and users round its diameter.
 const ROUNDED: f64 = 1.01;
 
 impl Optics {
-    /// Whether pitch, wavelength and focal length are such as displays have: a wrong unit is not.
+    /// Checks that pitch, wavelength and focal length are plausible for a real display, to detect a wrong unit.
     ///
     /// # Errors
-    /// [`OpticsError::Unusual`].
+    /// [`OpticsError::Unusual`] for a value that is not plausible.
     pub fn check_usual(&self) -> Result<(), OpticsError> {
         PITCH.check(self.pitch * 1e6)?;
         WAVELENGTH.check(self.wavelength * 1e9)?;
@@ -22,11 +23,11 @@ impl Optics {
 }
 
 impl Display {
-    /// Whether it is such as displays are: [`Optics::check_usual`] of every color, colors in the order of their
-    /// wavelengths, and rows and columns not exchanged: clearly higher than wide only where it says that it is a portrait.
+    /// Checks every color with [`Optics::check_usual`], the order of the colors' wavelengths, and the order of rows and
+    /// columns. A display may be clearly higher than wide only if it is marked as a portrait.
     ///
     /// # Errors
-    /// [`OpticsError::Unusual`]; those of [`optics`](Self::optics).
+    /// [`OpticsError::Unusual`] and the errors of [`optics`](Self::optics).
     pub fn check_usual(&self) -> Result<(), OpticsError> {
         for w in &self.wavelengths {
             self.optics(w.color)?.check_usual()?;
@@ -42,7 +43,7 @@ impl Display {
         if height * PORTRAIT[1] > width * PORTRAIT[0] && !self.portrait {
             let given = format!("{height} rows x {width} columns is higher than wide");
             let probably = format!(
-                "rows come first, probably {width}x{height} is meant; `portrait = true` in a display file of one"
+                "rows come first, probably {width}x{height} is meant. If not, set portrait = true in the display file"
             );
             return Err(OpticsError::Unusual { given, probably });
         }
@@ -51,11 +52,12 @@ impl Display {
 }
 
 impl Pupil {
-    /// [`check`](Self::check), and whether it is such as eyes have: not given in meters, no wider than the eyebox, its center
-    /// inside ([`check_within`](Self::check_within)), and its focus where eyes focus ([`check_usual_depth`]).
+    /// Does [`check`](Self::check), and checks that the pupil is plausible for an eye. It must not be in meters, not be
+    /// wider than the eyebox, and have its center inside ([`check_within`](Self::check_within)). Its focus must be
+    /// possible for an eye ([`check_usual_depth`]).
     ///
     /// # Errors
-    /// [`OpticsError::Unusual`] and those of the two.
+    /// [`OpticsError::Unusual`] and the errors of the two.
     pub fn check_usual(self, optics: &Optics) -> Result<Self, OpticsError> {
         self.check()?;
         check_usual_diameters([self.diameter; 2], optics.eyebox())?;
@@ -64,12 +66,12 @@ impl Pupil {
     }
 }
 
-/// Whether pupil diameters from the least to the most (meters) are such as eyes have, and fit the eyebox (meters).
+/// Checks that a range of pupil diameters (meters) is plausible for an eye and fits the eyebox (meters).
 ///
 /// # Errors
-/// [`OpticsError::Unusual`].
+/// [`OpticsError::Unusual`] for a value that is not plausible.
 pub fn check_usual_diameters([least, most]: [f64; 2], eyebox: f64) -> Result<(), OpticsError> {
-    // Nothing at all is not a matter of units: whoever draws pupils says so.
+    // Zero is no mistake of units. The code that draws pupils rejects it.
     if least > 0.0 {
         DIAMETER.check(least * 1e3)?;
     }
@@ -85,19 +87,19 @@ pub fn check_usual_diameters([least, most]: [f64; 2], eyebox: f64) -> Result<(),
     Err(OpticsError::Unusual { given, probably })
 }
 
-/// Refuses a distance of neighboring views in the pupil plane (meters) that most likely is in another unit.
+/// Rejects a distance of neighboring views in the pupil plane (meters) that most likely is in another unit.
 ///
 /// # Errors
-/// [`OpticsError::Unusual`].
+/// [`OpticsError::Unusual`] for a value that is not plausible.
 pub fn check_usual_view_pitch(pitch: f64) -> Result<(), OpticsError> {
     VIEW_PITCH.check(pitch * 1e3)
 }
 
-/// Refuses a stated range of depths (meters) that is not only the plane at 0, but is so shallow that no pupil of any display sees
-/// a difference: most likely it is in another unit.
+/// Rejects a stated range of depths (meters) that is too shallow to matter for any pupil of any display. It is most
+/// likely in another unit. The plane at 0 alone is accepted.
 ///
 /// # Errors
-/// [`OpticsError::Unusual`].
+/// [`OpticsError::Unusual`] for a value that is not plausible.
 pub fn check_usual_depths(depths: [f64; 2]) -> Result<(), OpticsError> {
     let [a, b] = depths.map(|depth| depth * 1e3);
     let most = a.abs().max(b.abs());
@@ -108,32 +110,34 @@ pub fn check_usual_depths(depths: [f64; 2]) -> Result<(), OpticsError> {
     let probably = match meant(most, COMMON_DEPTH) {
         Some(meant) => {
             let [a, b] = [a, b].map(|depth| in_words(depth * meant / most));
-            format!("probably {a} to {b} mm are meant; a scene without depth has 0 to 0 mm")
+            format!("probably {a} to {b} mm are meant. A scene without depth has 0 to 0 mm")
         }
         None => "a scene without depth has 0 to 0 mm".into(),
     };
     Err(OpticsError::Unusual { given, probably })
 }
 
-/// Refuses a diameter (meters) of the aperture of a camera that most likely is in another unit.
+/// Rejects a diameter (meters) of a camera's aperture that most likely is in another unit.
 ///
 /// # Errors
-/// [`OpticsError::Unusual`].
+/// [`OpticsError::Unusual`] for a value that is not plausible.
 pub fn check_usual_aperture(diameter: f64) -> Result<(), OpticsError> {
     APERTURE.check(diameter * 1e3)
 }
 
-/// Depths below this (mm) are those of the plane at 0: pixels of 4 um put 0.1 waves of defocus over the whole eyebox.
+/// Depths below this (mm) count as the plane at 0. Pixels of 4 um give 0.1 waves of defocus over the whole eyebox at
+/// this depth.
 const SHALLOWEST: f64 = 0.02;
-/// Depths up to this (meters) are taken before any lens.
+/// Depths up to this (meters) are accepted behind any lens.
 const SHALLOW: f64 = 50e-3;
-/// Depths up to this (diopters) are taken: closer than an eye reads.
+/// Depths up to this (diopters) are accepted. This is closer than an eye reads.
 const CLOSE: f64 = 5.0;
 
-/// Refuses a depth before the display (meters, behind a lens of `focal_length`, meters) that most likely is in another unit.
+/// Rejects a depth at the display (meters, behind a lens of `focal_length`, meters) that most likely is in another
+/// unit.
 ///
 /// # Errors
-/// [`OpticsError::Unusual`].
+/// [`OpticsError::Unusual`] for a value that is not plausible.
 pub fn check_usual_depth(depth: f64, focal_length: f64) -> Result<(), OpticsError> {
     let most = SHALLOW.max(depth_of_dioptres(CLOSE, focal_length));
     if depth.abs() <= most {

@@ -1,6 +1,6 @@
-//! Small dense systems of equations.
+//! Solves small dense systems of equations.
 
-/// Cholesky's factor of a positive definite matrix, lower; None where it is none.
+/// Cholesky's lower factor of a positive definite matrix, or none if the matrix is not positive definite.
 pub fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     let n = matrix.len();
     let mut lower = vec![vec![0.0; n]; n];
@@ -15,7 +15,7 @@ pub fn cholesky(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     Some(lower)
 }
 
-/// Solves for one right side, by the factor.
+/// Solves for one right side with the factor.
 fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     let n = lower.len();
     let mut x = right.to_vec();
@@ -30,7 +30,7 @@ fn substitute(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     x
 }
 
-/// Solves a positive definite system, each unknown in its own unit.
+/// Solves a positive definite system. Each unknown may have its own unit.
 pub fn solve(matrix: &[Vec<f64>], right: &[f64]) -> Option<Vec<f64>> {
     let (scaled, unit) = scaled(matrix);
     let right: Vec<f64> = right.iter().zip(&unit).map(|(r, u)| r * u).collect();
@@ -50,7 +50,7 @@ pub fn inverse(matrix: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
     Some((0..unit.len()).map(column).collect())
 }
 
-/// Least squares by the normal equations; None where the rows leave an unknown open.
+/// Least squares by the normal equations, or none if the rows do not determine an unknown.
 pub(super) fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
     let (mut matrix, mut right) = (vec![vec![0.0; N]; N], [0.0; N]);
     for (row, value) in rows {
@@ -60,12 +60,13 @@ pub(super) fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N]
         }
     }
     let lower = cholesky(&scaled(&matrix).0)?;
-    // Of ones on the diagonal: the share of an unknown that the others before it do not tell.
+    // The diagonal of the matrix is one, so this is the share of an unknown that the unknowns before it do not
+    // determine.
     (0..N).all(|i| lower[i][i].powi(2) > 1e-12).then_some(())?;
     solve(&matrix, &right)?.try_into().ok()
 }
 
-/// The matrix with ones on its diagonal, and what its rows and columns were multiplied by.
+/// The matrix scaled to ones on its diagonal, and the factors of its rows and columns.
 fn scaled(matrix: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<f64>) {
     let unit: Vec<f64> =
         matrix.iter().enumerate().map(|(i, row)| if row[i] > 0.0 { row[i].sqrt().recip() } else { 1.0 }).collect();

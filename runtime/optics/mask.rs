@@ -1,9 +1,10 @@
-//! A static phase mask in front of the SLM, with finer pixels than the SLM's (OPTICS 12): it spreads the light of every SLM
-//! pixel, so that the eyebox is that of the mask's pixels.
+//! Describes a static phase mask in front of the SLM, with finer pixels than the SLM's (OPTICS 12).
 //!
-//! Random masks are those of étendue expansion by scattering (Kuo et al. 2020, Park et al. 2019); designed ones send their light
-//! evenly into a square of directions and nowhere else (phase-only diffusers by iterated Fourier transforms, Wyrowski and
-//! Bryngdahl 1988).
+//! The mask spreads the light of every SLM pixel. Therefore the pixels of the mask determine the eyebox.
+//!
+//! Random masks expand etendue by scattering (Kuo et al. 2020, Park et al. 2019). Designed masks send their light
+//! evenly into a square of directions and nowhere else. They are phase-only diffusers by iterated Fourier transforms
+//! (Wyrowski and Bryngdahl 1988).
 
 use super::mask_design::{PARTS, designed, random_part};
 use super::units::within;
@@ -14,10 +15,10 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
 
-/// The most of its pixels that cover one of the SLM's, along an axis.
+/// The largest number of mask pixels per SLM pixel along an axis.
 const MOST: usize = 4;
 
-/// `[mask]` of a display file: a known phase mask that stands at the SLM, or a little way behind it.
+/// `[mask]` of a display file, a known phase mask at the SLM or a short distance behind it.
 ///
 /// ```toml
 /// [mask]
@@ -31,31 +32,31 @@ const MOST: usize = 4;
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Mask {
-    /// Its pixels along an axis of an SLM pixel, 1 to 4.
+    /// Mask pixels per SLM pixel along an axis, 1 to 4.
     pub factor: usize,
     /// Seed of random phases.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// Of a designed mask, made from the seed: the share of the mask's own eyebox, along an axis, that its light goes to, above 0,
-    /// at most 1 [default: random phases, which send it everywhere].
+    /// Band of a designed mask, which is made from the seed. It is the share of the mask's own eyebox, along an axis,
+    /// that receives the light, above 0 and at most 1. The default is random phases, which send light everywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band: Option<f64>,
-    /// A file beside the display's: radians in a `.npy`, or a gray picture (PNG, BMP) whose levels are a turn; factor times as many
-    /// rows and columns as the SLM.
+    /// A file relative to the display's. It holds radians in a `.npy`, or a gray picture (PNG, BMP) whose levels are a
+    /// turn. It has `factor` times the rows and columns of the SLM.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
-    /// Phases that were read from such a file, as holograms keep them: in 4096ths of a turn.
+    /// Phases from such a file, in 4096ths of a turn. Holograms store them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phases: Option<MaskPhases>,
-    /// How far it stands behind the SLM, millimeters, 0 to 50 [default: 0].
+    /// Distance of the mask behind the SLM in millimeters, 0 to 50. The default is 0.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub distance_mm: f64,
-    /// Wavelength that its phases are meant at, nanometers [default: the display's longest].
+    /// Wavelength in nanometers for which the phases are given. The default is the display's longest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
 }
 
-/// Phases of a mask, in 4096ths of a turn. In files two characters each, behind `ROWSxCOLUMNS:`.
+/// Phases of a mask, in 4096ths of a turn. Files hold two characters per phase, after `ROWSxCOLUMNS:`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct MaskPhases {
@@ -63,17 +64,17 @@ pub struct MaskPhases {
     values: Arc<[u16]>,
 }
 
-/// Six bits a character.
+/// Each character holds six bits.
 const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
 
 impl MaskPhases {
-    /// Of turns (whole ones count as none), row by row.
+    /// Makes phases from turns, row by row. Whole turns count as none.
     fn new(size: [usize; 2], turns: impl Iterator<Item = f64>) -> Self {
         let part = |turn: f64| ((turn - turn.floor()) * f64::from(PARTS)).round() as u32 % PARTS;
         Self { size, values: turns.map(|turn| part(turn) as u16).collect() }
     }
 
-    /// Rows and columns.
+    /// Rows and columns of the phases.
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
@@ -102,20 +103,20 @@ impl TryFrom<String> for MaskPhases {
     type Error = &'static str;
 
     fn try_from(text: String) -> Result<Self, Self::Error> {
-        Self::read(&text)
-            .ok_or("expected ROWSxCOLUMNS: and two characters for each of so many phases, as eyebox writes them")
+        Self::read(&text).ok_or("expected ROWSxCOLUMNS:, then two characters per phase, as eyebox writes them")
     }
 }
 
 impl Mask {
-    /// Reads the phases that its file holds, which lies `beside` the display's, for an SLM of so many rows and columns.
+    /// Reads the phases from the mask's file, relative to the folder `beside`, for an SLM of this many rows and
+    /// columns.
     pub(super) fn resolve(&mut self, beside: &Path, slm: [usize; 2]) -> Result<(), Reason> {
         let Some(name) = self.file.take() else { return Ok(()) };
         let wrong = |reason: Reason| reason.within(format!("file {name}"));
         if self.seed.is_some() || self.phases.is_some() {
             return Err(wrong(reason!(
                 "mask-seed-and-phases",
-                "a seed or phases are given as well: leave out one of them"
+                "a seed or phases are also given: leave out one of them"
             )));
         }
         let file = beside.join(&name);
@@ -123,7 +124,7 @@ impl Mask {
         let other = |[h, w]: [usize; 2]| {
             wrong(reason!(
                 "mask-size",
-                "{h} x {w} phases: {} x {} are needed, {} times the SLM's",
+                "{h} x {w} phases, but {} x {} are needed, {} times the SLM's",
                 size[0],
                 size[1],
                 self.factor
@@ -134,7 +135,7 @@ impl Mask {
             let [rows, columns] = array.shape[..] else {
                 return Err(wrong(reason!(
                     "mask-axes",
-                    "it has {} axes: rows and columns are needed",
+                    "it has {} axes, but rows and columns are needed",
                     array.shape.len()
                 )));
             };
@@ -142,7 +143,7 @@ impl Mask {
                 return Err(other([rows, columns]));
             }
             if array.integers {
-                return Err(wrong(reason!("mask-integers", "it holds integers: radians are needed, as floats")));
+                return Err(wrong(reason!("mask-integers", "it holds integers, but radians are needed, as floats")));
             }
             MaskPhases::new(size, array.values.iter().map(|v| f64::from(*v) / std::f64::consts::TAU))
         } else {
@@ -154,12 +155,12 @@ impl Mask {
         Ok(())
     }
 
-    /// Random phases made from a seed, or designed ones for this band, at the SLM.
+    /// A mask at the SLM, with random phases from a seed, or with designed phases for this band.
     pub fn of_seed(factor: usize, seed: u64, band: Option<f64>) -> Self {
         Self { factor, seed: Some(seed), band, ..Self::default() }
     }
 
-    /// What is wrong with it, in words.
+    /// Checks the numbers of the mask, and that phases are given in one way.
     pub fn check(&self) -> Result<(), Reason> {
         within("factor", self.factor as f64, 1.0, MOST as f64)?;
         within("distance_mm", self.distance_mm, 0.0, 50.0)?;
@@ -170,7 +171,7 @@ impl Mask {
             }
             (None, Some(_), _) => Err(reason!(
                 "mask-band-without-seed",
-                "a band is of a designed mask, which is made from a seed: give it one"
+                "band belongs to a designed mask, which is made from a seed: give it a seed"
             )),
             (Some(_), _, Some(_)) => {
                 Err(reason!("mask-seed-and-phases", "it has both a seed and phases: leave out one of them"))
@@ -183,19 +184,19 @@ impl Mask {
         }
     }
 
-    /// Whether it does nothing: no finer pixels, and no phases.
+    /// True if the mask has no effect, with no finer pixels and no phases.
     pub(super) fn is_clear(&self) -> bool {
         let flat = self.phases.as_ref().is_some_and(|phases| phases.values.iter().all(|v| *v == 0));
         self.factor == 1 && flat
     }
 
-    /// Meters from the SLM.
+    /// Distance from the SLM in meters.
     pub fn distance(&self) -> f64 {
         self.distance_mm * 1e-3
     }
 
-    /// Its phases over so many rows and columns of its own pixels, turns from 0 to 1. Phases that were given for another size begin
-    /// in the same corner, and repeat themselves where they end.
+    /// The phases over this many rows and columns of the mask's pixels, in turns from 0 to 1. Phases for another size
+    /// begin in the same corner, and repeat at their end.
     pub fn turns(&self, size: [usize; 2]) -> Vec<f32> {
         let turn = |part: u32| part as f32 / PARTS as f32;
         if let Some(MaskPhases { size: [rows, columns], values }) = &self.phases {

@@ -1,4 +1,4 @@
-//! Designed masks: phases whose light goes evenly into a square of directions, and nowhere else.
+//! Designs masks whose light goes evenly into a square of directions, and nowhere else.
 
 use eyebox_base::random::{GOLDEN, SplitMix};
 use eyebox_kernels::Complex64;
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{Arc, Mutex};
 
-/// Parts of a turn that a mask's phases are kept in: finer than any mask is made, and two characters of a file.
+/// Steps per turn of a mask's stored phases. They are finer than any mask is made, and two characters of a file.
 pub(super) const PARTS: u32 = 4096;
-/// Turns between the mask and its directions. After ten the light outside falls slowly.
+/// Iterations between the mask and its directions. After ten, the light outside falls slowly.
 const TURNS: usize = 16;
 
 type Key = (u64, u64, [usize; 2]);
-/// The last one that was made: every color, and every look at a hologram, asks for the same.
+/// The last mask that was made. Every color and every simulation of a hologram uses the same.
 static LAST: Mutex<Option<(Key, Arc<[u16]>)>> = Mutex::new(None);
 
 /// A random part of a turn for pixel `i`, the same on every machine. It is number `i` of the generator of this seed.
@@ -22,8 +22,9 @@ pub(super) fn random_part(seed: u64, i: usize) -> u32 {
     (SplitMix(before).next() >> 52) as u32
 }
 
-/// In parts of a turn, row by row: from random phases, in turns the directions outside of the band's square are made dark and those
-/// inside equally bright, and the mask's pixels equally bright (Gerchberg and Saxton 1972; Wyrowski and Bryngdahl 1988).
+/// The phases in parts of a turn, row by row, designed from random phases. Each iteration darkens the directions
+/// outside the band's square and makes those inside equally bright. Then it makes the mask's pixels equally bright
+/// (Gerchberg and Saxton 1972, Wyrowski and Bryngdahl 1988).
 pub(super) fn designed(seed: u64, band: f64, size: [usize; 2]) -> Arc<[u16]> {
     let key = (seed, band.to_bits(), size);
     let mut last = LAST.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -36,7 +37,7 @@ pub(super) fn designed(seed: u64, band: f64, size: [usize; 2]) -> Arc<[u16]> {
     let mut field: Vec<Complex64> = (0..rows * columns).map(start).collect();
     let inside = |k: usize, n: usize| (k.min(n - k) as f64) <= 0.5 * band * n as f64;
     for _ in 0..TURNS {
-        // The spectrum lies transposed, and comes back the same way.
+        // The spectrum is transposed, and returns the same way.
         transform(&mut field, size, Direction::Forward);
         field.par_chunks_mut(rows).enumerate().for_each(|(kx, line)| {
             for (ky, value) in line.iter_mut().enumerate() {
@@ -53,7 +54,7 @@ pub(super) fn designed(seed: u64, band: f64, size: [usize; 2]) -> Arc<[u16]> {
     made
 }
 
-/// Of (rows, columns) values in place, left transposed: (columns, rows).
+/// Transforms (rows, columns) values in place. The result is transposed, (columns, rows).
 fn transform(values: &mut Vec<Complex64>, [rows, columns]: [usize; 2], direction: Direction) {
     values.par_chunks_mut(columns).for_each(|line| transform_f64(line, columns, direction));
     let from = &*values;

@@ -15,7 +15,7 @@ fn load(at: &Path, mask: &str) -> Result<Display, OpticsError> {
     Display::from_toml(&format!("{BENCH}{mask}"), file.to_str().unwrap())
 }
 
-/// What is read from a file is kept in the display's text, and needs the file no more.
+/// The display's text keeps the phases of a file, so the file is no longer needed.
 #[test]
 fn phases_of_a_file_are_kept() {
     let dir = tempfile::tempdir().unwrap();
@@ -28,7 +28,7 @@ fn phases_of_a_file_are_kept() {
     assert_eq!((mask.turns([12, 16]), mask.distance()), (turns.clone(), 0.5e-3));
     let again = Display::from_toml(&display.to_toml(), "elsewhere").unwrap();
     assert_eq!(again.mask, display.mask);
-    // A display of another size has its corner, and repeats it.
+    // A display of another size has the same corner, and repeats the phases.
     let smaller = mask.turns([4, 20]);
     assert_eq!(smaller[20..36], turns[16..32]);
     assert_eq!(smaller[36..40], turns[16..20]);
@@ -36,7 +36,7 @@ fn phases_of_a_file_are_kept() {
     assert!((display.mask_slope(520e-9) - 640.0 / 520.0).abs() < 1e-12);
 }
 
-/// Without phases and without finer pixels it is no mask.
+/// A mask without phases and without finer pixels is no mask.
 #[test]
 fn a_clear_mask_is_none() {
     let dir = tempfile::tempdir().unwrap();
@@ -81,7 +81,7 @@ fn a_mask_that_cannot_be_is_refused() {
     assert_eq!(ErrorData::of(&error).code, "display-file/mask-without-relay");
 }
 
-/// Share of a mask's light in the square of directions that is so large, along an axis, of all.
+/// Share of a mask's light in the square of directions with this share of all, along an axis.
 fn inside(turns: &[f32], n: usize, band: f64) -> f64 {
     let mut field: Vec<Complex64> = turns.iter().map(|t| Complex64::cis(TAU * f64::from(*t))).collect();
     transform_f64(&mut field, n, Direction::Forward);
@@ -95,7 +95,7 @@ fn inside(turns: &[f32], n: usize, band: f64) -> f64 {
     power(false) / power(true)
 }
 
-/// Random phases send light everywhere, designed ones into their band, and each seed gives a mask of its own.
+/// Random phases send light everywhere, designed ones into their band, and each seed gives a different mask.
 #[test]
 fn a_designed_mask_keeps_its_light_in_its_band() {
     let mask = |seed: u64, band: Option<f64>| {

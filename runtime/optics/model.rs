@@ -1,4 +1,4 @@
-//! The display as it is: what a real SLM and relay do to the light, one model a color (OPTICS 10).
+//! Models what a real SLM and relay do to the light, with one model per color (OPTICS 10).
 
 use super::Color;
 use eyebox_base::error::Reason;
@@ -6,16 +6,16 @@ use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Waves of undiffracted light that a display may have, at most.
+/// The most waves of undiffracted light that a display may have.
 pub const WAVES: usize = 4;
 
-/// How fast crosstalk between pixels falls off towards one side: its transfer is exp(-(|k| / sigma)^q).
+/// The decay of crosstalk between pixels towards one side, whose transfer is exp(-(|k| / sigma)^q).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f64; 2]", into = "[f64; 2]")]
 pub struct Spread {
-    /// The exponent.
+    /// The exponent of the transfer.
     pub q: f64,
-    /// Cycles per pixel.
+    /// The scale in cycles per pixel.
     pub sigma: f64,
 }
 
@@ -31,42 +31,43 @@ impl From<Spread> for [f64; 2] {
     }
 }
 
-/// The iris as it is: it stands at `scale` times the place that was asked for, plus (x, y), and is `scale` times as wide.
+/// The error of the iris. It is at `scale` times the requested place plus (x, y), and is `scale` times as wide.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iris {
-    /// Offset to the right, meters.
+    /// Offset to the right in meters.
     pub x: f64,
-    /// Offset down, meters.
+    /// Offset down in meters.
     pub y: f64,
-    /// A factor; an error of the focal length acts the same.
+    /// A scale factor. An error of the focal length has the same effect.
     pub scale: f64,
 }
 
-/// What a real SLM and its relay do to the light of one color, by the names of OPTICS 10. The default is the ideal display,
-/// and every term that stands at its default costs nothing.
+/// The effect of a real SLM and its relay on the light of one color, with the names of OPTICS 10. The default is the
+/// ideal display, and a term at its default costs nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplayModel {
-    /// Phase at full drive in units of 2 pi, at 3 x 3 nodes (rows from the top, columns from the left), bilinear between.
+    /// Phase at full drive in units of 2 pi, at 3 x 3 nodes (rows from the top, columns from the left). It is bilinear
+    /// between nodes.
     pub level: [[f64; 3]; 3],
-    /// Bend of the look-up table, radians: b1 sin w + b2 (1 - cos w).
+    /// Bend of the look-up table in radians, b1 sin w + b2 (1 - cos w).
     pub bend: [f64; 2],
-    /// Share h of the sub-frame before that is still seen.
+    /// Share h of the previous sub-frame that is still visible.
     pub lag: f64,
     /// Crosstalk towards -y, +y, -x and +x.
     pub crosstalk: Option<[Spread; 4]>,
-    /// Sub-pixels along an axis that crosstalk is computed on, 1 to 3: more follow it better, and cost transforms.
+    /// Sub-pixels along an axis for crosstalk, 1 to 3. More sub-pixels are more exact and cost more transforms.
     pub subpixels: usize,
-    /// Linear fill of the pixel, the root of its fill factor; 0 is a point.
+    /// Linear fill of the pixel, the root of its fill factor. 0 is a point.
     pub fill: f64,
-    /// ln of the source's amplitude along x, y, x^2, x y, y^2; x and y run from -1 to 1 over the SLM.
+    /// Logarithm (ln) of the source's amplitude along x, y, x^2, x y, y^2. x and y run from -1 to 1 over the SLM.
     pub source: [f64; 5],
-    /// Undiffracted light, a wave for each reflection: real and imaginary part of its amplitude; its phase in radians along x, y,
-    /// x^2 + y^2.
+    /// Undiffracted light, with one wave per reflection. Each has the real and imaginary part of its amplitude, and its
+    /// phase in radians along x, y, x^2 + y^2.
     pub undiffracted: Vec<[f64; 5]>,
-    /// Wavefront of the relay: ANSI index of a Zernike polynomial and waves of this color, RMS, over the disc whose radius
-    /// is half the eyebox of the display's shortest wavelength.
+    /// Wavefront of the relay, as ANSI index of a Zernike polynomial and waves of this color, RMS. The disc has half
+    /// the eyebox of the display's shortest wavelength as radius.
     pub wavefront: BTreeMap<u32, f64>,
-    /// Where the iris is.
+    /// Offset and scale of the iris.
     pub iris: Iris,
 }
 
@@ -92,12 +93,12 @@ impl DisplayModel {
     pub const TERMS: [&str; 9] =
         ["level", "bend", "lag", "crosstalk", "fill", "source", "undiffracted", "wavefront", "iris"];
 
-    /// Whether every term is off.
+    /// True if every term is off.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The terms that are on, by their names.
+    /// The names of the terms that are on.
     pub fn terms(&self) -> Vec<&'static str> {
         let ideal = Self::default();
         let on = [
@@ -114,7 +115,7 @@ impl DisplayModel {
         on.into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect()
     }
 
-    /// The ideal display but for one term of this one, by its name ([`terms`](Self::terms)).
+    /// The ideal display except for one term of this one, by its name ([`terms`](Self::terms)).
     pub fn only(&self, term: &str) -> Self {
         let (mut one, all) = (Self::default(), self.clone());
         match term {
@@ -132,7 +133,7 @@ impl DisplayModel {
         one
     }
 
-    /// What is wrong with it, in words.
+    /// Checks the range of every number.
     pub(super) fn check(&self) -> Result<(), Reason> {
         let within = |name: &str, values: &[f64], low: f64, high: f64| {
             let wrong = values.iter().find(|v| !(low..=high).contains(*v));
@@ -151,7 +152,7 @@ impl DisplayModel {
         if self.undiffracted.len() > WAVES {
             return Err(reason!(
                 "undiffracted-waves",
-                "undiffracted has {} waves: at most {WAVES} are known",
+                "undiffracted has {} waves: give at most {WAVES}",
                 self.undiffracted.len()
             ));
         }
@@ -174,18 +175,18 @@ impl DisplayModel {
     }
 }
 
-/// Level of 2 pi in a file: one number for the whole SLM, or 3 x 3 nodes.
+/// Level of 2 pi in a file, as one number for the whole SLM or as 3 x 3 nodes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Level {
-    /// Everywhere the same.
+    /// The same level everywhere on the SLM.
     Even(f64),
-    /// At the corners, the middles of the sides and the center.
+    /// Levels at the corners, the middles of the sides and the center.
     Nodes([[f64; 3]; 3]),
 }
 
 impl Level {
-    /// At 3 x 3 nodes.
+    /// The level at 3 x 3 nodes.
     pub fn nodes(self) -> [[f64; 3]; 3] {
         match self {
             Self::Even(level) => [[level; 3]; 3],
@@ -194,7 +195,7 @@ impl Level {
     }
 }
 
-/// A section of `[model]` in a display file: the terms that are known of one color, or of all.
+/// A section of `[model]` in a display file, with the known terms of one color or of all colors.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelTerms {
@@ -222,37 +223,38 @@ pub struct ModelTerms {
     /// [`DisplayModel::undiffracted`].
     #[serde(skip_serializing_if = "Option::is_none", with = "waves")]
     pub undiffracted: Option<Vec<[f64; 5]>>,
-    /// [`DisplayModel::wavefront`]; waves of the section's color, so not of all.
+    /// [`DisplayModel::wavefront`], not allowed for all colors, because it is in waves of one color.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "indices")]
     pub wavefront: BTreeMap<u32, f64>,
-    /// In a file in the place of `wavefront`: a `.npy` beside it, the relay's path in micrometers over the square of the eyebox of the
-    /// shortest wavelength. Polynomials are fitted to it as the file is read.
+    /// Alternative to `wavefront` in a file. It names a `.npy` relative to the file, with the relay's path in
+    /// micrometers over the square of the eyebox of the shortest wavelength. Polynomials are fitted to it when the file
+    /// is read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wavefront_map: Option<String>,
-    /// [`DisplayModel::iris`]: x and y in millimeters, scale.
+    /// [`DisplayModel::iris`], as the offsets x and y in millimeters, and the scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub iris: Option<[f64; 3]>,
-    /// Who says so: a data sheet, a fit of so many pictures.
+    /// The source of the terms, such as a data sheet or a fit of pictures.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub from: String,
-    /// When, as year-month-day.
+    /// The date of the terms, as year-month-day.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub date: String,
-    /// When drift was last fitted, or pictures last agreed with the model, as year-month-day.
+    /// The date of the last drift fit, or of the last pictures that agreed with the model, as year-month-day.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub updated: String,
-    /// Temperature of the bench at the fit, degrees Celsius, if it was stated.
+    /// Temperature of the bench at the fit in degrees Celsius, if it was stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<f64>,
-    /// Share of the pictures' variance that the fit left unexplained, if that is more than the camera's noise.
+    /// Share of the pictures' variance that the fit left unexplained, if it is more than the camera's noise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unexplained: Option<f64>,
-    /// Standard errors of the terms, where they were fitted.
+    /// Standard errors of fitted terms.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub errors: Option<Box<ModelTerms>>,
 }
 
-/// One wave is written without a list around it.
+/// A file holds a single wave without a list around it.
 mod waves {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -282,7 +284,7 @@ mod waves {
     }
 }
 
-/// TOML's keys are words.
+/// TOML allows only text as keys.
 pub(super) mod indices {
     use serde::{Deserialize, Deserializer, Serializer, de::Error};
     use std::collections::BTreeMap;
@@ -301,22 +303,22 @@ pub(super) mod indices {
     }
 }
 
-/// Whose a section of `[model]` is.
+/// The owner of a section of `[model]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ModelOf {
-    /// Every color's that has no such term of its own.
+    /// Every color without such a term of its own.
     All,
-    /// The red one's.
+    /// The red color alone.
     Red,
-    /// The green one's.
+    /// The green color alone.
     Green,
-    /// The blue one's.
+    /// The blue color alone.
     Blue,
 }
 
 impl ModelOf {
-    /// The name of its section.
+    /// The name of the section.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::All => "all",
@@ -338,7 +340,7 @@ impl From<Color> for ModelOf {
 }
 
 impl ModelTerms {
-    /// Puts the terms that are known here in the place of a model's.
+    /// Writes the terms that are set here into a model.
     fn apply(&self, model: &mut DisplayModel) {
         fn put<T: Copy>(known: Option<T>, term: &mut T) {
             *term = known.unwrap_or(*term);
@@ -359,7 +361,7 @@ impl ModelTerms {
         }
     }
 
-    /// Leaves out the terms, by their names, that are not to be kept.
+    /// Removes the terms whose names `kept` rejects.
     pub fn keep(&mut self, kept: &dyn Fn(&str) -> bool) {
         fn keep<T>(kept: bool, term: &mut Option<T>) {
             *term = term.take().filter(|_| kept);
@@ -377,7 +379,7 @@ impl ModelTerms {
         self.errors.iter_mut().for_each(|errors| errors.keep(kept));
     }
 
-    /// These, and those of `others` that are not known here.
+    /// These terms, and the terms of `others` that are not set here.
     fn or(self, others: &Self) -> Self {
         let others = others.clone();
         Self {
@@ -402,17 +404,17 @@ impl ModelTerms {
     }
 }
 
-/// The same sections with each color's terms in one of its own.
+/// The same sections with the terms of each color in its own section.
 pub(super) fn by_color(sections: &ModelSections, colors: &[Color]) -> ModelSections {
     let all = sections.get(&ModelOf::All).cloned().unwrap_or_default();
     let own = |color: &Color| sections.get(&ModelOf::from(*color)).cloned().unwrap_or_default().or(&all);
     colors.iter().map(|color| (ModelOf::from(*color), own(color))).collect()
 }
 
-/// `[model]` of a display file.
+/// The table `[model]` of a display file.
 pub type ModelSections = BTreeMap<ModelOf, ModelTerms>;
 
-/// The model of a color by the sections of a file.
+/// The model of a color from the sections of a file.
 pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
     let mut model = DisplayModel::default();
     for terms in [ModelOf::All, color.into()].iter().filter_map(|of| sections.get(of)) {
@@ -421,14 +423,14 @@ pub(super) fn of_color(sections: &ModelSections, color: Color) -> DisplayModel {
     model
 }
 
-/// What is wrong with the sections of a file that is of these colors, in words.
+/// Checks the sections of a file that has these colors.
 pub(super) fn check(sections: &ModelSections, colors: &[Color]) -> Result<(), Reason> {
     for (of, terms) in sections {
         let wrong = |reason: Reason| reason.within(format!("[model.{}]", of.name()));
         if *of == ModelOf::All && !terms.wavefront.is_empty() {
             return Err(wrong(reason!(
                 "wavefront-of-all-colors",
-                "wavefront is in waves of one color: give it under that color"
+                "wavefront is in waves of one color: put it in the section of that color"
             )));
         }
         if *of != ModelOf::All && !colors.iter().any(|c| ModelOf::from(*c) == *of) {

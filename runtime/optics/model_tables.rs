@@ -1,4 +1,4 @@
-//! The terms of a [`DisplayModel`] as numbers per pixel, sub-frame and frequency, in float64 (OPTICS 10).
+//! Computes the terms of a [`DisplayModel`] per pixel, sub-frame and frequency, in float64 (OPTICS 10).
 
 use super::model::{DisplayModel, Iris, Spread};
 use super::{Pupil, zernike};
@@ -10,7 +10,7 @@ fn place(pixel: usize, count: usize) -> f64 {
     (2 * pixel + 1) as f64 / count as f64 - 1.0
 }
 
-/// `value(x, y)` at each pixel of a part of an SLM, row-major; x and y run from -1 to 1 over the whole SLM.
+/// `value(x, y)` at each pixel of a part of an SLM, row-major. x and y run from -1 to 1 over the whole SLM.
 fn per_pixel<T>(part: SlmPart, value: impl Fn(f64, f64) -> T) -> Vec<T> {
     let SlmPart { slm: [height, width], first: [row, column], size: [rows, columns] } = part;
     let at = |i: usize| value(place(column + i % columns, width), place(row + i / columns, height));
@@ -35,21 +35,22 @@ impl From<[usize; 2]> for SlmPart {
     }
 }
 
-/// Most places along an axis at which the source's light is summed: between as many it is straight to a float32.
+/// The most places along an axis over which the source's light is summed. Between that many places it is linear to a
+/// float32.
 const PLACES: usize = 2048;
 
-/// `sin(pi x) / (pi x)`.
+/// The function `sin(pi x) / (pi x)`, continued at 0.
 fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
 
 impl DisplayModel {
-    /// Phase at full drive in units of 2 pi, of each pixel of an SLM or of a part of it: (rows, columns).
+    /// Phase at full drive in units of 2 pi, of each pixel of an SLM or of a part of it, as (rows, columns).
     pub fn level_map(&self, part: impl Into<SlmPart>) -> Vec<f64> {
         per_pixel(part.into(), |x, y| self.level_at(x, y))
     }
 
-    /// The same at (x, y), from -1 to 1 over the SLM.
+    /// The phase at full drive at (x, y), from -1 to 1 over the SLM.
     fn level_at(&self, x: f64, y: f64) -> f64 {
         let hat = |at: f64| [-1.0, 0.0, 1.0].map(|node: f64| (1.0 - (at - node).abs()).max(0.0));
         let (along_y, along_x) = (hat(y), hat(x));
@@ -57,9 +58,10 @@ impl DisplayModel {
         self.level.iter().zip(along_y).map(|(nodes, share)| row(nodes) * share).sum()
     }
 
-    /// What a pixel of an SLM of `height` x `width` has of its own: its look-up table's level, the source's amplitude that it
-    /// modulates, real and imaginary part of the light that it does not. `root`: [`source_root`](Self::source_root) of that SLM.
-    /// Rows and columns beyond its edges are those that come in on the other side, and dark: crosstalk sees them, a pupil does not.
+    /// The properties of one pixel of an SLM of `height` x `width`. They are the level of its look-up table, the
+    /// source's amplitude that it modulates, and the real and imaginary part of the light that it does not modulate.
+    /// `root` is [`source_root`](Self::source_root) of that SLM. Rows and columns beyond the edges wrap around and are
+    /// dark, because crosstalk reaches them but a pupil does not.
     pub fn pixel(&self, [row, column]: [i64; 2], [height, width]: [usize; 2], root: f64) -> [f64; 4] {
         let inside = |i: i64, n: usize| (0..n as i64).contains(&i);
         let at = |i: i64, n: usize| place(i.rem_euclid(n as i64) as usize, n);
@@ -73,14 +75,14 @@ impl DisplayModel {
         [level, amplitude * self.modulated_share(), rest.re * amplitude, rest.im * amplitude]
     }
 
-    /// Phase w' in radians that a drive of `w` radians in 0 .. 2 pi gives where the level is `level`, and its slope dw'/dw.
+    /// Phase w' in radians for a drive of `w` radians in 0 .. 2 pi at the level `level`, and its slope dw'/dw.
     pub fn look_up(&self, w: f64, level: f64) -> (f64, f64) {
         let ([b1, b2], (sin, cos)) = (self.bend, w.sin_cos());
         (level * w + b1 * sin + b2 * (1.0 - cos), level + b1 * cos + b2 * sin)
     }
 
-    /// The drive from 0 to 2 pi that gives a phase where the level is `level`, the inverse of [`look_up`](Self::look_up); of a
-    /// phase beyond what full drive gives, the end of the range that is nearer round the turn.
+    /// The drive from 0 to 2 pi that gives a phase at the level `level`, the inverse of [`look_up`](Self::look_up). For
+    /// a phase beyond full drive it is the end of the range that is nearer around the turn.
     pub fn drive_of(&self, phase: f64, level: f64) -> f64 {
         let (phase, full) = (phase.rem_euclid(TAU), level * TAU);
         if level == 1.0 && self.bend == [0.0; 2] {
@@ -89,7 +91,7 @@ impl DisplayModel {
         if phase > full {
             return if TAU - phase < phase - full { 0.0 } else { TAU };
         }
-        // The table rises, so a bisection finds it; to a ten-millionth of a turn.
+        // The table rises, so a bisection finds the drive, to a ten-millionth of a turn.
         let (mut low, mut high) = (0.0, TAU);
         for _ in 0..24 {
             let middle = (low + high) / 2.0;
@@ -99,41 +101,44 @@ impl DisplayModel {
         (low + high) / 2.0
     }
 
-    /// Share of the sub-frame `k` before in what is seen of one, for k = 0 .. frames: the steady state of a set of so many
-    /// sub-frames that repeats.
+    /// Shares of the sub-frames `k` before in the visible light of one, for k = 0 .. frames. They are the steady state
+    /// of a repeated set of `frames` sub-frames.
     pub fn lag_shares(&self, frames: usize) -> Vec<f64> {
         let h = self.lag;
         (0..frames as i32).map(|k| (1.0 - h) * h.powi(k) / (1.0 - h.powi(frames as i32))).collect()
     }
 
-    /// The crosstalk kernel along y and along x of a grid of `height` x `width` pixels of `subpixels` each along an axis:
-    /// `height * subpixels` and `width * subpixels` values in the order of the DFT (sub-pixel 0 first, then those towards
-    /// +, those towards - last), with the sum 1. None without crosstalk.
+    /// The crosstalk kernels along y and x of a grid of `height` x `width` pixels, with `subpixels` each along an axis.
+    /// They have `height * subpixels` and `width * subpixels` values, in the order of the DFT. Sub-pixel 0 comes first,
+    /// then those towards +, and those towards - last. Each sum is 1. The result is none without crosstalk.
     pub fn crosstalk_kernels(&self, height: usize, width: usize, subpixels: usize) -> Option<[Vec<f64>; 2]> {
         let [up, down, left, right] = self.crosstalk?;
         Some([kernel(height, subpixels, up, down), kernel(width, subpixels, left, right)])
     }
 
-    /// Weights of crosstalk along y and along x of an SLM in a grid of `height` x `width` pixels, and how many pixels they
-    /// reach to either side: for each of a pixel's `subpixels`, what it takes from the pixel `reach` before its own to that
-    /// behind it. Cut where what is left out changes the field by less than `error`, its power over the field's, for drives
-    /// that are evenly random; each sub-pixel's have the sum 1. None without crosstalk.
+    /// Weights of crosstalk along y and x of an SLM in a grid of `height` x `width` pixels, with their reach in pixels
+    /// to either side. Each of a pixel's `subpixels` has weights from the pixel `reach` before its own to the pixel
+    /// `reach` after it, with the sum 1.
+    ///
+    /// The weights are cut if the rest changes the field by less than `error`, as its power over the power of the
+    /// field. The drives count as evenly random. The result is none without crosstalk.
     pub fn crosstalk_weights(&self, height: usize, width: usize, subpixels: usize, error: f64) -> Option<[Weights; 2]> {
         let kernels = self.crosstalk_kernels(height, width, subpixels)?;
-        // The variance of a drive, half of the error for each axis.
+        // The variance of a drive, with half of the error for each axis.
         let most = error / (2.0 * TAU * TAU / 12.0);
         Some(kernels.map(|kernel| Weights::new(&kernel, subpixels, most)))
     }
 
-    /// Share of the variance of random drives that crosstalk leaves on an SLM of `height` x `width` pixels: the sum of the squares of
-    /// its kernel; 1 without.
+    /// Share of the variance of random drives that remains after crosstalk on an SLM of `height` x `width` pixels. It
+    /// is the sum of the squares of its kernel, or 1 without crosstalk.
     pub fn variance_left(&self, height: usize, width: usize) -> f64 {
         let squares = |kernel: &Vec<f64>| kernel.iter().map(|v| v * v).sum::<f64>();
         self.crosstalk_kernels(height, width, 1).map_or(1.0, |axes| axes.iter().map(squares).product())
     }
 
-    /// By what the place of each sub-pixel in its pixel multiplies bin `k` of `count`, k from 0 to count, of its field's spectrum
-    /// in that of the whole field, along one axis; the aperture comes on top of it.
+    /// Factors along one axis of bin `k` of `count`, k from 0 to count. They account for the place of each sub-pixel in
+    /// its pixel. They multiply the spectrum of the sub-pixel's field in the spectrum of the whole field. The factor of
+    /// the aperture is separate.
     pub fn subpixel_factors(&self, count: usize, subpixels: usize) -> Vec<Complex64> {
         let p = subpixels as f64;
         let factor = |i: usize| {
@@ -144,21 +149,21 @@ impl DisplayModel {
         (0..count * subpixels).map(factor).collect()
     }
 
-    /// Amplitude of the source at each pixel, (height, width): its mean square is 1.
+    /// Amplitude of the source at each pixel, (height, width). Its mean square is 1.
     pub fn source_amplitude(&self, part: impl Into<SlmPart>) -> Vec<f64> {
         let part = part.into();
         let root = self.source_root(part.slm);
         per_pixel(part, |x, y| self.source_at(x, y) / root)
     }
 
-    /// The source's amplitude before its mean square is made 1.
+    /// The amplitude of the source before its mean square is made 1.
     pub fn source_at(&self, x: f64, y: f64) -> f64 {
         let [cx, cy, cxx, cxy, cyy] = self.source;
         (cx * x + cy * y + cxx * x * x + cxy * x * y + cyy * y * y).exp()
     }
 
-    /// The root of its mean square over the pixels of an SLM of `height` x `width`, or over places as even and fewer where there
-    /// are very many.
+    /// The root of the source's mean square over the pixels of an SLM of `height` x `width`. For very many pixels it
+    /// uses fewer places that are as even.
     pub fn source_root(&self, [height, width]: [usize; 2]) -> f64 {
         if self.source == [0.0; 5] {
             return 1.0;
@@ -167,17 +172,18 @@ impl DisplayModel {
         (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     }
 
-    /// `sum |eta|^2`: the share of the light that the pixels do not modulate.
+    /// `sum |eta|^2`, the share of the light that the pixels do not modulate.
     pub fn undiffracted_light(&self) -> f64 {
         self.undiffracted.iter().map(|[re, im, ..]| re * re + im * im).sum()
     }
 
-    /// `sqrt(1 - sum |eta|^2)`: the part of the source's amplitude that the pixels modulate.
+    /// `sqrt(1 - sum |eta|^2)`, the part of the source's amplitude that the pixels modulate.
     pub fn modulated_share(&self) -> f64 {
         (1.0 - self.undiffracted_light()).max(0.0).sqrt()
     }
 
-    /// `sum eta exp(i psi)` at each pixel, (height, width): the part of the source's amplitude that they do not modulate.
+    /// `sum eta exp(i psi)` at each pixel, (height, width), the part of the source's amplitude that the pixels do not
+    /// modulate.
     pub fn undiffracted_share(&self, part: impl Into<SlmPart>) -> Vec<Complex64> {
         per_pixel(part.into(), |x, y| self.undiffracted_at(x, y))
     }
@@ -189,27 +195,28 @@ impl DisplayModel {
         self.undiffracted.iter().map(wave).sum()
     }
 
-    /// Factor of a pixel's aperture along one axis, at `k` cycles per pixel (-0.5 to 0.5), on a field of `subpixels` values
-    /// a pixel: `sinc(b k) / d_P(k) exp(i pi k (P - 1) / P)`. Both axes' factors multiply.
+    /// Factor of a pixel's aperture along one axis, at `k` cycles per pixel (-0.5 to 0.5), on a field of `subpixels`
+    /// values per pixel. It is `sinc(b k) / d_P(k) exp(i pi k (P - 1) / P)`. The factors of both axes multiply.
     ///
-    /// Where the fill is 0 pixels are points, and the sinc is 1.
+    /// If the fill is 0, pixels are points and the sinc is 1.
     pub fn pixel_aperture(&self, k: f64, subpixels: usize) -> Complex64 {
         let p = subpixels as f64;
         let done = if k == 0.0 { 1.0 } else { (PI * k).sin() / (p * (PI * k / p).sin()) };
         Complex64::from_polar(self.pixel_sinc(k) / done, PI * k * (p - 1.0) / p)
     }
 
-    /// The same of one value a pixel, real.
+    /// The same factor for one value per pixel, which is real.
     pub fn pixel_sinc(&self, k: f64) -> f64 {
         sinc(self.fill * k)
     }
 
-    /// What the pixels' aperture leaves of the light through `pupil`, over that of points, on an SLM with eyeboxes of `eyebox` meters.
+    /// Share of the light through `pupil` that the pixels' aperture passes, relative to points, on an SLM with eyeboxes
+    /// of `eyebox` meters.
     pub fn aperture_light(&self, pupil: &Pupil, eyebox: f64) -> f64 {
         if self.fill == 0.0 {
             return 1.0;
         }
-        // Light falls off so smoothly that four points will do, each at the disc's root mean square along both axes.
+        // Light falls off so smoothly that four points are enough, each at the disc's root mean square along both axes.
         let along = |center: f64| {
             let at = |side: f64| self.pixel_sinc((center + side * pupil.diameter / 4.0) / eyebox).powi(2);
             (at(-1.0) + at(1.0)) / 2.0
@@ -217,13 +224,13 @@ impl DisplayModel {
         along(pupil.x) * along(pupil.y)
     }
 
-    /// The relay's wavefront at (x, y) meters of the pupil plane, in turns of the model's wavelength; `radius` is half the
-    /// eyebox of the display's shortest wavelength, meters.
+    /// The relay's wavefront at (x, y) meters of the pupil plane, in turns of the model's wavelength. `radius` is half
+    /// the eyebox of the display's shortest wavelength in meters.
     pub fn wavefront_turns(&self, x: f64, y: f64, radius: f64) -> f64 {
         self.wavefront.iter().map(|(&j, waves)| waves * zernike(j, x / radius, y / radius)).sum()
     }
 
-    /// The iris as it really is when `pupil` is asked for: used everywhere, in the share of the eyebox too.
+    /// The actual iris for the requested `pupil`. All code uses it, also for the share of the eyebox.
     pub fn true_pupil(&self, pupil: &Pupil) -> Pupil {
         let iris = self.iris;
         Pupil {
@@ -234,28 +241,28 @@ impl DisplayModel {
         }
     }
 
-    /// What has to be asked for so that the iris really is as `iris`: the inverse of [`true_pupil`](Self::true_pupil).
+    /// The request for which the actual iris is `iris`, the inverse of [`true_pupil`](Self::true_pupil).
     pub fn asked_pupil(&self, iris: &Pupil) -> Pupil {
         let Iris { x, y, scale } = self.iris;
         Pupil { x: (iris.x - x) / scale, y: (iris.y - y) / scale, diameter: iris.diameter / scale, depth: iris.depth }
     }
 }
 
-/// What each sub-pixel takes from the pixels around it along an axis.
+/// The weights of each sub-pixel for the pixels around it along an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weights {
-    /// Pixels to either side.
+    /// Number of pixels to either side.
     pub reach: usize,
-    /// (sub-pixels, 2 reach + 1).
+    /// Weights with the shape (sub-pixels, 2 reach + 1).
     pub values: Vec<f64>,
 }
 
 impl Weights {
-    /// Of a kernel on sub-pixels in the order of the DFT, as near as leaves an error of the phase below `most` of the drives'
-    /// variance. What is left out is shared out evenly over what is not.
+    /// Makes weights from a kernel on sub-pixels in the order of the DFT. The reach is the smallest for which the error
+    /// of the phase is below `most` of the drives' variance. The remainder is spread evenly over the weights.
     fn new(kernel: &[f64], subpixels: usize, most: f64) -> Self {
         let pixels = kernel.len() / subpixels;
-        // Sub-pixel a of a pixel is P d + a - c from sub-pixel c of the one d before it.
+        // Sub-pixel a of a pixel is at P d + a - c from sub-pixel c of the pixel d before it.
         let of = |a: usize, d: i64| {
             let at = |c: usize| (d * subpixels as i64 + a as i64 - c as i64).rem_euclid(kernel.len() as i64) as usize;
             (0..subpixels).map(|c| kernel[at(c)]).sum::<f64>()
@@ -287,12 +294,12 @@ impl Weights {
     }
 }
 
-/// The kernel along one axis. Each half axis' transfer is averaged over a sub-pixel twice: over what drives, and over what is
-/// driven.
+/// The kernel along one axis. The transfer of each half axis is averaged over a sub-pixel twice, once over the driving
+/// one and once over the driven one.
 fn kernel(pixels: usize, subpixels: usize, below: Spread, above: Spread) -> Vec<f64> {
     let (count, p) = (pixels * subpixels, subpixels as f64);
     let side = |spread: Spread| {
-        // Beyond this many cycles per pixel nothing is left in float64; and never more than 100 orders.
+        // Beyond this many cycles per pixel nothing is left in float64. The limit is 100 orders.
         let reach = spread.sigma * 40f64.powf(1.0 / spread.q);
         let orders = (reach / p).ceil().min(100.0) as i64 + 1;
         let transfer = |i: usize| {
@@ -337,7 +344,7 @@ mod tests {
         line
     }
 
-    /// What the aperture leaves through a disc, against the mean over its points.
+    /// The light that the aperture passes through a disc, against the mean over its points.
     #[test]
     fn an_aperture_leaves_less_light_to_the_edge_of_the_eyebox() {
         let (eyebox, model) = (26e-3, DisplayModel { fill: 0.94, ..DisplayModel::default() });
@@ -357,7 +364,7 @@ mod tests {
         assert_eq!(DisplayModel::default().aperture_light(&Pupil::from_mm([9.0, 9.0, 4.0, 0.0]), eyebox), 1.0);
     }
 
-    /// Numbers of the same definitions in float64 NumPy.
+    /// Values of the same definitions in float64 NumPy.
     #[test]
     fn tables_are_those_of_the_equations() {
         let model = DisplayModel {
@@ -374,7 +381,7 @@ mod tests {
         near(&modulated[..3], &[0.8366805267601275, 0.9753297729739018, 1.0636294087342775]);
         let rest = model.undiffracted_share([5, 6])[1] * source[1];
         near(&[rest.re, rest.im], &[0.08156187261724136, 0.09569661053376309]);
-        // Bin 1 of 5 rows, and bin 2 of 6 columns, on 2 x 2 sub-pixels; bin 2 of 5 and bin 1 of 6 on one.
+        // This is bin 1 of 5 rows and bin 2 of 6 columns on 2 x 2 sub-pixels, then bin 2 of 5 and bin 1 of 6 on one.
         let two = model.pixel_aperture(0.2, 2) * model.pixel_aperture(2.0 / 6.0, 2);
         near(&[two.re, two.im], &[0.6607885435787886, 0.733880026154358]);
         let one = model.pixel_aperture(0.4, 1) * model.pixel_aperture(1.0 / 6.0, 1);
@@ -395,7 +402,7 @@ mod tests {
             for (got, (re, im)) in spectrum(&along_y).iter().zip(want) {
                 near(&[got.re, got.im], &[re, im]);
             }
-            // The sides are the other way round along x; of an even number the last belongs to the side below.
+            // The sides are exchanged along x. If the number is even, the last value belongs to the side below.
             if subpixels != 2 {
                 near(&along_x[1..], &along_y[1..].iter().rev().copied().collect::<Vec<_>>());
             }
@@ -415,7 +422,7 @@ mod tests {
                 assert!((model.drive_of(model.look_up(drive, level).0, level) - drive).abs() < 1e-6, "{drive}");
             }
         }
-        // Beyond the reach of full drive: the nearer end.
+        // Beyond the reach of full drive, the result is the nearer end.
         assert_eq!((model.drive_of(5.7, 0.9), model.drive_of(6.2, 0.9)), (TAU, 0.0));
         let shares = model.lag_shares(8);
         assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-14 && (shares[1] / shares[0] - 0.2).abs() < 1e-14);

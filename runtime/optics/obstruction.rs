@@ -1,4 +1,4 @@
-//! Objects in an eye's pupil that stop light: lashes, floaters, an opacity, scratches (OPTICS 11).
+//! Defines objects that stop light in an eye's pupil, such as lashes or floaters (OPTICS 11).
 
 use super::{Optics, OpticsError, Pupil};
 use std::str::FromStr;
@@ -21,20 +21,20 @@ pub enum Obstruction {
 enum Mark {
     /// A line without ends. It is `offset` away from the center, along its normal, which has this angle from +x, radians.
     Line { offset: f64, normal: f64, width: f64 },
-    /// A disc.
+    /// A disc with this center and diameter.
     Disc { center: [f64; 2], diameter: f64 },
 }
 
-/// The angle between neighbors of a sunflower's seeds, radians: no two are in one direction.
+/// The angle between neighboring seeds of a sunflower, radians. No two seeds are in one direction.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-/// Share of the light of a pupil below which it is dark.
+/// Share of a pupil's light below which it counts as dark.
 const DARK: f64 = 1e-12;
 
 impl Obstruction {
-    /// All of them.
+    /// All kinds of obstructions.
     pub const ALL: [Self; 4] = [Self::Lashes, Self::Floaters, Self::Opacity, Self::Scratches];
 
-    /// Its name.
+    /// The name of the obstruction.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Lashes => "lashes",
@@ -47,7 +47,7 @@ impl Obstruction {
     fn marks(self) -> Vec<Mark> {
         match self {
             Self::Lashes => {
-                // 10 degrees for each millimeter from the middle.
+                // The direction changes by 10 degrees for each millimeter from the middle.
                 let lash = |i: i32| {
                     let offset = (f64::from(i) - 2.5) * 0.6e-3;
                     Mark::Line { offset, normal: offset * 1e3 * 10f64.to_radians(), width: 0.2e-3 }
@@ -73,9 +73,9 @@ impl Obstruction {
         }
     }
 
-    /// The amplitude that passes at the places (x, y) of bins of a pupil plane, meters, before an eye with this pupil: from 0 to 1,
-    /// times one factor. With it the mean light of the pupil's bins is that without the obstruction, because an eye adapts to less
-    /// light. It is 1 where the obstruction leaves no light at all.
+    /// The amplitude that passes the eye's pupil, from 0 to 1, times one factor. Its argument is a place (x, y) of a
+    /// bin in the pupil plane, in meters. The factor keeps the mean light of the pupil's bins the same as without the
+    /// obstruction, because an eye adapts to less light. The factor is 1 if the obstruction leaves no light at all.
     pub fn amplitude(self, grid: &Optics, pupil: &Pupil) -> impl Fn([f64; 2]) -> f64 + use<> {
         let (marks, (bin_y, bin_x)) = (self.marks(), grid.bin_size());
         let (center, bin) = ([pupil.x, pupil.y], 0.5 * (bin_x + bin_y));
@@ -94,7 +94,7 @@ impl Obstruction {
                 }
             }
         }
-        // What rounding leaves of covered bins is no light.
+        // The remainder of covered bins after rounding is no light.
         let factor = if light > DARK * count as f64 { (count as f64 / light).sqrt() } else { 1.0 };
         move |at| factor * passing(at)
     }
@@ -113,9 +113,9 @@ impl FromStr for Obstruction {
 }
 
 impl Mark {
-    /// The share of a bin of this side (meters), at this place from the pupil's center, that it covers.
+    /// The share of a bin of this side (meters), at this place from the pupil's center, that the mark covers.
     fn coverage(&self, [x, y]: [f64; 2], bin: f64) -> f64 {
-        // What an interval of the bin's size has in common with the mark's, across the mark.
+        // The overlap of an interval of the bin's size with the mark's interval, across the mark.
         let common = |distance: f64, width: f64| {
             let (low, high) = ((distance - bin / 2.0).max(-width / 2.0), (distance + bin / 2.0).min(width / 2.0));
             (high - low).max(0.0) / bin
@@ -139,15 +139,15 @@ mod tests {
         Optics::new(pixels, pixels, 8e-6, 520e-9, 0.4).unwrap()
     }
 
-    /// The share of a 4 mm pupil's light that each stops, against the areas of its marks in float64.
+    /// The share of a 4 mm pupil's light that each obstruction stops, against the areas of its marks in float64.
     #[test]
     fn marks_stop_the_light_of_their_area() {
         let pupil = Pupil::from_mm([1.0, -2.0, 4.0, 0.0]);
         let disc = 4.0 * std::f64::consts::PI;
         for (obstruction, area) in [(Obstruction::Opacity, 0.25 * std::f64::consts::PI), (Obstruction::Lashes, 4.07)] {
-            // Bins that a mark covers in part lose more than their covered area: here they are narrow.
+            // Bins that a mark covers in part lose more than their covered area. Therefore the bins are narrow here.
             let passing = obstruction.amplitude(&optics(4096), &pupil);
-            // Where no mark is, the amplitude is the factor alone.
+            // At a place without a mark, the amplitude is the factor alone.
             let factor = passing([1e-3 - 1.95e-3, -2e-3]);
             let open = 1.0 / (factor * factor);
             assert!((open - (1.0 - area / disc)).abs() < 0.01, "{obstruction:?}: {open}");
@@ -163,13 +163,13 @@ mod tests {
         assert!(passing([3.6e-3, 1e-3]) > 1.0 && passing([0.0, 0.0]) > 1.0);
     }
 
-    /// A pupil that is covered wholly is dark: no factor makes light of nothing.
+    /// A pupil that is covered completely is dark. No factor makes light from nothing.
     #[test]
     fn a_covered_pupil_is_dark() {
         let pupil = Pupil::from_mm([0.0, 0.0, 0.5, 0.0]);
         let passing = Obstruction::Opacity.amplitude(&optics(512), &pupil);
         assert_eq!(passing([0.0, 0.0]), 0.0);
-        // Between the bins, too, where the covered share is not quite 1 by rounding.
+        // It is dark between the bins, too, although rounding leaves the covered share slightly below 1.
         let at = |i: i32| [f64::from(i % 40 - 20) * 1e-5, f64::from(i / 40 - 20) * 0.6e-5];
         let most = (0..1600).map(|i| passing(at(i)).abs()).fold(0.0, f64::max);
         assert!(most < 1e-12, "{most}");

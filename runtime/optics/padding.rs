@@ -1,23 +1,23 @@
-//! How far light walks sideways, and the padding that keeps it from coming in again on the other side.
+//! Computes how far light walks sideways, and the padding that keeps it from wrapping around.
 
 use super::{Geometry, Optics, fast_size};
 
-/// Zero pixels to add around the SLM, in all, per axis.
+/// Zero pixels to add around the SLM along each axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Padding {
-    /// Rows added, half above and half below.
+    /// Added rows, half above and half below.
     pub rows: usize,
-    /// Columns added.
+    /// Added columns, half left and half right.
     pub columns: usize,
 }
 
-/// How far light moves sideways inside a pupil at distance `offset` from the axis, meters:
-/// `|z| (|s| + d/2) / f` (OPTICS 2). The caller gives `reach = |s| + d/2`.
+/// Sideways movement in meters of light inside a pupil at distance `offset` from the axis, `|z| (|s| + d/2) / f`
+/// (OPTICS 2). The caller gives `reach = |s| + d/2`.
 pub fn walk_off(optics: &Optics, depth: f64, reach: f64) -> f64 {
     depth.abs() * reach.abs() / optics.focal_length
 }
 
-/// Prime factors up to this one transform well; sides shorter than this do in any case.
+/// Sizes with prime factors up to this one transform fast. Shorter sides transform fast in any case.
 const LARGEST_PRIME: usize = 13;
 const SHORT: usize = 256;
 
@@ -25,14 +25,14 @@ fn is_slow(n: usize) -> bool {
     n >= SHORT && largest_prime(n) > LARGEST_PRIME
 }
 
-/// Which sides [`Padding::smooth`] pads, and why, in words.
+/// The sides that [`Padding::smooth`] pads, with the reason, in words.
 pub fn slow_sides(optics: &Optics) -> String {
     let sides = [(optics.height, "rows"), (optics.width, "columns")].into_iter().filter(|(n, _)| is_slow(*n));
     let why = |(n, side): (usize, &str)| format!("{n} {side}, with the prime factor {}", largest_prime(n));
     format!("{} would transform slowly", sides.map(why).collect::<Vec<_>>().join(" and "))
 }
 
-/// The largest prime factor; 1 has none.
+/// The largest prime factor of a number. 1 has none.
 fn largest_prime(mut n: usize) -> usize {
     let (mut largest, mut p) = (1, 2);
     while p * p <= n {
@@ -46,9 +46,9 @@ fn largest_prime(mut n: usize) -> usize {
 }
 
 impl Padding {
-    /// The padding that circular propagation needs so that nothing wraps into the picture, and no more than the next
-    /// grid size that transforms well. None in the far field, where the field of view is what wraps, as the SLM's pixels
-    /// make it do. `depth` is the largest |z|, `reach` the largest |s| + d/2, both meters.
+    /// The padding that circular propagation needs to keep light from wrapping into the picture, up to the next grid
+    /// size that transforms fast. It is none in the far field. There the field of view wraps, because the pixels of the
+    /// SLM make it wrap. `depth` is the largest |z| and `reach` the largest |s| + d/2, both in meters.
     pub fn required(optics: &Optics, depth: f64, reach: f64) -> Self {
         if optics.geometry == Geometry::FarField {
             return Self::default();
@@ -58,8 +58,8 @@ impl Padding {
         Self { rows: grow(optics.height), columns: grow(optics.width) }
     }
 
-    /// The padding without which a side transforms slowly: to the next size that transforms well, where a side of many pixels
-    /// has a large prime factor, as 1358 = 2 x 7 x 97 has. None in the far field.
+    /// The padding without which a side transforms slowly. It grows a long side with a large prime factor, such as 1358
+    /// = 2 x 7 x 97, to the next size that transforms fast. It is none in the far field.
     pub fn smooth(optics: &Optics) -> Self {
         if optics.geometry == Geometry::FarField {
             return Self::default();
@@ -68,7 +68,7 @@ impl Padding {
         Self { rows: grow(optics.height), columns: grow(optics.width) }
     }
 
-    /// The grid with this padding: of a mask's pixels where the SLM has one in front.
+    /// The grid with this padding. It has the pixels of the mask if the SLM has one.
     pub fn grid(&self, optics: Optics) -> Optics {
         optics.with_size(optics.height + self.rows, optics.width + self.columns).at_mask()
     }
@@ -82,7 +82,7 @@ mod tests {
     fn no_depth_needs_no_padding_and_depth_needs_the_walk_off() {
         let optics = Optics::new(512, 300, 8e-6, 520e-9, 0.4).unwrap();
         assert_eq!(Padding::required(&optics, 0.0, 20e-3), Padding::default());
-        // 3.5 mm * 21 mm / 400 mm = 0.18375 mm = 22.97 pixels
+        // 3.5 mm * 21 mm / 400 mm = 0.18375 mm = 22.97 pixels.
         let padding = Padding::required(&optics, -3.5e-3, 21e-3);
         assert_eq!(padding.rows, fast_size(512 + 23) - 512);
         assert_eq!(padding.columns, fast_size(300 + 23) - 300);
@@ -96,7 +96,7 @@ mod tests {
         };
         assert_eq!(smooth(800, 1358), [0, 82]);
         assert_eq!(smooth(1358, 2 * 7 * 11 * 13), [82, 0]);
-        // Short ones are left alone, whatever they are.
+        // Short sides keep any size.
         assert_eq!(smooth(97, 251), [0, 0]);
         assert_eq!([1, 2, 1358, 97 * 97, 3600].map(largest_prime), [1, 2, 97, 97, 5]);
         let far = Optics::new(800, 1358, 10.8e-6, 520e-9, 0.4).unwrap().in_geometry(Geometry::FarField);

@@ -1,8 +1,8 @@
-//! Phases as numbers: wrapped, and as gray levels.
+//! Represents phases as wrapped numbers and as gray levels.
 
 use std::f32::consts::PI;
 
-/// The same phase in [-pi, pi), radians, as float32 sees pi. A phase that lies there already keeps its bits.
+/// The same phase in [-pi, pi), radians, with pi as a float32. A phase in that range keeps its bits.
 #[inline]
 pub fn wrap_phase(phase: f32) -> f32 {
     if (-PI..PI).contains(&phase) {
@@ -13,7 +13,7 @@ pub fn wrap_phase(phase: f32) -> f32 {
     if (-PI..PI).contains(&wrapped) { wrapped } else { -PI }
 }
 
-/// The nearest of 256 gray levels, of which 256 levels are one turn: `round(phase / 2 pi * 256) mod 256`.
+/// The nearest of 256 gray levels per turn, `round(phase / 2 pi * 256) mod 256`.
 #[inline]
 pub fn level_of_phase(phase: f32) -> u8 {
     let level = f64::from(phase) / std::f64::consts::TAU * 256.0;

@@ -1,4 +1,4 @@
-//! Where the picture is seen: distortion and lateral color of what stands between the display and the eye (OPTICS 10, Camera).
+//! Corrects distortion and lateral color between the display and the eye (OPTICS 10, Camera).
 
 use super::Color;
 use super::linear::least_squares;
@@ -6,39 +6,40 @@ use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 
-/// `[picture]` of a display file: where a camera saw each color's picture. Places run from -1 to 1 across the widths of the
-/// picture and of the camera's, y in the same unit, from the center.
+/// `[picture]` of a display file, the places at which a camera saw each color's picture. Places run from -1 to 1 across
+/// the widths of the picture and of the camera image. y has the same unit, and the origin is the center.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct Picture {
-    /// Whether the camera looked straight at the display and was not turned: keystone and turns are then the display's, and
-    /// are corrected; else they are taken for the camera's.
+    /// True if the camera looked straight at the display and was not rotated. Keystone and rotation then belong to the
+    /// display and are corrected. Otherwise they belong to the camera.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub straight: bool,
-    /// Of the red picture.
+    /// Map of the red picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub red: Option<PictureWarp>,
-    /// Of the green one.
+    /// Map of the green picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub green: Option<PictureWarp>,
-    /// Of the blue one.
+    /// Map of the blue picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blue: Option<PictureWarp>,
 }
 
-/// Where a camera saw one color's picture: `g = (X, Y) (1 + k1 rho^2 + k2 rho^4)`, (X, Y) the homography of the place.
+/// The place of one color's picture in a camera image, `g = (X, Y) (1 + k1 rho^2 + k2 rho^4)`. (X, Y) is the homography
+/// of the place.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureWarp {
-    /// The homography row by row; its ninth number is 1.
+    /// The homography row by row. Its ninth number is 1.
     pub homography: [f64; 8],
-    /// k1 and k2 of the radial distortion.
+    /// The coefficients k1 and k2 of the radial distortion.
     #[serde(default)]
     pub distortion: [f64; 2],
 }
 
-/// A homography row by row.
+/// A homography in row-major order.
 type Homography = [f64; 9];
 
 fn project([a, b, c, d, e, f, g, h, i]: Homography, [x, y]: [f64; 2]) -> [f64; 2] {
@@ -46,14 +47,14 @@ fn project([a, b, c, d, e, f, g, h, i]: Homography, [x, y]: [f64; 2]) -> [f64; 2
     [(a * x + b * y + c) / w, (d * x + e * y + f) / w]
 }
 
-/// The inverse but for a factor, which no place shows.
+/// The inverse up to a factor, which changes no place.
 fn adjugate([a, b, c, d, e, f, g, h, i]: Homography) -> Homography {
     let (of, by, at) = (e * i - f * h, c * h - b * i, b * f - c * e);
     [of, by, at, f * g - d * i, a * i - c * g, c * d - a * f, d * h - e * g, b * g - a * h, a * e - b * d]
 }
 
 impl PictureWarp {
-    /// By a camera's map: the homography's eight numbers, k1, k2.
+    /// Makes a map from the ten numbers of a camera's map, which are the homography, k1 and k2.
     pub fn by_camera([a, b, c, d, e, f, g, h, k1, k2]: [f64; 10]) -> Self {
         Self { homography: [a, b, c, d, e, f, g, h], distortion: [k1, k2] }
     }
@@ -67,17 +68,17 @@ impl PictureWarp {
         1.0 + self.distortion[0] * rho2 + self.distortion[1] * rho2 * rho2
     }
 
-    /// Place in the camera's picture of a place in the display's.
+    /// Maps a place in the display's picture to the camera image.
     pub fn forth(&self, at: [f64; 2]) -> [f64; 2] {
         let [x, y] = project(self.homography(), at);
         let bend = self.bend(x * x + y * y);
         [x * bend, y * bend]
     }
 
-    /// Place in the display's picture of a place in the camera's.
+    /// Maps a place in the camera image to the display's picture.
     pub fn back(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let rho = u.hypot(v);
-        // Newton's method for the radius before the distortion.
+        // Newton's method finds the radius before the distortion.
         let [k1, k2] = self.distortion;
         let mut r = rho;
         for _ in 0..ROUNDS {
@@ -93,32 +94,32 @@ impl PictureWarp {
     }
 }
 
-/// Where one color's picture is seen by a viewer, for whom the picture as a whole stands where it should.
+/// The place of one color's picture for a viewer, who sees the whole picture at its correct place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PictureMap {
     seen: PictureWarp,
-    /// From the camera's picture to the viewer's.
+    /// Maps the camera image to the viewer's picture.
     camera: Homography,
 }
 
-/// How often the inverse of the distortion is improved.
+/// Largest number of Newton steps for the inverse of the distortion.
 const ROUNDS: usize = 30;
-/// Places along each axis by which the camera's place is found.
+/// Places along each axis from which the camera's pose is fitted.
 const PLACES: usize = 9;
 
 impl PictureMap {
-    /// Place in the viewer's picture of a place in the display's.
+    /// Maps a place in the display's picture to the viewer's picture.
     pub fn forth(&self, at: [f64; 2]) -> [f64; 2] {
         project(self.camera, self.seen.forth(at))
     }
 
-    /// Place in the display's picture of a place in the viewer's.
+    /// Maps a place in the viewer's picture to the display's picture.
     pub fn back(&self, at: [f64; 2]) -> [f64; 2] {
         self.seen.back(project(adjugate(self.camera), at))
     }
 }
 
-/// Places over a picture of so many rows and columns, its edges among them.
+/// Places over a picture of this many rows and columns, including its edges.
 fn places([rows, columns]: [usize; 2]) -> impl Iterator<Item = [f64; 2]> {
     let high = rows as f64 / columns as f64;
     let place = |i: usize| 2.0 * i as f64 / (PLACES - 1) as f64 - 1.0;
@@ -126,28 +127,28 @@ fn places([rows, columns]: [usize; 2]) -> impl Iterator<Item = [f64; 2]> {
 }
 
 impl Picture {
-    /// Whether it says nothing.
+    /// True if no color has a map.
     pub fn is_empty(&self) -> bool {
         [self.red, self.green, self.blue].iter().all(Option::is_none)
     }
 
-    /// Says where a color's picture was seen.
+    /// Stores the measured map of a color's picture.
     pub fn set(&mut self, color: Color, seen: PictureWarp) {
         *[&mut self.red, &mut self.green, &mut self.blue][color.channel()] = Some(seen);
     }
 
-    /// Where a color's picture was seen; none where nobody looked.
+    /// The measured map of a color's picture, or none without a measurement.
     pub fn seen(&self, color: Color) -> Option<PictureWarp> {
         [self.red, self.green, self.blue][color.channel()]
     }
 
-    /// Green's, or the first: what the others are brought to.
+    /// The color to which the others are registered. It is green, or the first that was measured.
     fn reference(&self) -> Option<PictureWarp> {
         self.green.or(self.red).or(self.blue)
     }
 
-    /// Where the picture of `color` is seen, on a picture of so many rows and columns; a color that was not looked at is taken
-    /// to be seen where the reference one is (green, else red). None where nothing is known.
+    /// The map of the picture of `color`, for a picture of this many rows and columns. A color without a measurement
+    /// uses the map of the reference (green, otherwise red). The result is none if no color was measured.
     pub fn map(&self, color: Color, [rows, columns]: [usize; 2]) -> Option<PictureMap> {
         let reference = self.reference()?;
         let pairs: Vec<_> = places([rows, columns]).map(|at| (reference.forth(at), at)).collect();
@@ -155,7 +156,7 @@ impl Picture {
         Some(PictureMap { seen: self.seen(color).unwrap_or(reference), camera })
     }
 
-    /// How far off its place the picture of `color` is seen at worst, in pixels of a picture of so many rows and columns.
+    /// The largest displacement of the picture of `color`, in pixels of a picture of this many rows and columns.
     pub fn farthest(&self, color: Color, [rows, columns]: [usize; 2]) -> f64 {
         let Some(map) = self.map(color, [rows, columns]) else { return 0.0 };
         let off = |at: [f64; 2]| {
@@ -165,10 +166,10 @@ impl Picture {
         0.5 * columns as f64 * places([rows, columns]).map(off).fold(0.0, f64::max)
     }
 
-    /// What is wrong with it for a picture of so many rows and columns, in words.
+    /// Checks the maps for a picture of this many rows and columns.
     ///
     /// # Errors
-    /// The reason.
+    /// A reason in words.
     pub fn check(&self, [rows, columns]: [usize; 2]) -> Result<(), Reason> {
         for color in [Color::Red, Color::Green, Color::Blue] {
             let Some(seen) = self.seen(color) else { continue };
@@ -179,11 +180,11 @@ impl Picture {
             let odd = || {
                 Err(reason!(
                     "picture-folds",
-                    "[picture.{color}] folds the picture: its map must take every place to another"
+                    "[picture.{color}] folds the picture: its map must take each place to a different one"
                 ))
             };
             let Some(map) = self.map(color, [rows, columns]) else { return odd() };
-            // Whether the way back is that of the way forth, and areas keep their sign, over the picture.
+            // The inverse must undo the map, and areas must keep their sign, over the whole picture.
             let mut sign = 0.0;
             for at in places([rows, columns]) {
                 let step = |dx: f64, dy: f64| map.forth([at[0] + dx, at[1] + dy]);
@@ -208,10 +209,10 @@ impl Picture {
     }
 }
 
-/// The homography that takes the first of each pair nearest to the second.
+/// The homography that maps the first place of each pair closest to the second.
 fn homography(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
     let mut found: Homography = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    // Linear but for the weight of each place, which the round before gives.
+    // The problem is linear except for the weight of each place, which comes from the round before.
     for round in 0..10 {
         let rows = pairs.iter().flat_map(|&([x, y], [u, v])| {
             let weight = if round == 0 { 1.0 } else { 1.0 / (found[6] * x + found[7] * y + 1.0) };
@@ -225,7 +226,7 @@ fn homography(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
     Some(found)
 }
 
-/// The same by scale, mirroring and shift alone.
+/// The same fit with scale, mirroring and shift alone.
 fn upright(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
     let sign = |axis: usize| pairs.iter().map(|(from, to)| from[axis] * to[axis]).sum::<f64>().signum();
     let (mirror_x, mirror_y) = (sign(0), sign(1));
@@ -250,7 +251,7 @@ mod tests {
             let there = map.forth(at);
             assert!((there[0] - at[0]).hypot(there[1] - at[1]) < 1e-9, "{at:?}: {there:?}");
         }
-        // Blue is seen elsewhere than green, and both are bent.
+        // The blue picture is at another place than the green one, and both are distorted.
         picture.green = Some(seen([0.05, -0.01]));
         picture.blue = Some(PictureWarp { homography: KEYSTONE.map(|v| v * 1.01), distortion: [0.06, -0.01] });
         picture.check([30, 40]).unwrap();

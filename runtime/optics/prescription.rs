@@ -1,4 +1,4 @@
-//! What is wrong with the eye that looks, as a prescription or an aberrometer says (OPTICS 11).
+//! Describes the errors of the viewer's eye, from a prescription or an aberrometer (OPTICS 11).
 
 use super::units::within;
 use super::{Optics, OpticsError, Pupil};
@@ -9,47 +9,49 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// An eye's error, which rides with its pupil. Its path from the pupil's center s is P(X - s), with
-/// `P(X) = (S |X|^2 + C (n . X)^2) / 2`, `n = (-sin axis, cos axis)`, and what an aberrometer found beside it.
+/// The errors of an eye, which move with its pupil. The path at the distance X - s from the pupil's center s is P(X -
+/// s), with `P(X) = (S |X|^2 + C (n . X)^2) / 2` and `n = (-sin axis, cos axis)`. The coefficients of an aberrometer
+/// add to P.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct Prescription {
-    /// Sphere, diopters; minus for the short-sighted.
+    /// Sphere in diopters. It is negative for short-sighted eyes.
     pub sphere: f64,
-    /// Cylinder, diopters.
+    /// Cylinder of the prescription in diopters.
     #[serde(skip_serializing_if = "super::is_default")]
     pub cylinder: f64,
-    /// Its axis as written on a prescription, degrees.
+    /// Axis as written on a prescription, in degrees.
     #[serde(skip_serializing_if = "super::is_default")]
     pub axis_deg: f64,
-    /// Where the prescription is one for spectacles, their distance from the eye, millimeters.
+    /// Distance of the spectacles from the eye in millimeters, if the prescription is for spectacles.
     #[serde(skip_serializing_if = "super::is_default")]
     pub vertex_mm: f64,
-    /// An aberrometer's coefficients by their ANSI index, micrometers RMS (ANSI Z80.28); 3, 4 and 5 add to the prescription.
+    /// Coefficients of an aberrometer by their ANSI index, in micrometers RMS (ANSI Z80.28). 3, 4 and 5 add to the
+    /// prescription.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", with = "super::model::indices")]
     pub zernikes_um: BTreeMap<u32, f64>,
-    /// Diameter of the pupil that they were measured over, millimeters. Wider ones continue the polynomials.
+    /// Diameter of the measured pupil in millimeters. The polynomials continue beyond it.
     #[serde(skip_serializing_if = "super::is_default")]
     pub measured_mm: f64,
 }
 
-/// A polynomial in two variables: coefficients of x^i y^j, by i and then j.
+/// A polynomial in two variables, as coefficients of x^i y^j, by i and then j.
 type Polynomial = Vec<Vec<f64>>;
 
-/// The largest ANSI index that is read: the end of the sixth order.
+/// The largest supported ANSI index, at the end of the sixth order.
 const LARGEST_INDEX: u32 = 27;
 
 impl Prescription {
-    /// Of a prescription, at the eye: sphere and cylinder in diopters, the axis in degrees.
+    /// A prescription at the eye, with sphere and cylinder in diopters and the axis in degrees.
     pub fn new(sphere: f64, cylinder: f64, axis_deg: f64) -> Self {
         Self { sphere, cylinder, axis_deg, ..Self::default() }
     }
 
-    /// Of a TOML file with the keys of [`Prescription`].
+    /// Reads a TOML file with the keys of [`Prescription`].
     ///
     /// # Errors
-    /// [`OpticsError::Prescription`].
+    /// [`OpticsError::Prescription`] for a file that is wrong.
     pub fn load(path: &Path) -> Result<Self, OpticsError> {
         let wrong = |reason: Reason| OpticsError::Prescription { reason: reason.within(format!("{}", path.display())) };
         let text = read::text(path, read::TEXT).map_err(|e| wrong(e.to_string().into()))?;
@@ -58,10 +60,10 @@ impl Prescription {
         Ok(given)
     }
 
-    /// What is wrong with it, in words.
+    /// Checks the range of every number.
     ///
     /// # Errors
-    /// The reason.
+    /// A reason in words.
     pub fn check(&self) -> Result<(), Reason> {
         within("the sphere in diopters", self.sphere, -40.0, 40.0)?;
         within("the cylinder in diopters", self.cylinder, -20.0, 20.0)?;
@@ -71,8 +73,8 @@ impl Prescription {
             if !(3..=LARGEST_INDEX).contains(j) {
                 return Err(reason!(
                     "polynomial",
-                    "zernikes_um names polynomial {j}: the ANSI index must be 3 to {LARGEST_INDEX} (piston and tilt are no \
-                     errors of sight; the sixth order is the last that is read)"
+                    "zernikes_um names polynomial {j}: the ANSI index must be 3 to {LARGEST_INDEX} (piston and tilt are \
+                     no errors of sight, and the sixth order is the last that is supported)"
                 ));
             }
             within("zernikes_um in micrometers", *um, -100.0, 100.0)?;
@@ -88,12 +90,12 @@ impl Prescription {
         }
     }
 
-    /// Whether it has no error at all.
+    /// True if the eye has no error at all.
     pub fn is_perfect(&self) -> bool {
         self.power() == [[0.0; 2]; 2] && !self.has_higher_orders()
     }
 
-    /// Whether it has errors that only an eye whose place is known can be corrected for.
+    /// True if the eye has errors that can be corrected only at a known place of the pupil.
     pub fn has_higher_orders(&self) -> bool {
         self.higher().next().is_some()
     }
@@ -102,8 +104,8 @@ impl Prescription {
         self.zernikes_um.iter().filter(|(j, um)| **j > 5 && **um != 0.0).map(|(j, um)| (*j, um * 1e-6))
     }
 
-    /// Sphere and cylinder at the eye, with what coefficients 3, 4 and 5 add, as a symmetric matrix Q over (x, y), diopters:
-    /// `P(X) = X . Q X / 2`.
+    /// Sphere and cylinder at the eye, including coefficients 3, 4 and 5, as a symmetric matrix Q over (x, y) in
+    /// diopters, with `P(X) = X . Q X / 2`.
     pub fn power(&self) -> [[f64; 2]; 2] {
         // Each of the two principal powers of spectacles at the distance v is F / (1 - v F) at the eye.
         let at_eye = |power: f64| power / (1.0 - self.vertex_mm * 1e-3 * power);
@@ -116,7 +118,8 @@ impl Prescription {
         ];
         let a = |j: u32| self.zernikes_um.get(&j).copied().unwrap_or(0.0) * 1e-6;
         if self.measured_mm > 0.0 {
-            // Of -a_j Z_j(X / r) the second derivatives: Z_3 = 2 sqrt 6 x y, Z_4 = sqrt 3 (2 x^2 + 2 y^2 - 1), Z_5 = sqrt 6 (x^2 - y^2).
+            // These are the second derivatives of -a_j Z_j(X / r). The polynomials are Z_3 = 2 sqrt 6 x y, Z_4 = sqrt 3
+            // (2 x^2 + 2 y^2 - 1) and Z_5 = sqrt 6 (x^2 - y^2).
             let per = -(self.measured_mm * 0.5e-3).powi(-2);
             let (mean, across, oblique) =
                 (4.0 * 3f64.sqrt() * a(4), 2.0 * 6f64.sqrt() * a(5), 2.0 * 6f64.sqrt() * a(3));
@@ -128,20 +131,20 @@ impl Prescription {
         power
     }
 
-    /// The strongest of its powers at the eye, diopters, without a sign.
+    /// The strongest power at the eye in diopters, without a sign.
     pub fn strongest(&self) -> f64 {
         let [[a, b], [_, c]] = self.power();
         let (mean, spread) = (0.5 * (a + c), (0.5 * (a - c)).hypot(b));
         (mean - spread).abs().max((mean + spread).abs())
     }
 
-    /// Prentice's rule: where a pupil at `s` (x, y) sees the picture displaced to, `f Q s`, meters, (x, y). Higher orders
+    /// The displacement `f Q s` of the picture for a pupil at `s`, (x, y), in meters (Prentice's rule). Higher orders
     /// displace nothing.
     pub fn displacement(&self, s: [f64; 2], focal_length: f64) -> [f64; 2] {
         self.power().map(|row| focal_length * (row[0] * s[0] + row[1] * s[1]))
     }
 
-    /// Its path P in meters as a polynomial in X - s, in meters: coefficients of x^i y^j.
+    /// The path P in meters as a polynomial in X - s, in meters, as coefficients of x^i y^j.
     pub fn path(&self) -> Polynomial {
         let [[xx, xy], [_, yy]] = self.power();
         let mut path = vec![vec![0.0, 0.0, 0.5 * yy], vec![0.0, xy, 0.0], vec![0.5 * xx, 0.0, 0.0]];
@@ -161,15 +164,16 @@ impl Prescription {
         path
     }
 
-    /// The depth at which content walks off as far as light does in this eye and as the picture that it sees moves.
-    /// Meters: `reach` is the largest |s| + d/2, the widest pupil has this diameter.
+    /// The depth in meters at which content moves sideways as far as the error of this eye moves it. The error moves
+    /// both light and picture, and the larger movement counts. `reach` is the largest |s| + d/2 in meters. `diameter`
+    /// belongs to the widest pupil, in meters.
     pub fn walk_off(&self, focal_length: f64, reach: f64, diameter: f64) -> f64 {
         let moved = focal_length * focal_length * self.strongest();
         moved.max(0.5 * self.blur(focal_length, diameter) * focal_length / reach)
     }
 
-    /// How wide it blurs a point through a pupil of this diameter, meters in the focal plane: `f |S| d` for a sphere, for higher
-    /// orders the disc whose rays are as far from its middle, RMS.
+    /// Diameter of a blurred point through a pupil of this diameter, in meters of the focal plane. It is `f |S| d` for
+    /// a sphere. Higher orders count as an even disc with the same RMS distance of rays from the middle.
     pub fn blur(&self, focal_length: f64, diameter: f64) -> f64 {
         let path = self.path();
         let slope = |x: f64, y: f64| {
@@ -187,7 +191,7 @@ impl Prescription {
             }
             [along, down]
         };
-        // Evenly over the pupil; what all of it is turned by displaces and does not blur.
+        // The samples are evenly spread over the pupil. The mean slope displaces the picture and does not blur it.
         let (mut sum, mut squares, mut count) = ([0.0; 2], 0.0, 0.0);
         for (ring, step) in (0..16).flat_map(|ring| (0..64).map(move |step| (ring, step))) {
             let (sin, cos) = (f64::from(step) * std::f64::consts::TAU / 64.0).sin_cos();
@@ -201,11 +205,11 @@ impl Prescription {
         focal_length * even_disc.max(self.strongest() * diameter)
     }
 
-    /// Refuses what blurs over more than half of a picture, whose shorter side is `side`, through a pupil of this diameter:
-    /// meters.
+    /// Rejects a blur over more than half of a picture, whose shorter side is `side`, through a pupil of this diameter.
+    /// Lengths are in meters.
     ///
     /// # Errors
-    /// [`OpticsError::Blur`].
+    /// [`OpticsError::Blur`] for a larger blur.
     pub fn check_blur(&self, side: f64, focal_length: f64, diameter: f64) -> Result<(), OpticsError> {
         let (blur, most) = (self.blur(focal_length, diameter), 0.5 * side);
         if blur <= most {
@@ -230,7 +234,7 @@ impl Prescription {
         low
     }
 
-    /// E in turns of this wavelength at `(x, y)` meters of the pupil plane: the reference that the kernel is compared with.
+    /// E in turns of this wavelength at `(x, y)` meters of the pupil plane. It is the reference for the kernel.
     pub fn turns(&self, optics: &Optics, pupil: &Pupil, x: f64, y: f64) -> f64 {
         let (x, y) = (x - pupil.x, y - pupil.y);
         let [[xx, xy], [_, yy]] = self.power();

@@ -1,11 +1,11 @@
-//! The built-in displays by name: models, and SLMs of makers as files with their sources.
+//! Provides the built-in displays by name, as models and as files of makers' SLMs with sources.
 
 use super::Packing::{self, Fields, Grey8, Planes8, Planes24};
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
 use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
 
-/// The built-in displays, by name; the first is the default.
+/// The names of the built-in displays. The first is the default.
 pub const PRESETS: [&str; 22] = [
     "paper",
     "headset",
@@ -31,7 +31,7 @@ pub const PRESETS: [&str; 22] = [
     "ti-plm-0.47",
 ];
 
-/// What the file of an SLM says: name and text, where each number has its source.
+/// The name and the text of each SLM's file, in which each number has its source.
 macro_rules! devices {
     ($($name:literal)*) => { [$(($name, include_str!(concat!("presets/", $name, ".toml")))),*] };
 }
@@ -45,17 +45,17 @@ fn device(name: &str) -> Option<&'static str> {
     DEVICES.iter().find(|d| d.0 == name).map(|d| d.1)
 }
 
-/// Models: name, rows and columns, pitch (meters), levels, packing, and what each is, in a line.
+/// Models with name, rows and columns, pitch (meters), levels, packing, and a description in one line.
 type Model = (&'static str, [usize; 2], f64, u32, Packing, &'static str);
 const MODELS: [Model; 8] = [
-    // 660, 520 and 440 nm, 400 mm, as all that follow.
+    // All models have 660, 520 and 440 nm, and 400 mm.
     ("paper", HD, 8e-6, 256, Grey8, "Schiffers et al. 2023: an 8-bit LCoS behind a 4f relay"),
     ("small", [256; 2], 8e-6, 256, Grey8, "a small 8-bit SLM, for trying things out"),
     ("grey8", HD, 8e-6, 256, Grey8, "an 8-bit LCoS, one gray image a video frame"),
     ("fields", HD, 8e-6, 256, Fields, "an 8-bit LCoS that shows R, G and B of a video frame in turn"),
     ("planes8", HD, 8e-6, 2, Planes8, "a one-bit SLM, 8 bit-planes a video frame"),
     ("planes24", HD, 8e-6, 2, Planes24, "a one-bit SLM, 24 bit-planes a video frame"),
-    // Its eyebox is 4 mm.
+    // The eyebox of this display is 4 mm.
     ("far-field", [512; 2], 8e-6, 256, Grey8, "a small SLM in the pupil plane, for development"),
     ("far-field-16k", [16384; 2], 1e-6, 256, Grey8, "Schiffers et al. 2023: the largest SLM in the pupil plane"),
 ];
@@ -65,9 +65,9 @@ fn model(name: &str) -> Option<Model> {
     MODELS.into_iter().find(|model| model.0 == name)
 }
 
-/// What may be added to a display file: every line without its `#` is one.
+/// Optional lines of a display file. Every line is one without its `#`.
 const MORE: &str = r#"
-# What may be added; docs/displays.md explains every key.
+# Optional lines. docs/displays.md explains every key.
 #two_pi_level = { red = 256, green = 256, blue = 256 }    # gray level of 2 pi, measured
 #flip = "horizontal"           # vertical, both
 #rotation_deg = 180            # 90, 180, 270
@@ -77,7 +77,7 @@ const MORE: &str = r#"
 #direction_deg = 0
 #[[encoding.correction]]       # the flatness correction of the SLM
 #file = "flatness.png"
-#sign = 1                      # -1 takes it away
+#sign = 1                      # -1 subtracts it
 "#;
 
 /// A preset as the text of a display file, with comments.
@@ -88,15 +88,15 @@ pub fn preset_text(name: &str) -> Option<String> {
     Some(format!("# {}\n{}", model(name)?.5, Display::preset(name)?.to_toml()))
 }
 
-/// What a preset is, in a line.
+/// The description of a preset in one line.
 pub fn preset_about(name: &str) -> Option<&'static str> {
     model(name).map(|model| model.5).or_else(|| device(name)?.lines().next()?.strip_prefix("# "))
 }
 
-/// The beginning of a display file of one's own: a preset without its name, with what may be added as comments.
+/// The beginning of a user's display file. It is a preset without its name, and has optional lines as comments.
 pub fn display_template(name: &str) -> Option<String> {
     let text = preset_text(name)?;
-    // What it says already is not to be added once more.
+    // Keys that the text already has are not offered again.
     fn key(line: &str) -> Option<&str> {
         Some(line.trim_start_matches('#').split_once(" = ")?.0)
     }
@@ -107,10 +107,11 @@ pub fn display_template(name: &str) -> Option<String> {
 }
 
 impl Display {
-    /// A preset or a TOML file.
+    /// Loads a preset or a TOML file.
     ///
     /// # Errors
-    /// [`OpticsError::UnknownDisplay`], [`OpticsError::DisplayFile`] and those of [`Optics::new`](super::Optics::new).
+    /// [`OpticsError::UnknownDisplay`], [`OpticsError::DisplayFile`] and the errors of
+    /// [`Optics::new`](super::Optics::new).
     pub fn load(name: &str) -> Result<Self, OpticsError> {
         if let Some(display) = Self::preset(name) {
             return Ok(display);
@@ -125,7 +126,7 @@ impl Display {
         Ok(display)
     }
 
-    /// A preset by name.
+    /// Loads a preset by name.
     pub fn preset(name: &str) -> Option<Self> {
         let Some((_, [height, width], pitch, levels, packing, _)) = model(name) else {
             return device(name).map(|text| Self::from_toml(text, name).expect("a test reads every preset"));
@@ -173,7 +174,7 @@ mod tests {
             let read = Display::from_toml(&preset_text(name).unwrap(), "x.toml").unwrap();
             assert_eq!((&read.encoding, read.rate_hz, &read.name), (&preset.encoding, preset.rate_hz, &preset.name));
             let template = display_template(name).unwrap();
-            // With every line that may be added, too.
+            // The text is also read with every optional line.
             let added =
                 |line: &'_ str| line.strip_prefix('#').filter(|key| !key.starts_with(' ')).unwrap_or(line).to_owned();
             let all: Vec<String> = template.lines().map(added).collect();
@@ -203,7 +204,7 @@ mod tests {
 
     #[test]
     fn every_number_of_a_device_says_its_source_and_fits_the_active_area() {
-        // The headset is a model, whose pixels another preset has.
+        // The headset is a model, with the pixels of another preset.
         for (name, text) in DEVICES.into_iter().filter(|(name, _)| *name != "headset") {
             let says = |key: &str| text.lines().find_map(|line| line.strip_prefix(key));
             let sources = (1..).take_while(|n| says(&format!("# Source {n}: ")).is_some()).count();
@@ -226,7 +227,7 @@ mod tests {
             let stated: Vec<f64> =
                 area.split(" (").take(1).flat_map(|a| a.split(' ')).filter_map(|word| word.parse().ok()).collect();
             let display = Display::from_toml(text, name).unwrap();
-            // Width and height, or the height alone.
+            // The file states width and height, or the height alone.
             let sides = [display.width, display.height].map(|n| n as f64 * display.pitch * 1e3);
             assert!(area.starts_with("not found") || stated.len() == if area.starts_with("height") { 1 } else { 2 });
             for (is, says) in sides[2 - stated.len()..].iter().zip(&stated) {

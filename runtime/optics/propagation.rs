@@ -1,16 +1,17 @@
-//! The kernel K(q; p) = A(q) H(q; z), per frequency bin (OPTICS 2).
+//! Evaluates the kernel K(q; p) = A(q) H(q; z) per frequency bin (OPTICS 2).
 
 use super::{Optics, Pupil, frequency_bin};
 use std::f64::consts::TAU;
 
-/// Whether the light of bin (`ky`, `kx`) passes the pupil: inside the disc, a true DFT bin, and propagating.
+/// True if the light of bin (`ky`, `kx`) passes the pupil. The bin must be inside the disc, exist in the DFT, and
+/// propagate.
 ///
-/// Bins beyond the grid do not exist: they are where a window hangs over the edge of the eyebox.
+/// Bins beyond the grid do not exist. They occur in a window that extends beyond the edge of the eyebox.
 pub fn aperture(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> bool {
     Aperture::new(optics, pupil).row(ky)(kx)
 }
 
-/// What decides it for all bins of a pupil.
+/// The numbers that decide the aperture for all bins of a pupil.
 pub(super) struct Aperture {
     optics: Optics,
     pupil: Pupil,
@@ -26,7 +27,7 @@ impl Aperture {
         Self { optics: *optics, pupil: *pupil, bin, slope, reach: (pupil.diameter / 2.0).powi(2) }
     }
 
-    /// Of the bins of a row.
+    /// The aperture of the bins in a row.
     pub(super) fn row(&self, ky: i64) -> impl Fn(i64) -> bool {
         let (bin_x, slope_x, x, reach) = (self.bin.1, self.slope.1, self.pupil.x, self.reach);
         let (dy, cy) = (ky as f64 * self.bin.0 - self.pupil.y, ky as f64 * self.slope.0);
@@ -41,14 +42,15 @@ impl Aperture {
     }
 }
 
-/// Phase of H(q; z) in turns, for `a = (wavelength |q|)^2 < 1`: `-(z / wavelength) a / (1 + sqrt(1 - a))`.
+/// Phase of H(q; z) in turns, for `a = (wavelength |q|)^2 < 1`. It is `-(z / wavelength) a / (1 + sqrt(1 - a))`.
 ///
-/// The form without cancellation; thousands of turns at 1 m, so reduce to a fraction before any float32 sine.
+/// This form loses no digits at small `a`. The phase reaches thousands of turns at 1 m, so reduce it to a fraction before any float32
+/// sine.
 pub fn propagation_turns(a: f64, depth: f64, wavelength: f64) -> f64 {
     -(depth / wavelength) * (a / (1.0 + (1.0 - a).max(0.0).sqrt()))
 }
 
-/// H(q; z) of light with these direction cosines, as (re, im); 0 where nothing propagates.
+/// H(q; z) of light with these direction cosines, as (re, im). It is 0 for light that does not propagate.
 fn propagated(optics: &Optics, depth: f64, cy: f64, cx: f64) -> (f64, f64) {
     let a = cx * cx + cy * cy;
     if a >= 1.0 {
@@ -59,14 +61,14 @@ fn propagated(optics: &Optics, depth: f64, cy: f64, cx: f64) -> (f64, f64) {
     (cos, sin)
 }
 
-/// H(q; z) at an index (row, column) of a transform, as (re, im); 0 where nothing propagates.
+/// H(q; z) at an index (row, column) of a transform, as (re, im). It is 0 for light that does not propagate.
 pub fn transfer_of_bin(optics: &Optics, depth: f64, [row, column]: [usize; 2]) -> (f64, f64) {
     let (slope_y, slope_x) = optics.cosine_per_bin();
     let cosine = |at: usize, n: usize, slope: f64| frequency_bin(at as i64, n) as f64 * slope;
     propagated(optics, depth, cosine(row, optics.height, slope_y), cosine(column, optics.width, slope_x))
 }
 
-/// K(q; p) as (re, im): the reference that kernels are compared with.
+/// K(q; p) as (re, im). It is the reference for kernels.
 pub fn transfer(optics: &Optics, pupil: &Pupil, ky: i64, kx: i64) -> (f64, f64) {
     if !aperture(optics, pupil, ky, kx) {
         return (0.0, 0.0);

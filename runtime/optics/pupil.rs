@@ -1,36 +1,36 @@
-//! The pupil state p = (s, d, z).
+//! Holds the state of a pupil, p = (s, d, z).
 
 use super::{Optics, OpticsError};
 use serde::{Deserialize, Serialize};
 
-/// Where the eye's pupil is, how wide it is, and where it focuses. Meters; `diameter` is a diameter.
+/// Position, diameter and focus of the eye's pupil. All lengths are in meters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pupil {
-    /// Center, along columns (+x).
+    /// Center along the columns (+x).
     pub x: f64,
-    /// Center, along rows (+y, down).
+    /// Center along the rows (+y, down).
     pub y: f64,
-    /// Diameter.
+    /// Diameter of the pupil.
     pub diameter: f64,
-    /// Focus distance.
+    /// Depth of the focus.
     pub depth: f64,
 }
 
 impl Pupil {
-    /// From millimeters, in the order of the command line: x, y, diameter, depth.
+    /// Makes a pupil from millimeters, in the order x, y, diameter, depth.
     pub fn from_mm([x, y, diameter, depth]: [f64; 4]) -> Self {
         Self { x: x * 1e-3, y: y * 1e-3, diameter: diameter * 1e-3, depth: depth * 1e-3 }
     }
 
-    /// To millimeters: x, y, diameter, depth.
+    /// The pupil in millimeters, in the order x, y, diameter, depth.
     pub fn to_mm(self) -> [f64; 4] {
         [self.x * 1e3, self.y * 1e3, self.diameter * 1e3, self.depth * 1e3]
     }
 
-    /// Finite numbers and a positive diameter.
+    /// Checks that all numbers are finite and the diameter is positive.
     ///
     /// # Errors
-    /// [`OpticsError::NotFinite`], [`OpticsError::NotPositive`].
+    /// [`OpticsError::NotFinite`] or [`OpticsError::NotPositive`] for an impossible number.
     pub fn check(self) -> Result<Self, OpticsError> {
         for (what, value) in
             [("the pupil's x (mm)", self.x), ("the pupil's y (mm)", self.y), ("the focus depth (mm)", self.depth)]
@@ -47,10 +47,10 @@ impl Pupil {
         }
     }
 
-    /// As [`check`](Self::check), and the center lies in the eyebox.
+    /// Does [`check`](Self::check), and checks that the center is in the eyebox.
     ///
     /// # Errors
-    /// Those of `check`, and [`OpticsError::OutsideEyebox`].
+    /// The errors of `check`, and [`OpticsError::OutsideEyebox`].
     pub fn check_within(self, optics: &Optics) -> Result<Self, OpticsError> {
         self.check()?;
         let reach = optics.eyebox() / 2.0;
@@ -71,8 +71,8 @@ impl Pupil {
 }
 
 impl Optics {
-    /// The rectangle of a far-field SLM's pixels that a pupil covers: (row, column) of its first, and its size; one pixel at
-    /// least.
+    /// The rectangle of a far-field SLM's pixels that a pupil covers, as (row, column) of its first pixel and its size.
+    /// It has at least one pixel.
     pub fn under(&self, pupil: &Pupil) -> ([usize; 2], [usize; 2]) {
         let first = self.first_bin();
         let axis = |s: f64, first: i64, n: usize| {

@@ -1,12 +1,12 @@
-//! Few points that stand for a distribution: Gaussian quadrature along a line, and over a disc (Stroud 1971).
+//! Represents distributions by few points, with Gaussian quadrature along a line and over a disc (Stroud 1971).
 
-/// Points a line, or rings of a disc's formulas, at most.
+/// The most points on a line, and the most rings of the formulas for a disc.
 pub(super) const MOST: usize = 5;
 
-/// A place in units of the half width (for a Gaussian: of the standard deviation), and its share; shares add up to 1.
+/// A place in units of the half width (standard deviation for a Gaussian), and its share. Shares add up to 1.
 pub(super) type Node<P> = (P, f64);
 
-/// Evenly spread over -1 to 1: Gauss-Legendre with 1 to [`MOST`] points.
+/// An even distribution over -1 to 1, by Gauss-Legendre with 1 to [`MOST`] points.
 pub(super) fn even(points: usize) -> Vec<Node<f64>> {
     match points {
         0 | 1 => vec![(0.0, 1.0)],
@@ -25,7 +25,7 @@ pub(super) fn even(points: usize) -> Vec<Node<f64>> {
     }
 }
 
-/// Normally distributed: Gauss-Hermite with 1 to [`MOST`] points, in standard deviations.
+/// A normal distribution, by Gauss-Hermite with 1 to [`MOST`] points, in standard deviations.
 pub(super) fn normal(points: usize) -> Vec<Node<f64>> {
     match points {
         0 | 1 => vec![(0.0, 1.0)],
@@ -44,7 +44,7 @@ pub(super) fn normal(points: usize) -> Vec<Node<f64>> {
     }
 }
 
-/// Evenly spread over the unit disc, (x, y): formulas of degree 1, 3, 5 and 7 with 1, 4, 7 and 12 points.
+/// An even distribution over the unit disc, (x, y), by formulas of degree 1, 3, 5 and 7 with 1, 4, 7 and 12 points.
 pub(super) fn disc(points: usize) -> Vec<Node<[f64; 2]>> {
     let cross = |at: f64, share: f64| [[at, 0.0], [-at, 0.0], [0.0, at], [0.0, -at]].map(|place| (place, share));
     let corners = |at: f64, share: f64| [[at, at], [-at, at], [at, -at], [-at, -at]].map(|place| (place, share));
@@ -66,7 +66,7 @@ pub(super) fn disc(points: usize) -> Vec<Node<[f64; 2]>> {
     }
 }
 
-/// Both ways along each of two axes.
+/// The product of a line with itself along two axes.
 pub(super) fn square(line: &[Node<f64>]) -> Vec<Node<[f64; 2]>> {
     line.iter().flat_map(|(y, v)| line.iter().map(move |(x, u)| ([*x, *y], u * v))).collect()
 }
@@ -84,7 +84,7 @@ mod tests {
         nodes.iter().map(|(at, share)| share * at.powi(power)).sum()
     }
 
-    /// n points are exact to degree 2 n - 1.
+    /// A formula with n points is exact to degree 2 n - 1.
     #[test]
     fn lines_have_the_moments_of_what_they_stand_for() {
         for n in 1..=MOST {
@@ -99,7 +99,8 @@ mod tests {
 
     #[test]
     fn discs_have_the_moments_of_a_disc() {
-        // The mean over the unit disc of x^2, y^2: 1/4; x^4: 1/8; x^2 y^2: 1/24; x^6: 5/64; x^4 y^2: 1/64.
+        // Means over the unit disc. They are 1/4 for x^2 and y^2, 1/8 for x^4, 1/24 for x^2 y^2, 5/64 for x^6 and 1/64
+        // for x^4 y^2.
         let all =
             [(2, 0, 0.25), (0, 2, 0.25), (4, 0, 0.125), (2, 2, 1.0 / 24.0), (6, 0, 5.0 / 64.0), (4, 2, 1.0 / 64.0)];
         for (points, degree) in [(1, 1), (2, 3), (3, 5), (4, 7)] {

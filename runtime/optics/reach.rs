@@ -1,73 +1,74 @@
-//! What a display can show, in people's units.
+//! Computes field of view, eyebox, depths and etendue of a display in common units.
 
 use super::{Color, Display, dioptres};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// What a display can show.
+/// The field of view, eyebox, depths and etendue of a display.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Reach {
-    /// Degrees that the picture takes, (up, across): `2 asin(extent / 2 f)`.
+    /// Angular size of the picture in degrees, (up, across), `2 asin(extent / 2 f)`.
     pub field_of_view_degrees: [f64; 2],
-    /// Pixels a degree in the middle of the picture.
+    /// Pixels per degree in the middle of the picture.
     pub pixels_per_degree: f64,
-    /// Side of the eyebox that all colors serve, mm; of one source, where there are several.
+    /// Side in mm of the eyebox that all colors serve, for one source.
     pub eyebox_mm: f64,
-    /// Of each color's own, mm.
+    /// Side in mm of each color's own eyebox.
     pub eyebox_mm_by_color: BTreeMap<Color, f64>,
-    /// The farthest and the nearest depth, mm: beyond, content moves by more than half the picture's shorter side as the
-    /// pupil goes from the middle of the eyebox to its edge, and comes in again on the other side (OPTICS 2).
+    /// The farthest and the nearest depth in mm. Beyond them, content moves by more than half the picture's shorter
+    /// side as the pupil goes from the middle of the eyebox to its edge, and wraps around (OPTICS 2).
     pub depth_mm: [f64; 2],
-    /// The same in diopters.
+    /// The farthest and the nearest depth in diopters.
     pub depth_dioptres: [f64; 2],
     /// Area of the eyebox times the solid angle of the picture (small angles), mm2 sr.
     pub etendue_mm2_sr: f64,
-    /// With its switchable sources, where it has any.
+    /// The values with switchable sources, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sources: Option<SourcesReach>,
-    /// What it would be without its mask, where it has one.
+    /// The values without the mask, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_mask: Option<WithoutMask>,
 }
 
-/// What a display is without the static mask in front of its SLM; the field of view stays.
+/// The eyebox of a display without the static mask in front of its SLM. The field of view stays the same.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct WithoutMask {
-    /// Pixels of the mask along an axis of one of the SLM's.
+    /// Mask pixels per SLM pixel along an axis.
     pub factor: usize,
-    /// Side of the eyebox that all colors serve, mm.
+    /// Side in mm of the eyebox that all colors serve.
     pub eyebox_mm: f64,
     /// Area of the eyebox times the solid angle of the picture, mm2 sr.
     pub etendue_mm2_sr: f64,
 }
 
-/// What a display's switchable sources make of its eyebox; the field of view stays.
+/// The eyebox of a display with its switchable sources. The field of view stays the same.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct SourcesReach {
-    /// How many there are.
+    /// Number of switchable sources.
     pub sources: usize,
-    /// Sides of the rectangle around their eyeboxes, (up, across), mm.
+    /// Sides in mm of the rectangle around their eyeboxes, (up, across).
     pub eyebox_mm: [f64; 2],
-    /// The area of it that they cover, mm2.
+    /// Area of that rectangle that the eyeboxes cover, mm2.
     pub area_mm2: f64,
-    /// That area times the solid angle of the picture, mm2 sr.
+    /// The covered area times the solid angle of the picture, mm2 sr.
     pub etendue_mm2_sr: f64,
-    /// The longest time that one of them takes to be switched, microseconds.
+    /// The longest switching time of a source in microseconds.
     pub switching_us: f64,
-    /// How long a sub-frame is shown, microseconds.
+    /// Duration of a sub-frame in microseconds.
     pub sub_frame_us: f64,
-    /// Share of the light that is left of their sub-frames where they take turns, of the source that keeps least; 1 where they are
-    /// not switched from sub-frame to sub-frame.
+    /// Share of light that remains in the sub-frames of the source that loses most, if the sources take turns. It is 1
+    /// if they are not switched between sub-frames.
     pub lit_share: f64,
 }
 
 impl Display {
-    /// What it can show. Content at depth z moves by `z w / (2 f)` from the middle to the edge of the eyebox of width w, so
-    /// half a picture of extent e is reached at `z = e f / w` (behind a relay `N p^2 / wavelength`).
+    /// Computes what the display can show. Content at depth z moves by `z w / (2 f)` from the middle to the edge of the
+    /// eyebox of width w. Therefore it moves by half a picture of extent e at `z = e f / w` (behind a relay `N p^2 /
+    /// wavelength`).
     pub fn reach(&self) -> Reach {
         let (f, pixel, (rows, columns)) = (self.focal_length, self.picture_pixel(), self.picture_size());
         let extent = [rows, columns].map(|n| n as f64 * pixel);
@@ -143,7 +144,7 @@ impl fmt::Display for Reach {
         let of = format!("switching takes up to {switching_us:.0} of the {sub_frame_us:.0} us of a sub-frame");
         match lit_share {
             share if *share < 1.0 => write!(out, "; {of}: {:.0} % of the light is left in turn", share * 100.0),
-            _ => write!(out, "; {of}, where a set's sources are others than those of the set before"),
+            _ => write!(out, "; {of} if a set has other sources than the set before"),
         }
     }
 }
@@ -155,11 +156,11 @@ mod tests {
     #[test]
     fn the_papers_display_in_degrees() {
         let reach = Display::preset("paper").unwrap().reach();
-        // 15.36 x 8.64 mm at 400 mm.
+        // The extent is 15.36 x 8.64 mm at 400 mm.
         let [up, across] = reach.field_of_view_degrees;
         assert!((across - 2.2003).abs() < 1e-3 && (up - 1.2377).abs() < 1e-3, "{across} {up}");
         assert!((reach.pixels_per_degree - 872.66).abs() < 0.01 && (reach.eyebox_mm - 22.0).abs() < 1e-9);
-        // N p^2 / wavelength of the shorter side and the shortest wavelength.
+        // The depth is N p^2 / wavelength of the shorter side and the shortest wavelength.
         assert!((reach.depth_mm[1] - 1080.0 * 64e-12 / 440e-9 * 1e3).abs() < 1e-6);
         assert!((reach.depth_dioptres[1] - 0.98182).abs() < 1e-4);
         let line = reach.to_string();
@@ -173,7 +174,7 @@ mod tests {
         );
     }
 
-    /// Eyebox times field of view is N wavelength along an axis, behind a mask as many times that as it has pixels.
+    /// Eyebox times field of view is N wavelength along an axis. A mask multiplies it by the number of its pixels.
     #[test]
     fn a_mask_makes_the_etendue_larger() {
         let plain = Display::preset("small").unwrap();
@@ -194,7 +195,7 @@ mod tests {
     fn a_far_field_display_has_the_eyebox_of_its_slm() {
         let reach = Display::preset("far-field").unwrap().reach();
         assert!(reach.eyebox_mm_by_color.values().all(|mm| (mm - 4.096).abs() < 1e-9));
-        // 2 asin(wavelength / 2 p) of the shortest wavelength.
+        // The angle is 2 asin(wavelength / 2 p) of the shortest wavelength.
         let angle = 2.0 * (440e-9f64 / 16e-6).asin().to_degrees();
         assert!(reach.field_of_view_degrees.iter().all(|a| (a - angle).abs() < 1e-9));
     }

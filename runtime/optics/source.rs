@@ -1,7 +1,7 @@
-//! Light with a source: incoherent modes (OPTICS 12).
+//! Represents a light source by incoherent modes (OPTICS 12).
 //!
-//! A source point at an angle, or a wavelength beside the main one, is a *mode*: the same spectrum seen through a pupil that
-//! stands elsewhere. Modes add as intensities (mutual intensity in coherent modes, Wolf 1982).
+//! A *mode* is a source point at an angle, or a wavelength next to the main one. It has the same spectrum, seen through
+//! a pupil at another place. Modes add as intensities (mutual intensity in coherent modes, Wolf 1982).
 
 use super::quadrature::{self, MOST};
 use super::units::within;
@@ -16,33 +16,35 @@ use std::collections::BTreeMap;
 pub struct SourceMode {
     /// Direction sines of its light on the SLM, (x, y).
     pub angle: [f64; 2],
-    /// Meters.
+    /// Wavelength of the mode in meters.
     pub wavelength: f64,
-    /// Its share of the light.
+    /// Share of the mode in the light.
     pub weight: f64,
-    /// Which of the display's switchable sources it belongs to, by its place.
+    /// Place of its switchable source in the list of the display.
     pub source: usize,
-    /// `[k, n]`: it is lit in each sub-frame whose number leaves k when it is divided by n; never where n is 0.
+    /// `[k, n]` means that it is lit in each sub-frame whose number has the remainder k modulo n. It is never lit if n
+    /// is 0.
     pub turn: [usize; 2],
 }
 
 impl SourceMode {
-    /// The [turn](Self::turn) of what is lit in every sub-frame.
+    /// The [turn](Self::turn) of a mode that is lit in every sub-frame.
     pub const ALWAYS: [usize; 2] = [0, 1];
-    /// That of what is lit in none.
+    /// The [turn](Self::turn) of a mode that is never lit.
     pub const NEVER: [usize; 2] = [0, 0];
 
-    /// A laser on the axis: no source at all.
+    /// The mode of a laser on the axis.
     pub fn centred(wavelength: f64) -> Self {
         Self { angle: [0.0; 2], wavelength, weight: 1.0, source: 0, turn: Self::ALWAYS }
     }
 
-    /// Whether it is lit in any sub-frame.
+    /// True if it is lit in any sub-frame.
     pub fn is_lit(&self) -> bool {
         self.turn[1] > 0
     }
 
-    /// Its power in one of so many sub-frames, over its mean: what takes turns shines so much brighter in its own.
+    /// Power of the mode in one of `frames` sub-frames, over its mean. A mode that takes turns is brighter in its own
+    /// sub-frames by the inverse of its share.
     pub fn power(&self, frame: usize, frames: usize) -> f64 {
         let [place, count] = self.turn;
         let is_own = |frame: usize| frame.checked_rem(count) == Some(place);
@@ -52,14 +54,14 @@ impl SourceMode {
         }
     }
 
-    /// The same where these switchable sources are lit, by their places, all the time, and no others.
+    /// The same mode if only these switchable sources, by their places, are lit, all the time.
     #[must_use]
     pub fn lit_among(self, sources: &[usize]) -> Self {
         let turn = if sources.contains(&self.source) { Self::ALWAYS } else { Self::NEVER };
         Self { turn, ..self }
     }
 
-    /// The same where one of so many sub-frames is seen alone.
+    /// The same mode if only one of `frames` sub-frames is visible.
     #[must_use]
     pub fn in_frame(self, frame: usize, frames: usize) -> Self {
         let power = self.power(frame, frames);
@@ -67,126 +69,127 @@ impl SourceMode {
         Self { weight: if power > 0.0 { self.weight * power } else { self.weight }, turn, ..self }
     }
 
-    /// The middle of its eyebox, (x, y), meters.
+    /// The middle of the mode's eyebox, (x, y), in meters.
     pub(super) fn eyebox(&self, focal_length: f64) -> [f64; 2] {
         self.angle.map(|t| focal_length * t)
     }
 
-    /// Where, in the SLM's own light, the pupil stands that sees this mode: moved by `-f t`.
+    /// The pupil in the SLM's own light that sees this mode, moved by `-f t`.
     pub fn pupil(&self, pupil: &Pupil, focal_length: f64) -> Pupil {
         let [x, y] = self.eyebox(focal_length);
         Pupil { x: pupil.x - x, y: pupil.y - y, ..*pupil }
     }
 }
 
-/// Kinds of sources, each a preset: what a file does not say of its source is as the kind has it.
+/// Kinds of sources. Each is a preset for the values that a file does not have.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum SourceKind {
-    /// A point of one wavelength.
+    /// A point source of one wavelength.
     #[default]
     Laser,
-    /// A superluminescent diode behind a single-mode fiber: a point, 6 nm wide.
+    /// A superluminescent diode behind a single-mode fiber, which is a point with a line of 6 nm.
     Sled,
-    /// A light-emitting diode behind a band-pass filter of 10 nm, its image a disc of 1 mm in the eyebox.
+    /// A light-emitting diode behind a band-pass filter of 10 nm. Its image in the eyebox is a disc of 1 mm.
     Led,
 }
 
 impl SourceKind {
-    /// All of them.
+    /// All kinds of sources.
     pub const ALL: [Self; 3] = [Self::Laser, Self::Sled, Self::Led];
 
-    /// The name by which it is chosen.
+    /// The name in display files.
     pub fn name(self) -> &'static str {
         ["laser", "sled", "led"][self as usize]
     }
 
-    /// Millimeters of its image in the eyebox, nanometers of its line (full width at half maximum).
+    /// Millimeters of the image in the eyebox, and nanometers of the line (full width at half maximum).
     fn preset(self) -> [f64; 2] {
         [[0.0, 0.0], [0.0, 6.0], [1.0, 10.0]][self as usize]
     }
 }
 
-/// Shapes of sources.
+/// The shapes of sources.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum SourceShape {
-    /// Even, of this diameter.
+    /// An even disc of this diameter.
     #[default]
     Disc,
-    /// Even, of this side.
+    /// An even square of this side.
     Square,
-    /// Gaussian, of this full width at half maximum.
+    /// A Gaussian of this full width at half maximum.
     Gaussian,
 }
 
-/// A mode as a file has it.
+/// A mode in a display file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GivenMode {
-    /// Direction of its light on the SLM, milliradians (x, y) [default: on the axis].
+    /// Direction of its light on the SLM in milliradians (x, y). The default is on the axis.
     #[serde(default)]
     pub angle_mrad: [f64; 2],
-    /// Nanometers, within 2 % of the color's [default: the color's].
+    /// Wavelength in nanometers, within 2 % of the color's. The default is the color's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wavelength_nm: Option<f64>,
-    /// Its light, in whatever unit: shares of the sum are taken.
+    /// Light of the mode in any unit, because only shares of the sum matter.
     pub weight: f64,
 }
 
-/// A section of `[source]` in a display file: the light of one color, or of all.
+/// A section of `[source]` in a display file with the light of one color or of all colors.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct SourceTerms {
-    /// Which preset the rest stands at: laser, sled or led.
+    /// Preset for the other values, laser, sled or led.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<SourceKind>,
-    /// How wide the source's image in the eyebox is, millimeters.
+    /// Width of the source's image in the eyebox in millimeters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub image_mm: Option<f64>,
-    /// The same as the whole angle under which the SLM sees the source, milliradians.
+    /// The same width as the full angle of the source at the SLM, in milliradians.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_mrad: Option<f64>,
-    /// Its shape: disc, square or gaussian [default: disc].
+    /// Shape of the source, disc, square or gaussian. The default is disc.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shape: Option<SourceShape>,
-    /// How wide its line is, nanometers at half of the maximum (Gaussian).
+    /// Width of the line in nanometers at half of the maximum (Gaussian).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub linewidth_nm: Option<f64>,
-    /// Points that stand for its size, along an axis, 1 to 5 (of a disc 1, 4, 7 or 12 in all) [default: as few as a scene
-    /// requires].
+    /// Points along an axis that represent its size, 1 to 5 (of a disc 1, 4, 7 or 12 in all). The default is the fewest
+    /// that a scene requires.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub samples: Option<usize>,
-    /// Wavelengths that stand for its line, 1 to 5 [default: as few as a scene requires].
+    /// Wavelengths that represent its line, 1 to 5. The default is the fewest that a scene requires.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lines: Option<usize>,
-    /// All of its modes, instead of a size and a line.
+    /// All modes of the source, instead of a size and a line.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub modes: Vec<GivenMode>,
 }
 
-/// `[source]` of a display file.
+/// The table `[source]` of a display file.
 pub type SourceSections = BTreeMap<ModelOf, SourceTerms>;
 
-/// Wavelengths this near to their color's are taken: over the line, the SLM's phase counts as constant (OPTICS 12).
+/// Wavelengths must be this near to their color's, because the SLM's phase counts as constant over the line (OPTICS
+/// 12).
 const NEAR: f64 = 0.02;
-/// Wavelengths that stand for a line at most, where a file does not say.
+/// The most wavelengths that represent a line, if a file has no number.
 pub(super) const LINES: usize = 3;
 /// Full width at half maximum over standard deviation of a Gaussian.
 pub(super) const WIDTHS: f64 = 2.354_820_045_030_949;
 
 impl SourceTerms {
-    /// These, and those of `others` that are not known here. A list of modes stands for itself, and so do an image and an angle
-    /// for each other.
+    /// These terms, and the terms of `others` that are not set here. A list of modes replaces all terms of `others`. An
+    /// image and an angle replace each other.
     pub(super) fn or(&self, others: &Self) -> Self {
         if !self.modes.is_empty() {
             return self.clone();
         }
         let sized = self.image_mm.is_some() || self.angle_mrad.is_some();
-        // A kind of its own stands for what it presets.
+        // A kind of its own replaces the values that it presets.
         let (others, has_kind) = (others.clone(), self.kind.is_some());
         let size = |value: Option<f64>| value.filter(|_| !sized && !has_kind);
         let describes = sized || has_kind || self.shape.is_some() || self.linewidth_nm.is_some();
@@ -202,19 +205,19 @@ impl SourceTerms {
         }
     }
 
-    /// Radians of the whole source; twice the standard deviation of a Gaussian one.
+    /// Full angle of the source in radians. It is twice the standard deviation for a Gaussian source.
     pub(super) fn angle(&self, focal_length: f64) -> f64 {
         let preset = self.kind.unwrap_or_default().preset()[0];
         let image = self.angle_mrad.map_or(self.image_mm.unwrap_or(preset) * 1e-3 / focal_length, |mrad| mrad * 1e-3);
         if self.shape == Some(SourceShape::Gaussian) { 2.0 * image / WIDTHS } else { image }
     }
 
-    /// Meters, the standard deviation of its line.
+    /// Standard deviation of the line in meters.
     pub(super) fn line(&self) -> f64 {
         self.linewidth_nm.unwrap_or(self.kind.unwrap_or_default().preset()[1]) * 1e-9 / WIDTHS
     }
 
-    /// Its modes around a wavelength (meters), whose weights add up to 1.
+    /// The modes around a wavelength (meters). Their weights add up to 1.
     pub(super) fn modes(&self, wavelength: f64, focal_length: f64) -> Vec<SourceMode> {
         if !self.modes.is_empty() {
             let sum: f64 = self.modes.iter().map(|mode| mode.weight).sum();
@@ -247,12 +250,12 @@ impl SourceTerms {
         places.into_iter().flat_map(each).collect()
     }
 
-    /// What is wrong with it at a color of these optics, in words.
+    /// Checks the terms at a color of these optics.
     pub(super) fn check(&self, optics: &Optics) -> Result<(), Reason> {
         if self.image_mm.is_some() && self.angle_mrad.is_some() {
             return Err(reason!(
                 "source-place-twice",
-                "image_mm and angle_mrad say the same of a source: give one of them"
+                "image_mm and angle_mrad both give the size of a source: leave out one of them"
             ));
         }
         within("image_mm", self.image_mm.unwrap_or(0.0), 0.0, 100.0)?;
@@ -270,10 +273,10 @@ impl SourceTerms {
             return Err(reason!("source-without-light", "no mode has any light: one weight must be above 0"));
         }
         if self.modes.len() > 256 {
-            return Err(reason!("source-modes", "{} modes: at most 256 are taken", self.modes.len()));
+            return Err(reason!("source-modes", "{} modes: give at most 256", self.modes.len()));
         }
         let nm = optics.wavelength * 1e9;
-        // As many samples as there may be reach farthest.
+        // The largest number of samples has the widest modes.
         let widest = Self { samples: Some(MOST), lines: self.lines.or(Some(LINES)), ..self.clone() };
         let reach = 0.5 * optics.wavelength / optics.pitch;
         for mode in widest.modes(optics.wavelength, optics.focal_length) {

@@ -1,33 +1,36 @@
-//! Which switchable sources are lit for a pupil that is followed (OPTICS 12): the nearest whose eyebox holds all of it, or, near a
-//! border, all that it touches. Decisions are pure: they follow from where the pupil is expected and from what is lit.
+//! Chooses the switchable sources that are lit for a tracked pupil (OPTICS 12).
+//!
+//! The choice is the nearest source whose eyebox holds the whole pupil. Near a border it is all sources whose eyeboxes
+//! the pupil touches. Decisions are pure functions of the expected pupil and of the lit sources.
 
 use super::{Color, Display, EyeboxRegion, Pupil, PupilDistribution, SourcesLit};
 
-/// Which of a display's switchable sources are lit for one color, as the pupil moves.
+/// The lit switchable sources of a display for one color, as the pupil moves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceChoice {
-    /// Sources of the color, by their places, and the middles of their eyeboxes, meters.
+    /// Sources of the color by their places, with the middles of their eyeboxes in meters.
     sources: Vec<(usize, [f64; 2])>,
-    /// Half the side of the eyebox of each, meters.
+    /// Half the side of the eyebox of each source in meters.
     half: f64,
     /// Pairs that may not be lit together.
     apart: Vec<[usize; 2]>,
-    /// What is lit where nothing is known of the pupil.
+    /// The lit sources while the pupil is unknown.
     first: Vec<usize>,
     lit: Vec<usize>,
 }
 
-/// A source takes the pupil over from others when its eyebox holds it with so much to spare, meters: at a border nothing flickers.
+/// A source takes over from others only if its eyebox holds the pupil with this margin in meters. Therefore nothing
+/// flickers at a border.
 const HYSTERESIS: f64 = 0.25e-3;
-/// So many standard deviations of where the pupil may be are held by a source that is lit alone.
+/// A source that is lit alone must hold this many standard deviations of the pupil's position.
 const SPREADS: f64 = 2.0;
-/// As probable as this, the pupil may still be where it was: the source there stays lit.
+/// From this probability on, the pupil may still be at its old place, so the source there stays lit.
 const MAY_HAVE_STAYED: f64 = 0.25;
-/// Sources that are lit together at most: as many as meet in a corner.
+/// The most sources that are lit together, as many as meet in a corner.
 const MOST_TOGETHER: usize = 4;
 
 impl SourceChoice {
-    /// For one of a display's colors; none where its sources are not steered.
+    /// Makes a choice for one color of a display. It is none if the display's sources do not follow the pupil.
     pub fn new(display: &Display, color: Color) -> Option<Self> {
         let sources = &display.sources;
         let is_steered = matches!(sources.lit, SourcesLit::Steered | SourcesLit::Only(_));
@@ -43,18 +46,18 @@ impl SourceChoice {
         Some(Self { sources: of.iter().map(middle).collect(), half, apart, lit: first.clone(), first })
     }
 
-    /// The sources that are lit, by their places.
+    /// The lit sources by their places.
     pub fn lit(&self) -> &[usize] {
         &self.lit
     }
 
-    /// The eyeboxes of those.
+    /// The eyeboxes of the lit sources.
     pub fn regions(&self) -> Vec<EyeboxRegion> {
         let lit = self.sources.iter().filter(|(at, _)| self.lit.contains(at));
         lit.map(|(_, center)| EyeboxRegion { center: *center, size: [2.0 * self.half; 2] }).collect()
     }
 
-    /// Share of a pupil's disc that lies in the eyeboxes of these sources, 0 to 1: what is left is dark.
+    /// Share of a pupil's disc that is in the eyeboxes of these sources, 0 to 1. The remainder is dark.
     pub fn served(&self, lit: &[usize], pupil: &Pupil) -> f64 {
         const ALONG: i32 = 24;
         let radius = pupil.diameter / 2.0;
@@ -73,12 +76,12 @@ impl SourceChoice {
         inside as f64 / f64::from(all.max(1))
     }
 
-    /// What is lit where nothing is known of the pupil is lit again.
+    /// Lights the sources for an unknown pupil again.
     pub fn forget(&mut self) {
         self.lit.clone_from(&self.first);
     }
 
-    /// The pupil is expected there: whether other sources are lit from now on.
+    /// Chooses the sources for the expected pupil. True if other sources are lit from now on.
     pub fn follow(&mut self, aim: &PupilDistribution) -> bool {
         let chosen = if aim.elsewhere >= 1.0 { self.first.clone() } else { self.choose(aim) };
         let changed = chosen != self.lit;
@@ -86,7 +89,8 @@ impl SourceChoice {
         changed
     }
 
-    /// How far the pupil's center is from the middle of a source's eyebox along the farther and the nearer axis, meters.
+    /// Distances in meters between the pupil's center and the middle of a source's eyebox, along the farther and the
+    /// nearer axis.
     fn apart_by(&self, source: usize, aim: &PupilDistribution) -> [f64; 2] {
         let middle = self.sources.iter().find(|(at, _)| *at == source).map(|(_, middle)| *middle);
         let [x, y] = middle.map_or([f64::INFINITY; 2], |[x, y]| [aim.centre[0] - x, aim.centre[1] - y].map(f64::abs));
@@ -125,7 +129,7 @@ impl SourceChoice {
         chosen
     }
 
-    /// The first of these that may all be lit together.
+    /// The first of these sources that may all be lit together.
     fn together(&self, sources: impl Iterator<Item = usize>) -> Vec<usize> {
         let mut lit: Vec<usize> = Vec::new();
         for source in sources {
@@ -142,7 +146,7 @@ impl SourceChoice {
 mod tests {
     use super::*;
 
-    /// 3 x 3 sources, spaced by an eyebox of 26 mm.
+    /// A display with 3 x 3 sources at this spacing, each with an eyebox of 26 mm.
     fn display(spacing: f64) -> Display {
         let places = (0..9).map(|i| [f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0].map(|at| at * spacing));
         let each: String = places.map(|[x, y]| format!("[[sources]]\neyebox_mm = [{x}, {y}]\n")).collect();
@@ -169,21 +173,22 @@ mod tests {
         for (x, y, lit) in [
             (0.0, 0.0, &[4][..]),
             (10.0, 0.0, &[4]),
-            // Its edge is at 13 mm: a pupil of 4.5 mm and twice its spread need 2.45.
+            // The edge is at 13 mm. A pupil of 4.5 mm and twice its spread need 2.45 mm.
             (11.0, 0.0, &[4, 5]),
             (13.0, 13.0, &[4, 5, 7, 8]),
             (26.0, -26.0, &[2]),
-            // Beyond all of them the nearest stays.
+            // Beyond all sources, the nearest one stays.
             (60.0, 0.0, &[5]),
         ] {
             assert_eq!(followed(&mut choice, x, y), lit, "at ({x}, {y})");
         }
-        // Nothing flickers at a border: both stay until one holds it with a quarter of a millimeter to spare.
+        // At a border there is no flicker. Both sources stay lit until one holds the pupil with a margin of a quarter
+        // of a millimeter.
         assert_eq!(followed(&mut choice, 11.0, 0.0), [4, 5]);
         assert_eq!(followed(&mut choice, 10.4, 0.0), [4, 5]);
         assert_eq!(followed(&mut choice, 10.2, 0.0), [4]);
         assert_eq!(followed(&mut choice, 10.4, 0.0), [4]);
-        // Spaced by an eyebox less the pupil and what it needs to spare, one always holds all of it.
+        // The spacing is an eyebox less the pupil and its margin, so one source always holds all of it.
         let mut close = SourceChoice::new(&display(20.7), Color::Green).unwrap();
         assert!((-300..300).all(|i| followed(&mut close, 0.1 * f64::from(i), 0.0).len() == 1));
     }
@@ -217,7 +222,7 @@ mod tests {
         assert_eq!(followed(&mut choice, 14.0, 0.0), [5]);
     }
 
-    /// Wherever the pupil goes, in whatever steps, something is lit that it touches.
+    /// For any path of the pupil and any steps, a source is lit that the pupil touches.
     #[test]
     fn no_pupil_in_the_eyebox_meets_the_dark() {
         let mut choice = SourceChoice::new(&display(26.0), Color::Green).unwrap();

@@ -1,5 +1,6 @@
-//! Sources that can be switched (OPTICS 12): each lights the SLM from an angle of its own, which moves the SLM's eyebox to a place
-//! of its own. The display's eyebox grows by their number.
+//! Defines switchable sources, each of which moves the SLM's eyebox to another place (OPTICS 12).
+//!
+//! Each source lights the SLM from its own angle. The display's eyebox grows with the number of sources.
 
 use super::units::within;
 use super::{Color, SourceMode};
@@ -8,63 +9,65 @@ use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A source that can be switched, as a file has it.
+/// A switchable source in a display file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SwitchedSource {
-    /// Direction of its light on the SLM, milliradians (x, y) [default: on the axis].
+    /// Direction of its light on the SLM in milliradians (x, y). The default is on the axis.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub angle_mrad: Option<[f64; 2]>,
-    /// The same as where the middle of its eyebox lies, millimeters (x, y).
+    /// The same direction as the middle of its eyebox, in millimeters (x, y).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub eyebox_mm: Option<[f64; 2]>,
-    /// Colors that it has [default: all].
+    /// Colors of the source. The default is all colors.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub colors: Vec<Color>,
-    /// Its light over that of a source of power 1 [default: 1].
+    /// Power of the source relative to a source of power 1. The default is 1.
     #[serde(skip_serializing_if = "is_one")]
     pub power: f64,
-    /// How long it takes to be switched on or off, microseconds [default: 0].
+    /// Time in microseconds to switch it on or off. The default is 0.
     #[serde(skip_serializing_if = "super::is_default")]
     pub switching_us: f64,
-    /// Numbers of the sources, from 1, that may be lit together with it [default: all].
+    /// Numbers of the sources, from 1, that may be lit together with it. The default is all sources.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub with: Option<Vec<usize>>,
 }
 
-/// Which of the sources are lit.
+/// The choice of lit sources.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SourcesLit {
-    /// They take turns over the sub-frames, in their order: a pupil sees the sub-frames of the source whose eyebox holds it.
+    /// The sources take turns over the sub-frames, in their order. A pupil sees the sub-frames of the source whose
+    /// eyebox holds it.
     #[default]
     InTurn,
-    /// All at once, in every sub-frame.
+    /// All sources are lit in every sub-frame.
     Together,
-    /// The one in the middle, until a tracker says where the pupil is; then the one whose eyebox holds it, or several near a border.
+    /// The source in the middle is lit until a tracker reports the pupil. Then the source whose eyebox holds the pupil
+    /// is lit, or several near a border.
     Steered,
-    /// These, by their numbers from 1, of each color.
+    /// These sources of each color are lit, by their numbers from 1.
     Only(BTreeMap<Color, Vec<usize>>),
 }
 
-/// A display's switchable sources, and which of them are lit.
+/// The switchable sources of a display, and the choice of lit ones.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sources {
-    /// The sources; none for a single one on the axis.
+    /// The sources. The list is empty for a single source on the axis.
     pub each: Vec<SwitchedSource>,
-    /// Which of them are lit.
+    /// The choice of lit sources.
     pub lit: SourcesLit,
-    /// How long a sub-frame is shown, microseconds, where one of them takes time to be switched; display files do not say it: it
-    /// follows from their rate and packing.
+    /// Duration of a sub-frame in microseconds, if a source takes time to switch. It is not in display files, because
+    /// it follows from their rate and packing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sub_frame_us: Option<f64>,
 }
 
-/// Sources that a display may have.
+/// The most sources that a display may have.
 const MOST: usize = 64;
-/// The largest direction sine under which a source lights an SLM, along an axis: 30 degrees, milliradians.
+/// The largest direction sine of a source along an axis (30 degrees), in thousandths.
 const STEEPEST_MRAD: f64 = 500.0;
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
@@ -79,13 +82,13 @@ impl Default for SwitchedSource {
 }
 
 impl SwitchedSource {
-    /// Direction sines of its light on the SLM, (x, y).
+    /// Direction sines of the source's light on the SLM, (x, y).
     pub fn angle(&self, focal_length: f64) -> [f64; 2] {
         let image = |place: [f64; 2]| place.map(|mm| mm * 1e-3 / focal_length);
         self.angle_mrad.map(|angle| angle.map(|mrad| mrad * 1e-3)).or(self.eyebox_mm.map(image)).unwrap_or_default()
     }
 
-    /// The middle of its eyebox, (x, y), meters.
+    /// The middle of the source's eyebox, (x, y), in meters.
     pub(super) fn eyebox(&self, focal_length: f64) -> [f64; 2] {
         self.angle(focal_length).map(|t| focal_length * t)
     }
@@ -96,22 +99,22 @@ impl SwitchedSource {
 }
 
 impl Sources {
-    /// For `skip_serializing_if`: whether there are none.
+    /// True if there are no sources, also for `skip_serializing_if`.
     pub fn is_empty(&self) -> bool {
         self.each.is_empty()
     }
 
-    /// How many take turns over the sub-frames in a color; 1 where none does.
+    /// Number of sources that take turns over the sub-frames in a color. It is 1 if none take turns.
     pub fn turns(&self, color: Color) -> usize {
         if self.lit == SourcesLit::InTurn { self.of(color).len().max(1) } else { 1 }
     }
 
-    /// Those that have light of a color, by their places.
+    /// The sources with light of a color, by their places.
     pub fn of(&self, color: Color) -> Vec<usize> {
         (0..self.each.len()).filter(|at| self.each[*at].has(color)).collect()
     }
 
-    /// Those that are lit in a color, now or in their turn, by their places.
+    /// The sources that are lit in a color, now or in their turn, by their places.
     pub fn lit(&self, color: Color, focal_length: f64) -> Vec<usize> {
         let all = self.of(color);
         match &self.lit {
@@ -127,7 +130,7 @@ impl Sources {
         }
     }
 
-    /// Lights these in a color, by their places, and no others; where there are none of them, everything stays.
+    /// Lights only these sources in a color, by their places. An empty list changes nothing.
     pub fn light_only(&mut self, color: Color, sources: &[usize]) {
         if sources.is_empty() {
             return;
@@ -140,14 +143,14 @@ impl Sources {
         }
     }
 
-    /// Whether two of them, by their places, may be lit at once.
+    /// True if two sources, by their places, may be lit at once.
     pub fn may_meet(&self, a: usize, b: usize) -> bool {
         let allows = |of: usize, other: usize| self.each[of].with.as_ref().is_none_or(|w| w.contains(&(other + 1)));
         a == b || (allows(a, b) && allows(b, a))
     }
 
-    /// The modes of all of them in a color, each source of the modes `within` it (around the axis, weights that add up to 1), less
-    /// the light of the time in which it is switched; those of a source that is not lit have no [turn](SourceMode::turn).
+    /// The modes of all sources in a color. Each source has the modes `within` it (around the axis, with weights that
+    /// add up to 1), less the light of its switching time. Modes of unlit sources have no [turn](SourceMode::turn).
     pub(super) fn modes(&self, color: Color, focal_length: f64, within: &[SourceMode]) -> Vec<SourceMode> {
         let lit = self.lit(color, focal_length);
         let in_turn = self.lit == SourcesLit::InTurn;
@@ -173,11 +176,11 @@ impl Sources {
         self.of(color).into_iter().flat_map(of_source).collect()
     }
 
-    /// The power that each of them has in each sub-frame of a color while it is on, (source, sub-frame), over that of a source of
-    /// power 1 that is always lit.
+    /// The power of each source in each sub-frame of a color while it is on, (source, sub-frame). The unit is a source
+    /// of power 1 that is always lit.
     pub fn powers(&self, color: Color, frames: usize, focal_length: f64) -> Vec<Vec<f64>> {
         let at_once = Self { sub_frame_us: None, ..self.clone() };
-        // Powers do not depend on the wavelength.
+        // The powers do not depend on the wavelength.
         let modes = at_once.modes(color, focal_length, &[SourceMode::centred(1.0)]);
         let mut powers = vec![vec![0.0; frames]; self.each.len()];
         for mode in &modes {
@@ -186,15 +189,15 @@ impl Sources {
         powers
     }
 
-    /// What is wrong with them on a display of these colors, in words.
+    /// Checks the sources on a display of these colors.
     pub(super) fn check(&self, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         if self.each.is_empty() {
-            let unlit = "sources_lit says which sources are lit, and there is none: give [[sources]]";
+            let unlit = "sources_lit needs switchable sources, but there are none: give [[sources]]";
             let is_stated = self.lit != SourcesLit::InTurn;
             return if is_stated { Err(Reason::new("lit-without-sources", unlit)) } else { Ok(()) };
         }
         if self.each.len() > MOST {
-            return Err(reason!("sources-count", "{} sources: at most {MOST} are taken", self.each.len()));
+            return Err(reason!("sources-count", "{} sources: give at most {MOST}", self.each.len()));
         }
         for (i, source) in self.each.iter().enumerate() {
             self.check_one(i, colors, focal_length)
@@ -206,7 +209,7 @@ impl Sources {
             if let Some(j) = self.each[..i].iter().position(|other| alike(&other)) {
                 return Err(reason!(
                     "sources-same-place",
-                    "[[sources]] {}: it stands where source {} stands",
+                    "[[sources]] {}: it is at the same place as source {}",
                     i + 1,
                     j + 1
                 ));
@@ -215,7 +218,7 @@ impl Sources {
         if let Some(dark) = colors.iter().find(|color| self.of(**color).is_empty()) {
             return Err(reason!(
                 "sources-without-color",
-                "[[sources]]: none has any {dark} light: one of that color must have a power above 0"
+                "[[sources]]: none has {dark} light, but one of that color must have a power above 0"
             ));
         }
         let together = |color: &Color| {
@@ -249,7 +252,7 @@ impl Sources {
         if angle_mrad.is_some() && eyebox_mm.is_some() {
             return Err(reason!(
                 "source-place-twice",
-                "angle_mrad and eyebox_mm say the same of a source: give one of them"
+                "angle_mrad and eyebox_mm both give the place of a source: leave out one of them"
             ));
         }
         within("power", *power, 0.0, 1e6)?;

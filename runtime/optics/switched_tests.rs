@@ -24,7 +24,7 @@ fn sources_make_the_eyebox_larger() {
     let reach = nine.reach();
     let sources = reach.sources.as_ref().unwrap();
     assert!(sources.eyebox_mm.iter().all(|mm| (mm - 78.0).abs() < 1e-6), "{sources:?}");
-    // Per axis, eyebox times field of view is N times the wavelength (OPTICS 12).
+    // Along each axis, eyebox times field of view is N times the wavelength (OPTICS 12).
     let wanted = (64.0 * 520e-9) * (96.0 * 520e-9) * 1e6;
     assert!((reach.etendue_mm2_sr / wanted - 1.0).abs() < 1e-9);
     assert!((sources.etendue_mm2_sr / wanted - 9.0).abs() < 1e-6);
@@ -33,7 +33,7 @@ fn sources_make_the_eyebox_larger() {
         "{reach}"
     );
     assert!(plain.reach().sources.is_none() && !plain.reach().to_string().contains("sources"));
-    // Spaced by less they overlap, by more they leave gaps.
+    // At a smaller spacing they overlap, and at a larger one they leave gaps.
     let close = display(&grid(22.0)).reach().sources.unwrap();
     assert!((close.eyebox_mm[0] - 70.0).abs() < 1e-6 && (close.area_mm2 - 4900.0).abs() < 1e-3);
     let apart = display(&grid(30.0));
@@ -62,7 +62,7 @@ fn modes_of_sources_know_their_turn() {
     let of_first: f64 = modes.iter().filter(|m| m.source == 0).map(|m| m.weight).sum();
     assert!((of_first - 2.0).abs() < 1e-12);
     assert_eq!(Display::from_toml(&display.to_toml(), "b").unwrap(), display);
-    // In turn each shines so much brighter that its mean power stays.
+    // In turn, each source is brighter in its own sub-frames, so that its mean power stays the same.
     for frames in [2, 3, 7] {
         let mean = |m: &SourceMode| (0..frames).map(|f| m.power(f, frames)).sum::<f64>() / frames as f64;
         assert!(modes.iter().all(|m| (mean(m) - 1.0).abs() < 1e-12));

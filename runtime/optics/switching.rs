@@ -1,14 +1,14 @@
-//! The time that switchable sources take to be switched, out of the light of the sub-frames (OPTICS 12).
+//! Subtracts the switching time of switchable sources from the light of the sub-frames (OPTICS 12).
 
 use super::{Color, Display, Encoding, Packing, SourceMode, Sources, SourcesLit, Wavelength};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// Video frames a second of a display whose file names no rate.
+/// Video frames per second of a display whose file has no rate.
 pub const USUAL_RATE_HZ: f64 = 60.0;
 
 impl Encoding {
-    /// Sub-frames that a video frame shows one after another.
+    /// Number of sub-frames that a video frame shows one after another.
     fn sub_frames_of_video_frame(&self) -> usize {
         match self.packing {
             Packing::Grey8 => 1,
@@ -24,19 +24,19 @@ impl Encoding {
 }
 
 impl Display {
-    /// How long a sub-frame is shown, microseconds: a video frame at [`rate_hz`](Self::rate_hz) (or [`USUAL_RATE_HZ`]) over the
-    /// sub-frames that it holds.
+    /// Duration of a sub-frame in microseconds. It is a video frame at [`rate_hz`](Self::rate_hz) (or
+    /// [`USUAL_RATE_HZ`]) over the number of its sub-frames.
     pub fn sub_frame_us(&self) -> f64 {
         1e6 / (self.rate_hz.unwrap_or(USUAL_RATE_HZ) * self.encoding.sub_frames_of_video_frame() as f64)
     }
 
-    /// Share of its light that is left of a sub-frame of the source that keeps least, in any color.
+    /// Share of light that remains in a sub-frame of the source that loses most, in any color.
     pub(super) fn least_lit(&self) -> f64 {
         let of = |w: &Wavelength| self.sources.lit_shares(w.color, self.focal_length);
         self.wavelengths.iter().flat_map(of).fold(1.0, f64::min)
     }
 
-    /// Its sources, which know how long a sub-frame is shown where that matters to them.
+    /// The sources, with the duration of a sub-frame if one of them takes time to switch.
     pub(super) fn timed_sources(&self) -> Sources {
         let slow = self.sources.each.iter().any(|source| source.switching_us > 0.0);
         Sources { sub_frame_us: slow.then(|| self.sub_frame_us()), ..self.sources.clone() }
@@ -44,20 +44,20 @@ impl Display {
 }
 
 impl Sources {
-    /// The longest time that one of them takes to be switched, microseconds.
+    /// The longest switching time of a source in microseconds.
     pub fn switching_us(&self) -> f64 {
         self.each.iter().map(|source| source.switching_us).fold(0.0, f64::max)
     }
 
-    /// How long nothing is lit at the beginning of a sub-frame of the one at place `turn` of these, which take turns,
-    /// microseconds: until it is on and the one before it is off.
+    /// Time in microseconds without light at the beginning of a sub-frame, until its source is on and the one before it
+    /// is off. The sources `lit` take turns, and the source of the sub-frame is at place `turn`.
     fn dark_us(&self, lit: &[usize], turn: usize) -> f64 {
         let before = lit[(turn + lit.len() - 1) % lit.len()];
         if lit.len() < 2 { 0.0 } else { self.each[lit[turn]].switching_us.max(self.each[before].switching_us) }
     }
 
-    /// Share of a sub-frame in which its source is lit, for each of those that [are lit](Self::lit) in a color, in their order:
-    /// 1 but where they take turns and take time to be switched.
+    /// Share of a sub-frame in which its source is lit, for each of the [lit sources](Self::lit) of a color, in their
+    /// order. It is 1 unless they take turns and take time to switch.
     pub fn lit_shares(&self, color: Color, focal_length: f64) -> Vec<f64> {
         let lit = self.lit(color, focal_length);
         let share = |turn| match (&self.lit, self.sub_frame_us) {
@@ -67,7 +67,7 @@ impl Sources {
         (0..lit.len()).map(share).collect()
     }
 
-    /// Refuses sources that take turns and are switched for longer than a sub-frame is shown, in words.
+    /// Rejects sources that take turns and take longer to switch than a sub-frame lasts.
     pub(super) fn check_times(&self, colors: &[Color], focal_length: f64) -> Result<(), Reason> {
         let Some(sub_frame) = self.sub_frame_us else { return Ok(()) };
         for color in colors {
@@ -75,8 +75,8 @@ impl Sources {
             if let Some((source, share)) = self.lit(*color, focal_length).iter().zip(shares).find(|(_, s)| *s <= 0.0) {
                 return Err(reason!(
                     "switching-times",
-                    "[[sources]] {}: its {color} sub-frames begin with {:.0} us in which sources are switched, and last \
-                     {sub_frame:.0} us: give a switching_us below that, a display of longer sub-frames, or sources_lit = \
+                    "[[sources]] {}: its {color} sub-frames begin with {:.0} us of switching and last only \
+                     {sub_frame:.0} us. Give a shorter switching_us, a display of longer sub-frames, or sources_lit = \
                      \"together\" or \"steered\"",
                     source + 1,
                     (1.0 - share) * sub_frame
@@ -87,7 +87,7 @@ impl Sources {
     }
 }
 
-/// Mean light over the eyeboxes of the sources that are lit, over that of a source of power 1 that is always lit: 1 without
+/// Mean light over the eyeboxes of the lit sources, relative to a source of power 1 that is always lit. It is 1 without
 /// switchable sources.
 pub fn mean_light(modes: &[SourceMode]) -> f64 {
     let mut lit: Vec<usize> = modes.iter().filter(|mode| mode.is_lit()).map(|mode| mode.source).collect();
@@ -121,14 +121,14 @@ mod tests {
         let turns = display("in-turn", [100.0, 50.0, 0.0], "").unwrap();
         assert!((turns.sub_frame_us() - 1e6 / 1200.0).abs() < 1e-9);
         let shares = turns.sources.lit_shares(Color::Green, 0.4);
-        // The first waits for itself, the second for the first to go off, the third for the second.
+        // The first waits for itself, the second until the first is off, and the third until the second is off.
         for (share, dark) in shares.iter().zip([100.0, 100.0, 50.0]) {
             assert!((share - (1.0 - dark * 1200e-6)).abs() < 1e-12, "{shares:?}");
         }
         let modes = turns.modes(Color::Green);
         assert!(modes.iter().zip(&shares).all(|(mode, share)| (mode.weight - share).abs() < 1e-12));
         assert!((mean_light(&modes) - shares.iter().sum::<f64>() / 3.0).abs() < 1e-12);
-        // What drives the sources is told their powers, which are those before.
+        // The driver of the sources receives their powers, which do not depend on switching.
         let powers = turns.sources.powers(Color::Green, 3, 0.4);
         assert!((powers[0][0] - 3.0).abs() < 1e-12);
         assert_eq!(Display::from_toml(&turns.to_toml(), "b.toml").unwrap(), turns);

@@ -1,37 +1,37 @@
-//! How a display's picture meets the eye: how bright it is, and how fine. What visual difference metrics ask beside the picture.
+//! Describes the luminance and the angular resolution of a picture, for visual difference metrics.
 
 use super::OpticsError;
 use super::units::within;
 use eyebox_base::error::Reason;
 use serde::{Deserialize, Serialize};
 
-/// `[viewing]` of a display file. It changes no hologram, only how what is seen of one is judged.
+/// `[viewing]` of a display file. It changes no hologram, only the scores of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct Viewing {
-    /// Luminance of white, cd/m2.
+    /// Luminance of white in cd/m2.
     pub luminance_cd_m2: f64,
-    /// Luminance where the picture is black, cd/m2: it adds to every pixel.
+    /// Luminance of black in cd/m2. It adds to every pixel.
     pub black_cd_m2: f64,
-    /// Pixels a degree of visual angle in the middle of the picture, where they are not those of the optics: behind an
-    /// eyepiece that the file says nothing of, or for a picture that is judged as if it were coarser.
+    /// Pixels per degree of visual angle in the middle of the picture. The default is the value of the optics. Examples
+    /// for another value are an eyepiece that is not in the file, or a picture that is scored at a coarser resolution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pixels_per_degree: Option<f64>,
 }
 
 impl Default for Viewing {
-    /// As ColorVideoVDP's `standard_4k`: 200 cd/m2 and a contrast of 1000:1.
+    /// The values of ColorVideoVDP's `standard_4k`, 200 cd/m2 and a contrast of 1000:1.
     fn default() -> Self {
         Self { luminance_cd_m2: 200.0, black_cd_m2: 0.2, pixels_per_degree: None }
     }
 }
 
 impl Viewing {
-    /// The same with what is given in the place of its own.
+    /// The same conditions with the given values.
     ///
     /// # Errors
-    /// [`OpticsError::Viewing`].
+    /// [`OpticsError::Viewing`] for a value out of range.
     pub fn with(
         self,
         luminance_cd_m2: Option<f64>,
@@ -47,19 +47,19 @@ impl Viewing {
         Ok(new)
     }
 
-    /// Whether nothing is said of it.
+    /// True if all values are the default.
     pub fn is_default(&self) -> bool {
         *self == Self::default()
     }
 
-    /// What is wrong with it, in words.
+    /// Checks the range of every value.
     ///
     /// # Errors
-    /// The reason.
+    /// A reason in words.
     pub fn check(&self) -> Result<(), Reason> {
         within("the luminance of white in cd/m2", self.luminance_cd_m2, 0.1, 10_000.0)?;
         within("the luminance of black in cd/m2", self.black_cd_m2, 0.0, self.luminance_cd_m2)?;
-        self.pixels_per_degree.map_or(Ok(()), |n| within("the number of pixels a degree", n, 1.0, 10_000.0))
+        self.pixels_per_degree.map_or(Ok(()), |n| within("the number of pixels per degree", n, 1.0, 10_000.0))
     }
 }
 

@@ -1,4 +1,4 @@
-//! A measured map of the relay's wavefront, as the polynomials of the model (OPTICS 10).
+//! Converts a measured map of the relay's wavefront to the polynomials of the model (OPTICS 10).
 
 use super::model::{ModelOf, ModelSections};
 use super::{Color, linear::least_squares, zernike};
@@ -7,15 +7,15 @@ use eyebox_base::files::read_npy_with_gaps;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// Polynomials that are fitted: all to the tenth order.
+/// Number of fitted polynomials, all up to the tenth order.
 const COUNT: usize = 66;
-/// What they may leave, waves RMS.
+/// The largest remainder of the fit, waves RMS.
 const MOST_LEFT: f64 = 0.1;
-/// Places along each axis that are enough to fit them by.
+/// Places along each axis that are enough for the fit.
 const ENOUGH: usize = 192;
 
-/// Puts the polynomials in the place of the maps that sections name, which lie `beside` the file of the display. `nm` is a color's
-/// wavelength.
+/// Replaces the maps that sections name by polynomials. The maps are relative to the folder `beside` of the display
+/// file. `nm` is a color's wavelength.
 pub(super) fn resolve(
     sections: &mut ModelSections,
     beside: &Path,
@@ -27,27 +27,27 @@ pub(super) fn resolve(
         let wrong = |reason: Reason| Err(said(reason));
         let color = [Color::Red, Color::Green, Color::Blue].into_iter().find(|c| ModelOf::from(*c) == *of);
         let Some(nm) = color.and_then(&nm) else {
-            return wrong(reason!("map-of-all-colors", "a map is of one color: give it under a color of the display"));
+            return wrong(reason!("map-of-all-colors", "a map is of one color: put it in that color's section"));
         };
         if !terms.wavefront.is_empty() {
-            return wrong(reason!("map-and-wavefront", "the section has a wavefront as well: leave out one of them"));
+            return wrong(reason!("map-and-wavefront", "the section also has a wavefront: leave out one of them"));
         }
         let map = read_npy_with_gaps(&beside.join(&name)).map_err(|e| e.to_string())?;
         let [rows, columns] = map.shape[..] else {
-            return wrong(reason!("map-axes", "it has {} axes: rows and columns are needed", map.shape.len()));
+            return wrong(reason!("map-axes", "it has {} axes, but rows and columns are needed", map.shape.len()));
         };
         if rows != columns || rows < 16 {
             return wrong(reason!(
                 "map-size",
-                "{rows} x {columns} values: it is a square of the eyebox, 16 x 16 or more"
+                "{rows} x {columns} values: it must be a square of the eyebox, 16 x 16 or more"
             ));
         }
         let (waves, left) = fit(&map.values, rows, 1e3 / nm).ok_or_else(|| said(Reason::new("map-too-small", FEW)))?;
         if left > MOST_LEFT {
             return wrong(reason!(
                 "map-not-smooth",
-                "polynomials to the tenth order leave {left:.2} waves RMS of it, and {MOST_LEFT} at most are taken: is it in \
-                 micrometers, and without jumps?"
+                "polynomials to the tenth order leave {left:.2} waves RMS of it, more than {MOST_LEFT}: check that it is in \
+                 micrometers and has no jumps"
             ));
         }
         tracing::info!("{name}: polynomials to the tenth order leave {left:.4} waves RMS");
@@ -57,10 +57,10 @@ pub(super) fn resolve(
     Ok(())
 }
 
-const FEW: &str = "too few of its values lie within the eyebox's disc to tell the polynomials apart";
+const FEW: &str = "too few of its values are inside the eyebox's disc to distinguish the polynomials";
 
-/// The coefficients, and what they leave RMS, of a square map of `n` x `n` values times `scale`; values that are not finite are
-/// not known.
+/// The coefficients and their RMS remainder for a square map of `n` x `n` values times `scale`. Values that are not
+/// finite are unknown.
 fn fit(values: &[f32], n: usize, scale: f64) -> Option<([f64; COUNT], f64)> {
     let stride = n.div_ceil(ENOUGH);
     let place = |i: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
@@ -98,7 +98,7 @@ mod tests {
             let values: Vec<f32> = (0..n * n).map(|i| value(at(i % n), at(i / n)) as f32).collect();
             write_npy(&dir.path().join(name), &[n, n], &values).unwrap();
         };
-        // Micrometers of path; 0.1 and -0.05 of them are 0.2 and -0.1 waves. Unknown outside the disc.
+        // Micrometers of path, of which 0.1 and -0.05 are 0.2 and -0.1 waves. Values outside the disc are unknown.
         write("good.npy", &|x, y| {
             let known = 0.1 * super::zernike(7, x, y) - 0.05 * super::zernike(12, x, y) + 3.0;
             if x * x + y * y < 0.95 { known } else { f64::NAN }
@@ -112,7 +112,7 @@ mod tests {
         let waves = display.model(Color::Green).wavefront;
         assert!((waves[&7] - 0.2).abs() < 1e-4 && (waves[&12] + 0.1).abs() < 1e-4, "{waves:?}");
         assert!(waves.iter().all(|(j, w)| [7, 12].contains(j) || w.abs() < 1e-3), "{waves:?}");
-        // What is written is numbers.
+        // The written file has numbers.
         assert!(!display.to_toml().contains("wavefront_map"));
         for (section, says) in [
             ("[model.green]\nwavefront_map = \"rough.npy\"\n", "display-file/map-not-smooth"),

@@ -1,64 +1,64 @@
-//! The window of the spectrum that a pupil passes (OPTICS 5).
+//! Computes the spectral window of a pupil, the part of the spectrum that the pupil passes (OPTICS 5).
 
 use super::propagation::Aperture;
 use super::{Geometry, Optics, Pupil};
 use serde::{Deserialize, Serialize};
 
-/// How much of the spectrum around a pupil is transformed.
+/// The size of the spectral window of a pupil.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WindowFactor {
-    /// The disc itself: samples are exact, but the intensity is aliased as a signal.
+    /// The disc itself. Samples are exact, but the intensity is aliased as a signal.
     One,
-    /// Twice the disc: the intensity's samples hold all of it.
+    /// Twice the disc. The intensity's samples hold all of it.
     Two,
     /// The whole spectrum, for every pupil.
     Full,
 }
 
-/// A rectangle of DFT bins: rows `y0 .. y0 + rows`, columns `x0 .. x0 + columns`, where bins are signed and may hang
-/// over the edge of the eyebox (there, nothing passes).
+/// A rectangle of DFT bins, with the rows `y0 .. y0 + rows` and the columns `x0 .. x0 + columns`. Bins are signed and
+/// may extend beyond the edge of the eyebox, which nothing passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
-    /// First bin, rows.
+    /// First bin along the rows.
     pub y0: i64,
-    /// First bin, columns.
+    /// First bin along the columns.
     pub x0: i64,
-    /// Rows.
+    /// Number of rows of bins.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns of bins.
     pub columns: usize,
 }
 
 impl Window {
-    /// The window of `pupil` on the grid of `optics`: at least `factor` times the disc on each axis, grown to a size
-    /// that transforms well, and, of a relay's spectrum, never larger than the grid.
+    /// The spectral window of `pupil` on the grid of `optics`. It is at least `factor` times the disc on each axis,
+    /// grown to a size that transforms fast. For a relay it is never larger than the grid.
     pub fn new(optics: &Optics, pupil: &Pupil, factor: WindowFactor) -> Self {
         Self::around(optics, pupil, factor, [0; 2])
     }
 
-    /// The same with at least so many rows and columns, as far as the grid has them: windows that are to be of one size.
+    /// The same window with at least this many rows and columns, as far as the grid has them, to give windows one size.
     pub fn around(optics: &Optics, pupil: &Pupil, factor: WindowFactor, [rows, columns]: [usize; 2]) -> Self {
         let (bin_y, bin_x) = optics.bin_size();
         let (most_y, most_x) = optics.image_size();
         let (first_y, first_x) = optics.first_bin();
         let axis = |n: usize, bin: f64, s: f64, own: i64, least: usize| {
-            // In the far field a window may hang over on all sides: zeros around what passes are finer samples.
+            // In the far field a window may extend beyond all sides, because zeros around the light give finer samples.
             let relay = optics.geometry == Geometry::Relay;
             let most = if relay { 1.0 } else { 2.0 } * n as f64;
-            // A diameter of just so many bins is so many, whichever way the last digits of a pitch were rounded.
+            // A diameter of a whole number of bins gives that number, for any rounding of the last digits of a pitch.
             let bins = |diameter: f64| (diameter / bin - 1e-6).ceil();
             let wanted = match factor {
                 WindowFactor::Full => n,
-                // One bin more than the disc can hold on a grid that it is not centered on.
+                // The disc may hold one bin more than this on a grid that it is not centered on.
                 WindowFactor::One => bins(pupil.diameter).min(n as f64) as usize + 2,
                 WindowFactor::Two => bins(2.0 * pupil.diameter).min(most) as usize + 2,
             };
             let count =
                 if relay || factor == WindowFactor::Full { fast_size(wanted).min(n) } else { fast_size(wanted) };
             let count = count.max(least);
-            // The grid's own bins when it holds all of them, else centered on the pupil.
-            // Far outside, nothing passes wherever it stands: near enough for its numbers to stay small.
+            // The window has the grid's own bins if it holds all of them. Otherwise it is centered on the pupil.
+            // Nothing passes far outside at any place, so the limit only keeps the numbers small.
             let reach = 2.0 * n as f64 + own.unsigned_abs() as f64;
             let middle = (s / bin).round().clamp(-reach, reach) as i64;
             let whole = relay || factor == WindowFactor::Full;
@@ -70,13 +70,13 @@ impl Window {
         Self { y0, x0, rows, columns }
     }
 
-    /// Per row of the window, the half-open interval of its columns that pass the pupil (0, 0 where none does).
-    /// A disc cut by an eyebox is convex, so one interval is all of it.
+    /// For each row of the window, the half-open interval of its columns that pass the pupil (0, 0 if none does). A
+    /// disc cut by an eyebox is convex, so one interval holds all of it.
     pub fn spans(&self, optics: &Optics, pupil: &Pupil) -> Vec<[u32; 2]> {
         self.each_span(optics, pupil).collect()
     }
 
-    /// The same, row by row.
+    /// The same intervals, row by row.
     pub fn each_span(self, optics: &Optics, pupil: &Pupil) -> impl Iterator<Item = [u32; 2]> + use<> {
         let aperture = Aperture::new(optics, pupil);
         let (bin_y, bin_x) = optics.bin_size();
@@ -93,7 +93,7 @@ impl Window {
             let passes = |k: i64| row(self.x0 + k);
             let beside = before.and_then(|span| beside(span, [least, most], passes));
             before = beside.or_else(|| {
-                // The circle gives the ends to within a bin or two; the aperture itself decides them.
+                // The circle gives the ends to within a bin or two, and the aperture itself decides them.
                 let dy = ky as f64 * bin_y - pupil.y;
                 let half = (reach - dy * dy).max(0.0).sqrt();
                 let mut ends = limit(bin(pupil.x - half) - 2)..=limit(bin(pupil.x + half) + 2);
@@ -106,7 +106,7 @@ impl Window {
     }
 }
 
-/// The first and the last that pass, from those of the row before; none where that has no column in common with this.
+/// The first and the last column that pass, found from the row before. It is none if the rows have no column in common.
 fn beside([mut first, mut end]: [i64; 2], [least, most]: [i64; 2], passes: impl Fn(i64) -> bool) -> Option<[i64; 2]> {
     if passes(first) {
         while first > least && passes(first - 1) {
@@ -127,8 +127,8 @@ fn beside([mut first, mut end]: [i64; 2], [least, most]: [i64; 2], passes: impl 
     Some([first, end])
 }
 
-/// The smallest number >= `n` of the form 2^a 3^b 5^c with a at least 2 (for `n` > 10): sizes that both engines
-/// transform fast, a few per cent apart.
+/// The smallest number >= `n` of the form 2^a 3^b 5^c with a at least 2 (for `n` > 10). Both engines transform these
+/// sizes fast, and they are a few per cent apart.
 pub fn fast_size(n: usize) -> usize {
     (n..).find(|&m| is_fast(m)).expect("there is a power of two above every number")
 }
@@ -176,7 +176,7 @@ mod tests {
     }
 
     proptest! {
-        /// Every bin that passes lies in the window and in its row's span, and nothing else does.
+        /// Every bin that passes is in the window and in its row's span, and no other bin is in the span.
         #[test]
         fn spans_are_the_aperture(h in 1usize..40, w in 1usize..40, x in -13.0..13.0f64, y in -13.0..13.0f64, d in 0.1..30.0f64, f in 0..3usize) {
             let optics = Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap();

@@ -1,13 +1,13 @@
-//! Zernike polynomials, by their ANSI index.
+//! Evaluates Zernike polynomials by their ANSI index.
 
 use std::sync::LazyLock;
 
-/// What the value of a polynomial is computed from.
+/// The precomputed numbers of a polynomial.
 struct Polynomial {
-    /// |m|, the number of periods around the middle.
+    /// m|, the number of periods around the middle.
     around: u32,
     is_sine: bool,
-    /// Makes its RMS 1.
+    /// Factor that makes the RMS 1.
     norm: f64,
     /// R(rho) / rho^|m| in powers of rho^2, the highest first.
     radial: Vec<f64>,
@@ -29,16 +29,16 @@ impl Polynomial {
     fn at(&self, x: f64, y: f64) -> f64 {
         let rho2 = x * x + y * y;
         let radial = self.radial.iter().fold(0.0, |sum, c| sum * rho2 + c);
-        // rho^|m| times cosine and sine of |m| theta.
+        // The pair is rho^|m| times cosine and sine of |m| theta.
         let (cos, sin) = (0..self.around).fold((1.0, 0.0), |(c, s), _| (c * x - s * y, c * y + s * x));
         self.norm * radial * if self.is_sine { sin } else { cos }
     }
 }
 
-/// Z_j at (x, y) of the unit disc, by ANSI index `j = (n (n + 2) + m) / 2`: RMS 1 over the disc, continued outside it; the
-/// angle runs from +x towards +y, which points down (OPTICS 10). ANSI Z80.28.
+/// Z_j at (x, y) of the unit disc, by ANSI index `j = (n (n + 2) + m) / 2` (ANSI Z80.28). Its RMS is 1 over the disc,
+/// and it continues outside. The angle runs from +x towards +y, which points down (OPTICS 10).
 pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
-    /// Those to order 10 are computed for each bin of each iris.
+    /// Polynomials up to order 10 are evaluated for each bin of each iris.
     static FIRST: LazyLock<Vec<Polynomial>> = LazyLock::new(|| (0..66).map(Polynomial::of).collect());
     match FIRST.get(j as usize) {
         Some(polynomial) => polynomial.at(x, y),
@@ -46,7 +46,7 @@ pub fn zernike(j: u32, x: f64, y: f64) -> f64 {
     }
 }
 
-/// What opticians call Z_j, for example coma y (the sine) and coma x (the cosine), 2nd astigmatism 45°, trefoil sin.
+/// The optician's name of Z_j, for example coma y (the sine) and coma x (the cosine), 2nd astigmatism 45°, trefoil sin.
 pub fn zernike_name(j: u32) -> String {
     let n = order(j);
     let m = 2 * i64::from(j) - i64::from(n) * i64::from(n + 2);
@@ -82,11 +82,11 @@ pub fn zernike_name(j: u32) -> String {
     format!("{rank}{name}{side}")
 }
 
-/// Z_j as a polynomial: the coefficients of x^i y^k, by i and then k.
+/// Z_j as a polynomial, with the coefficients of x^i y^k, by i and then k.
 pub(super) fn coefficients(j: u32) -> Vec<Vec<f64>> {
     let n = order(j);
     let size = n as usize + 1;
-    // As many places on each axis as there are powers: along x, then along y, Newton's divided differences.
+    // Each axis has as many places as there are powers. Newton's divided differences run along x, then along y.
     let places: Vec<f64> = (0..size).map(|i| (i as f64 - 0.5 * f64::from(n)) / f64::from(n.max(1))).collect();
     let interpolate = |mut values: Vec<f64>| {
         for step in 1..size {
@@ -94,7 +94,7 @@ pub(super) fn coefficients(j: u32) -> Vec<Vec<f64>> {
                 values[i] = (values[i] - values[i - 1]) / (places[i] - places[i - step]);
             }
         }
-        // From Newton's form to powers, by Horner's scheme.
+        // Horner's scheme converts Newton's form to powers.
         let mut powers = vec![0.0; size];
         for i in (0..size).rev() {
             for k in (0..size).rev() {
@@ -111,7 +111,7 @@ pub(super) fn coefficients(j: u32) -> Vec<Vec<f64>> {
     (0..size).map(|i| clean(column(i))).collect()
 }
 
-/// Its radial order n.
+/// The radial order n of the polynomial.
 fn order(j: u32) -> u32 {
     (0..).find(|n| (n + 1) * (n + 2) / 2 > j).expect("orders have no end")
 }
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn they_are_those_of_the_standard() {
-        // From the definition, in float64 NumPy.
+        // Values from the definition, in float64 NumPy.
         let at = [
             1.0,
             -1.4,

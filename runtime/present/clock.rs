@@ -1,18 +1,18 @@
-//! Time, real and simulated.
+//! Provides real and simulated time.
 
 use eyebox_base::steady;
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
-/// Where time comes from, in nanoseconds since a beginning of its own.
+/// A source of time, in nanoseconds since its own origin.
 pub trait Clock {
-    /// Now.
+    /// The current time in nanoseconds.
     fn now_ns(&self) -> i64;
-    /// Returns once it is `time_ns` or later.
+    /// Returns when the time is `time_ns` or later.
     fn wait_until_ns(&self, time_ns: i64);
-    /// Waits until the program asks for the next video frame, where it is the program that says when.
+    /// Waits until the program requests the next video frame, if the program sets the pace.
     fn wait_for_tick(&self) {}
-    /// Whether it stands still unless waited for, so that others can be waited for without loss.
+    /// True if the clock advances only in its own waits. Then other waits cost no time.
     fn is_simulated(&self) -> bool {
         false
     }
@@ -27,22 +27,22 @@ pub struct RealClock {
 }
 
 impl RealClock {
-    /// It is 0 now.
+    /// Starts a clock that is 0 now.
     pub fn start() -> Self {
         Self { origin: Instant::now(), origin_monotonic_ns: steady::now_ns() }
     }
 
-    /// What it said when the system's monotonic clock said `time_ns`.
+    /// The time of this clock when the system's monotonic clock was `time_ns`.
     pub fn at_monotonic_ns(&self, time_ns: u64) -> i64 {
         super::rate::saturate(i128::from(time_ns) - i128::from(self.origin_monotonic_ns))
     }
 
-    /// What the system's monotonic clock says when this one says `time_ns`.
+    /// The time of the system's monotonic clock when this clock is `time_ns`.
     pub fn monotonic_ns(&self, time_ns: i64) -> u64 {
         self.origin_monotonic_ns.saturating_add_signed(time_ns)
     }
 
-    /// What it said at an instant.
+    /// The time of this clock at an instant.
     pub fn at_ns(&self, instant: Instant) -> i64 {
         match instant.checked_duration_since(self.origin) {
             Some(after) => i64::try_from(after.as_nanos()).unwrap_or(i64::MAX),
@@ -64,7 +64,7 @@ impl Clock for RealClock {
     }
 }
 
-/// A clock that passes only when it is waited for.
+/// A clock that advances only while something waits for it.
 #[derive(Debug, Default)]
 pub struct SimulatedClock(Cell<i64>);
 

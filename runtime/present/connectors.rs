@@ -1,4 +1,4 @@
-//! The connectors of the system's graphics cards, as Linux lists them: what a display is called when no desktop runs.
+//! Lists the connectors of the system's graphics cards, as names for displays without a desktop (Linux).
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 pub(super) struct Connector {
     /// The card, such as `/dev/dri/card0`.
     pub(super) card: PathBuf,
-    /// What the kernel calls it, such as `HDMI-A-1`.
+    /// The name in the kernel, such as `HDMI-A-1`.
     pub(super) name: String,
-    /// Its number, where the kernel says it (Linux 6.0 and newer).
+    /// The number in the kernel, which Linux 6.0 and newer report.
     pub(super) id: Option<u32>,
-    /// What the monitor calls itself.
+    /// The name that the monitor reports.
     pub(super) monitor: Option<String>,
 }
 
-/// The connectors at which a monitor is plugged in. `classes` is `/sys/class/drm`, `devices` `/dev/dri`.
+/// The connectors with a plugged monitor. `classes` is `/sys/class/drm`, `devices` is `/dev/dri`.
 pub(super) fn connectors(classes: &Path, devices: &Path) -> Vec<Connector> {
     let Ok(entries) = fs::read_dir(classes) else { return Vec::new() };
     let read = |folder: &Path, name: &str| fs::read_to_string(folder.join(name)).unwrap_or_default();
     let one = |entry: fs::DirEntry| {
         let (folder, file) = (entry.path(), entry.file_name().into_string().ok()?);
-        // card0-HDMI-A-1
+        // An example of a name is card0-HDMI-A-1.
         let (card, name) = file.split_once('-').filter(|(card, _)| card.starts_with("card"))?;
         if read(&folder, "status").trim() != "connected" {
             return None;
@@ -38,7 +38,7 @@ pub(super) fn connectors(classes: &Path, devices: &Path) -> Vec<Connector> {
     found
 }
 
-/// The name in an EDID, if it has one: the descriptor 0xFC of its first block.
+/// The name in an EDID, which is the descriptor 0xFC of its first block, if there is one.
 fn monitor_name(edid: &[u8]) -> Option<String> {
     let descriptors = edid.get(54..126).filter(|_| edid.starts_with(&[0, 255, 255, 255, 255, 255, 255, 0]))?;
     let name = descriptors.chunks_exact(18).find(|d| d[..5] == [0, 0, 0, 0xFC, 0])?;

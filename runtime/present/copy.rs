@@ -1,11 +1,13 @@
-//! Pictures on their way into an image of a swapchain: first into a buffer, four bytes a pixel, then by a copy.
+//! Copies pictures into an image of a swapchain.
+//!
+//! A picture goes into a buffer first, with four bytes per pixel, then a copy command moves it to the image.
 
 #![allow(unsafe_code)]
 
 use ash::vk;
 
-/// Writes a picture of `size` rows and columns and 1 or 3 channels into the pixels of an image of this extent. What the image
-/// has more is black; what the picture has more is left out.
+/// Writes a picture of `size` rows and columns and 1 or 3 channels into the pixels of an image of this extent. Pixels
+/// of the image outside the picture become black. Pixels of the picture outside the image are left out.
 pub(super) fn fill(
     pixels: &mut [u8],
     extent: vk::Extent2D,
@@ -30,12 +32,12 @@ pub(super) fn fill(
     }
 }
 
-/// Records the copy of a picture into an image that was acquired, and what lets it be presented.
+/// Records the copy of a picture into an acquired image, and the layout change for presentation.
 ///
 /// # Safety
-/// The commands are being recorded; they, the buffer, which has four bytes for each pixel of the extent from the offset on, and the image of
-/// that extent are this device's and outlive the submission, which waits for the image at the stage of transfers: the change
-/// of layout comes after that.
+/// The commands are being recorded. They, the buffer and the image of this extent belong to this device and outlive the
+/// submission. The buffer has four bytes for each pixel of the extent from the offset on. The submission waits for the
+/// image at the stage of transfers, because the change of layout comes after that.
 pub(super) unsafe fn record_copy(
     device: &ash::Device,
     commands: vk::CommandBuffer,
@@ -64,7 +66,7 @@ pub(super) unsafe fn record_copy(
     let copy = vk::BufferImageCopy::default().buffer_offset(offset).image_subresource(layers).image_extent(extent);
     let (transfer, bottom) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::BOTTOM_OF_PIPE);
     let none = vk::DependencyFlags::empty();
-    // SAFETY: the caller says so.
+    // SAFETY: the caller guarantees this.
     unsafe {
         device.cmd_pipeline_barrier(commands, transfer, transfer, none, &[], &[], &[into]);
         device.cmd_copy_buffer_to_image(commands, from, image, written, &[copy]);

@@ -1,8 +1,8 @@
-//! The desktop: its event loop, a window over a whole monitor, and ordinary windows beside it.
+//! Connects to the desktop, with its event loop, a window over a whole monitor, and ordinary windows.
 //!
-//! The inside of a window over a monitor has exactly the video frame's size, or it is refused; it has no cursor and no
-//! frame. What a compositor does to it cannot be asked everywhere: on an SLM's output run none, or let full-screen windows
-//! bypass it.
+//! The inside of a window over a monitor has exactly the size of the video frame. Otherwise the window is rejected. It
+//! has no cursor and no frame. Not every system reports the effect of a compositor on it. On the output of an SLM, run
+//! no compositor, or let full-screen windows bypass it.
 
 use super::window::{OrdinaryWindow, Queue, Windows};
 use super::{Event, Interference, Monitor, PresentError, no_desktop, system};
@@ -19,27 +19,27 @@ use winit::monitor::MonitorHandle;
 use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
 use winit::window::{Fullscreen, Window as SystemWindow, WindowAttributes, WindowId};
 
-/// How long a window may take to come up with its size.
+/// Time limit for a window to open with its size.
 const WINDOW_TIMEOUT: Duration = Duration::from_secs(3);
-/// How often it is looked whether the window's monitor is still there.
+/// Interval between checks that the window's monitor is still present.
 const LOOK: Duration = Duration::from_secs(1);
 
 #[derive(Default)]
 struct Handler {
     monitors: Vec<MonitorHandle>,
-    /// A window that is to be made, with a queue for the events of an ordinary one. The result is in `made`.
+    /// A requested window, with a queue for the events of an ordinary one. The result is in `made`.
     wanted: Option<(WindowAttributes, Option<Queue>)>,
     made: Option<Result<SystemWindow, String>>,
     events: VecDeque<Event>,
     windows: Windows,
-    /// The monitor under the window, and when it was last seen.
+    /// The monitor under the window, and the time of its last check.
     under: Option<(Monitor, Instant)>,
-    /// Why nothing more can be shown.
+    /// The reason why nothing more can be shown.
     lost: Option<String>,
 }
 
 impl Handler {
-    /// A window outlives its monitor on some desktops, and shows on nothing then.
+    /// On some desktops a window outlives its monitor, and then shows on nothing.
     fn look_for_monitor(&mut self, event_loop: &ActiveEventLoop) {
         let Some((monitor, seen)) = self.under.as_mut().filter(|u| u.1.elapsed() >= LOOK) else { return };
         *seen = Instant::now();
@@ -107,21 +107,21 @@ impl ApplicationHandler for Handler {
     }
 }
 
-/// The desktop: its monitors, and windows on them. One at a time in a process. Any thread may open it and has to
-/// stay with it; on macOS only the main one.
+/// The desktop with its monitors and windows. A process can have one at a time. Any thread may open it and must keep
+/// it. On macOS only the main thread may open it.
 pub struct Desktop {
     event_loop: EventLoop<()>,
     handler: Handler,
 }
 
 impl Desktop {
-    /// Connects to it.
+    /// Connects to the desktop.
     ///
     /// # Errors
-    /// [`PresentError::Display`] where there is none.
+    /// [`PresentError::Display`] if there is no desktop.
     pub fn open() -> Result<Self, PresentError> {
         let event_loop = system::event_loop().build().map_err(|e| {
-            // The library says where in its own source it failed: nobody's business here.
+            // The library reports the place of its failure in its own source, which is of no use in a message.
             let text = e.to_string();
             let why = text.rsplit(".rs:").next().and_then(|t| t.split_once(": ")).map_or(text.as_str(), |(_, why)| why);
             let why = why.trim_end_matches([')', '.']);
@@ -133,21 +133,21 @@ impl Desktop {
         Ok(desktop)
     }
 
-    /// Its monitors.
+    /// The monitors of the desktop.
     pub fn monitors(&self) -> Vec<Monitor> {
         self.handler.monitors.iter().enumerate().map(|(index, monitor)| Monitor::new(index, monitor)).collect()
     }
 
-    /// The monitor that `wanted` names by its index, its name or its size (rows x columns); without, the first that has
-    /// `size`. It must have `size`.
+    /// The monitor that `wanted` names by its index, its name or its size (rows x columns). Without a name, it is the
+    /// first monitor of `size`. The monitor must have `size`.
     ///
     /// # Errors
-    /// [`PresentError::Display`], in a sentence.
+    /// [`PresentError::Display`] with a sentence.
     pub fn choose(&self, wanted: Option<&str>, size: [usize; 2]) -> Result<Monitor, PresentError> {
         Monitor::choose(&self.monitors(), wanted, size)
     }
 
-    /// A window over all of a monitor.
+    /// Opens a window over all of a monitor.
     pub(super) fn cover(mut self, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
         let [height, width] = monitor.size.map(|n| n as u32);
         let over = self.handler.monitors[monitor.index].clone();
@@ -155,7 +155,7 @@ impl Desktop {
             .with_title("eyebox")
             .with_decorations(false)
             .with_resizable(false)
-            // Without a window manager full screen is ignored, and these count.
+            // Without a window manager, full screen is ignored and these values count.
             .with_inner_size(PhysicalSize::new(width, height))
             .with_position(over.position())
             .with_fullscreen(Some(Fullscreen::Borderless(Some(over))));
@@ -170,7 +170,7 @@ impl Desktop {
             if since.elapsed() > WINDOW_TIMEOUT {
                 return Err(no_desktop(reason!(
                     "window-not-opened",
-                    "the window came up with {}x{} pixels on monitor {monitor}: nothing is scaled, so they must be equal",
+                    "the window opened with {}x{} pixels on monitor {monitor}: both must be equal, nothing is scaled",
                     is.height,
                     is.width
                 )));
@@ -186,10 +186,10 @@ impl Desktop {
         self.pump_for(Duration::ZERO)
     }
 
-    /// Opens an ordinary window whose inside has `size` rows and columns, if the desktop agrees.
+    /// Opens an ordinary window whose inside has `size` rows and columns, if the desktop allows that size.
     ///
     /// # Errors
-    /// [`PresentError::Display`].
+    /// [`PresentError::Display`] if no window opens.
     pub fn window(&mut self, title: &str, size: [usize; 2]) -> Result<OrdinaryWindow, PresentError> {
         let [height, width] = size.map(|n| n as u32);
         let inside = PhysicalSize::new(width, height);
@@ -198,7 +198,7 @@ impl Desktop {
         Ok(OrdinaryWindow { window, events })
     }
 
-    /// Returns a window as soon as the event loop has made it. Events of an ordinary one go into `events`.
+    /// Returns a window as soon as the event loop has made it. Events of an ordinary window go into `events`.
     fn make(&mut self, attributes: WindowAttributes, events: Option<Queue>) -> Result<Arc<SystemWindow>, PresentError> {
         self.handler.wanted = Some((attributes, events));
         let since = Instant::now();
@@ -210,14 +210,14 @@ impl Desktop {
                     return Err(no_desktop(reason!("window-not-opened", "a window could not be opened ({failure})")));
                 }
                 None if since.elapsed() > WINDOW_TIMEOUT => {
-                    return Err(no_desktop(reason!("window-not-opened", "a window was asked for and did not come")));
+                    return Err(no_desktop(reason!("window-not-opened", "a window was requested and did not open")));
                 }
                 None => {}
             }
         }
     }
 
-    /// Takes in what happened on the desktop, and waits so long at most where nothing did.
+    /// Processes the events of the desktop. Without events it waits for at most this time.
     ///
     /// # Errors
     /// [`PresentError::Display`] when the desktop is gone.
@@ -233,7 +233,7 @@ impl Desktop {
     }
 }
 
-/// A window that covers a monitor, and the desktop that it is on.
+/// A window that covers a monitor, with its desktop.
 pub(super) struct OnDesktop {
     pub(super) desktop: Desktop,
     pub(super) window: Arc<SystemWindow>,
@@ -241,7 +241,7 @@ pub(super) struct OnDesktop {
 }
 
 impl OnDesktop {
-    /// Whether anything can be shown; else what happened.
+    /// Checks that pictures can still be shown, and returns the reason if not.
     pub(super) fn check(&mut self) -> Result<(), PresentError> {
         if system::is_gone() {
             self.desktop.pump()?;
@@ -252,12 +252,12 @@ impl OnDesktop {
         }
     }
 
-    /// Returns what began to interfere with the monitor since the last call.
+    /// Returns the interference with the monitor that began since the last call.
     pub(super) fn interference(&self) -> Vec<Interference> {
         self.observer.as_ref().map(system::Observer::look).unwrap_or_default()
     }
 
-    /// Where the driver says that no more can be shown, the desktop may know why.
+    /// Returns the desktop's reason, if it has one, for a failure that the driver reports.
     pub(super) fn explain(&mut self) -> Result<(), PresentError> {
         self.desktop.pump()?;
         self.check()
@@ -268,7 +268,7 @@ impl OnDesktop {
         if handler.events.is_empty()
             && let Err(PresentError::Display { reason, .. }) = self.desktop.pump()
         {
-            // What is shown next says so.
+            // The next picture reports this.
             self.desktop.handler.lost.get_or_insert(reason.to_string());
         }
         self.desktop.handler.events.pop_front()

@@ -1,10 +1,11 @@
-//! Displays that no desktop drives (`VK_KHR_display`): found, acquired, and given back. Nothing lies between their video
-//! frames and the SLM.
+//! Finds, acquires and releases displays that no desktop drives (`VK_KHR_display`).
 //!
-//! Drivers hardly name them. On Linux a connector's name becomes a display through the kernel's number of it
-//! (`VK_EXT_acquire_drm_display`), and acquiring one needs the card itself, which nobody else may drive at that time: a
-//! desktop must leave the connector alone, or not run. Where a driver has no such extension, the displays that it lists
-//! itself can be used without asking.
+//! No other program is between their video frames and the SLM.
+//!
+//! Drivers hardly name these displays. On Linux the kernel's number of a connector leads to a display
+//! (`VK_EXT_acquire_drm_display`). To acquire one requires the card itself, which no other program may drive at that
+//! time. Therefore a desktop must release the connector, or not run. If a driver has no such extension, the displays
+//! that it lists can be used without acquisition.
 
 #![allow(unsafe_code)]
 
@@ -28,26 +29,26 @@ struct Handles {
     physical: vk::PhysicalDevice,
     display: vk::DisplayKHR,
     modes: Vec<vk::DisplayModeKHR>,
-    /// The card through which it is acquired.
+    /// The card through which the display is acquired.
     card: Option<File>,
 }
 
 /// The displays that no desktop drives, as every driver lists them.
 ///
 /// # Errors
-/// [`PresentError::Display`] where no driver knows of such displays.
+/// [`PresentError::Display`] if no driver supports such displays.
 pub fn direct_displays() -> Result<Vec<DirectDisplay>, PresentError> {
     let instance = Instance::open(false, true).map_err(refused)?;
     Displays::of(&Arc::new(instance)).map(|all| all.found).map_err(refused)
 }
 
 impl DisplayPresenter {
-    /// Takes the display that `wanted` names, by its index, its connector or its monitor, in a mode of exactly this size;
-    /// without a name, the first that has one. It is shown on from this device, or from the one of its instance that
-    /// drives it: see [`gpu`](Self::gpu).
+    /// Takes the display that `wanted` names by its index, its connector or its monitor, in a mode of exactly this
+    /// size. Without a name, it takes the first display with such a mode. The presenter uses this device, or the device
+    /// of its instance that drives the display (see [`gpu`](Self::gpu)).
     ///
     /// # Errors
-    /// [`PresentError::Display`], in a sentence: there is none, it has no such mode, another program drives it.
+    /// [`PresentError::Display`] with a sentence, if there is none, it has no such mode, or another program drives it.
     pub fn direct(
         gpu: &Gpu,
         wanted: Option<&str>,
@@ -97,7 +98,7 @@ impl Displays {
     }
 
     fn ask(&mut self, physical: vk::PhysicalDevice, plugged: &[Connector]) {
-        // SAFETY: the device is of this instance, which has the extension; a driver's name ends in zero.
+        // SAFETY: the device is of this instance, which has the extension, and a driver's name ends in zero.
         let (properties, extensions, listed) = unsafe {
             let listed = self.calls.get_physical_device_display_properties(physical).unwrap_or_default();
             let name = |l: &vk::DisplayPropertiesKHR<'_>| {
@@ -117,7 +118,7 @@ impl Displays {
         for connector in plugged {
             let (Some(acquire), Some(id)) = (&self.acquire, connector.id) else { continue };
             let Ok(card) = OpenOptions::new().read(true).write(true).open(&connector.card) else { continue };
-            // SAFETY: the card is open; a driver that does not drive it answers with an error.
+            // SAFETY: the card is open, and a driver that does not drive it answers with an error.
             let display = unsafe { acquire.get_drm_display(physical, card_number(&card), id) };
             let Some(display) = display.ok().filter(|d| *d != vk::DisplayKHR::null()) else { continue };
             seen.push(display);
@@ -154,7 +155,7 @@ impl Displays {
         self.handles.push(Handles { physical, display, modes, card });
     }
 
-    /// Takes one of what was found, in one of its modes.
+    /// Acquires one of the found displays, in one of its modes.
     fn acquire(mut self, index: usize, mode: usize) -> Result<TakenDisplay, EngineError> {
         let found = self.found.swap_remove(index);
         let handles = self.handles.swap_remove(index);
@@ -164,8 +165,8 @@ impl Displays {
             // SAFETY: the card is open and stays open as long as the display is used.
             unsafe { acquire.acquire_drm_display(physical, card_number(card), display) }.map_err(|e| {
                 refused(format!(
-                    "it could not be taken ({e:?}): another program drives its card, such as a desktop, or this one may \
-                     not; leave the desktop, or take the connector from it"
+                    "it could not be acquired ({e:?}): another program, such as a desktop, drives its card, or this \
+                     one has no permission. Leave the desktop, or release the connector from it"
                 ))
             })?;
         }
@@ -179,13 +180,12 @@ impl Displays {
         };
         let [height, width] = found.modes[mode].size.map(|n| n as u32);
         let plane = self.plane(physical, display, modes[mode], vk::Extent2D { width, height });
-        taken.info = plane.ok_or_else(|| {
-            refused("none of its planes shows opaque pictures of the mode's size: choose another mode".into())
-        })?;
+        taken.info = plane
+            .ok_or_else(|| refused("no plane shows opaque pictures of the mode's size: choose another mode".into()))?;
         Ok(taken)
     }
 
-    /// A plane that shows opaque pictures of this size, as they are.
+    /// A plane that shows opaque pictures of this size without a change.
     fn plane(
         &self,
         physical: vk::PhysicalDevice,
@@ -197,7 +197,7 @@ impl Displays {
         let planes = unsafe { self.calls.get_physical_device_display_plane_properties(physical) }.unwrap_or_default();
         planes.iter().enumerate().find_map(|(index, plane)| {
             let index = index as u32;
-            // SAFETY: as above; the plane is one of the device's.
+            // SAFETY: as above, and the plane is one of the device's.
             let (shows, can) = unsafe {
                 (
                     self.calls.get_display_plane_supported_displays(physical, index).unwrap_or_default(),

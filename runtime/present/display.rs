@@ -1,4 +1,4 @@
-//! The display as a presenter: a window over a monitor, or a display that no desktop drives.
+//! Presents on a display, through a window over a monitor or directly without a desktop.
 
 use super::desktop::{Desktop, OnDesktop};
 use super::swapchain::{Policy, Swapchain};
@@ -7,23 +7,24 @@ use super::timing::PresentTiming;
 use super::{Event, Feedback, Interference, Monitor, PresentError, Presenter, Rate, RealClock};
 use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 
-/// Shows video frames on a display, by a swapchain of exactly its size.
+/// Shows video frames on a display, with a swapchain of exactly its size.
 pub struct DisplayPresenter {
-    // Before the window that it shows in.
+    // The swapchain is dropped before the window that it shows in.
     swapchain: Swapchain,
     name: String,
-    /// Video frames a second, where it is known.
+    /// Video frames per second, or none without a known rate.
     pub rate: Option<Rate>,
     clock: RealClock,
     window: Option<OnDesktop>,
 }
 
 impl Desktop {
-    /// A window over all of a monitor, shown from this device or from the one of its instance that can show there.
+    /// Opens a window over all of a monitor. It shows from this device, or from the device of its instance that can
+    /// show there.
     ///
     /// # Errors
-    /// [`PresentError::Display`] where it does not come up with the monitor's size, and where Vulkan cannot show bytes
-    /// as they are in it.
+    /// [`PresentError::Display`] if the window does not open with the monitor's size, or if Vulkan cannot show
+    /// unchanged bytes in it.
     pub fn fullscreen(self, gpu: &Gpu, monitor: &Monitor, clock: RealClock) -> Result<DisplayPresenter, PresentError> {
         let on = self.cover(monitor)?;
         let handle = handle_of(&on.window)?;
@@ -42,12 +43,12 @@ impl DisplayPresenter {
         Self { swapchain, name, rate, clock, window: None }
     }
 
-    /// The device that it shows from, for engines, encoders and other windows.
+    /// The device that shows the frames, for engines, encoders and other windows.
     pub fn gpu(&self) -> &Gpu {
         self.swapchain.gpu()
     }
 
-    /// The desktop that its window stands on, for other windows beside it: their events come while this one's are taken.
+    /// The desktop of the window, for other windows on it. Their events arrive while this window's events are read.
     pub fn desktop(&mut self) -> Option<&mut Desktop> {
         self.window.as_mut().map(|window| &mut window.desktop)
     }

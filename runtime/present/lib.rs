@@ -1,15 +1,20 @@
 //! Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up.
 //!
-//! A [`Presenter`] takes video frames in order: [`Offscreen`] is memory (with its [`Sink`]s), a [`DisplayPresenter`] a window
-//! over a monitor of the [`Desktop`], or a display that no desktop drives ([`direct_displays`]). [`OrdinaryWindow`] is a
-//! resizable window beside it on the same desktop. Both show by a [`Swapchain`], whose [`Policy`] says whether every picture
-//! counts or the newest; all swapchains of a program share one [`Gpu`](eyebox_compute::gpu::Gpu), opened to present.
+//! A [`Presenter`] takes video frames in order. [`Offscreen`] is memory, with its [`Sink`]s. A [`DisplayPresenter`] is
+//! a window over a monitor of the [`Desktop`], or a display that no desktop drives ([`direct_displays`]).
+//! [`OrdinaryWindow`] is a resizable window on the same desktop. Both show pictures through a [`Swapchain`]. Its
+//! [`Policy`] decides if every picture counts or only the newest. All swapchains of a program share one
+//! [`Gpu`](eyebox_compute::gpu::Gpu), which is opened to present.
 //!
-//! `surface` is what a swapchain is on; `slot` a picture under way and `copy` how it gets into an image; `recreate` what happens when it is no longer
-//! right; `timing` says when pictures lit up. `direct` takes displays, by their `modes` and the system's `connectors`;
-//! `monitor` says which of a desktop's is meant; `system` what desktops do differently, `x_server` what happens when an X server goes away; `interference` names what a desktop
-//! does to levels and light, and `x_observer` reads it. `clock` is real or
-//! simulated, `rate` says how often, exactly. Every time carries its unit and its meaning in its name.
+//! The modules divide the work as follows.
+//! `surface` is the target of a swapchain. `slot` is a picture in flight, and `copy` writes it into an image.
+//! `recreate` replaces a swapchain that is out of date. `timing` measures when pictures light up. `direct` takes
+//! displays, with their `modes` and the `connectors` of the system. `monitor` selects a monitor of a desktop. `system`
+//! holds the differences between desktops. `x_server` handles the loss of an X server. `interference` names the effects
+//! of a desktop on levels and light, and `x_observer` reads them. `clock` is real or simulated, and `rate` is an exact
+//! frequency.
+//!
+//! Every name of a time has its unit and its meaning.
 
 mod clock;
 #[cfg(feature = "direct-display")]
@@ -67,26 +72,26 @@ pub use window::{OrdinaryWindow, WindowEvent, WindowKey};
 use eyebox_base::error::Reason;
 use eyebox_base::files::FileError;
 
-/// What can go wrong between a video frame and its light.
+/// An error between a video frame and its light.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PresentError {
-    /// A rate that cannot be.
-    #[error("the rate {value} cannot be: give hertz, 0.001 to 100000, such as 60, 59.94 or 60000/1001")]
+    /// The rate is impossible.
+    #[error("the rate {value} is impossible: give hertz, 0.001 to 100000, such as 60, 59.94 or 60000/1001")]
     Rate {
-        /// What was given.
+        /// The text that was given.
         value: String,
     },
-    /// A file that takes video frames.
+    /// A file for video frames failed.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The display: refused, or lost.
+    /// The display was rejected or lost.
     #[error("{presenter}: {reason}")]
     Display {
-        /// Which one.
+        /// Name of the presenter.
         presenter: String,
-        /// What is wrong, and what would be right.
+        /// The problem and the remedy.
         reason: Reason,
     },
 }

@@ -1,4 +1,4 @@
-//! Displays that no desktop drives, as a driver lists them, and which of them is meant, in which mode.
+//! Lists displays that no desktop drives, and selects a display and a mode.
 
 use super::Rate;
 use eyebox_base::error::Reason;
@@ -8,26 +8,26 @@ use std::fmt;
 /// A mode of a display.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DirectMode {
-    /// Rows, columns.
+    /// Rows and columns of the mode.
     pub size: [usize; 2],
-    /// Video frames in 1000 seconds.
+    /// Video frames per 1000 seconds.
     pub millihertz: u32,
 }
 
-/// A display that could be shown on directly.
+/// A display that can be shown on directly.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DirectDisplay {
-    /// By which it is chosen.
+    /// The index that selects the display.
     pub index: usize,
-    /// The connector's name, or what the driver calls it.
+    /// The name of the connector, or the driver's name of the display.
     pub name: String,
-    /// What the monitor calls itself, where it is known.
+    /// The name that the monitor reports, if there is one.
     pub monitor: Option<String>,
-    /// The driver's device.
+    /// The device of the driver.
     pub device: String,
-    /// Rows, columns that it has.
+    /// Rows and columns of the display.
     pub size: [usize; 2],
-    /// Its modes, in the driver's order.
+    /// The modes in the order of the driver.
     pub modes: Vec<DirectMode>,
 }
 
@@ -39,7 +39,7 @@ impl fmt::Display for DirectDisplay {
     }
 }
 
-/// The display and its mode, by their indices.
+/// Selects a display and its mode, by their indices.
 pub(super) fn choose(
     list: &[DirectDisplay],
     wanted: Option<&str>,
@@ -51,7 +51,7 @@ pub(super) fn choose(
     if list.is_empty() {
         return Err(Reason::new(
             "no-displays",
-            "no driver here shows on a display by itself: it takes a graphics card with a display plugged in that \
+            "no driver here shows on a display directly: use a graphics card with a plugged display that \
                     no desktop drives, or `output` window",
         ));
     }
@@ -61,7 +61,7 @@ pub(super) fn choose(
             let at = rate.map(|r| format!(" at {r} Hz")).unwrap_or_default();
             reason!(
                 "no-display-fits",
-                "no display has {height}x{width} pixels{at}, as the video frames have: there are {}",
+                "no display has the {height}x{width} pixels{at} of the video frames: there are {}",
                 has()
             )
         });
@@ -69,19 +69,20 @@ pub(super) fn choose(
     let found = (text.parse::<usize>().ok().and_then(|i| list.get(i)))
         .or_else(|| list.iter().find(|c| c.name == text))
         .or_else(|| list.iter().find(|c| c.monitor.as_deref() == Some(text)))
-        .ok_or_else(|| reason!("no-such-display", "no display is called '{text}': there are {}", has()))?;
+        .ok_or_else(|| reason!("no-such-display", "no display is named '{text}': there are {}", has()))?;
     mode(&found.modes, size, rate).map(|m| (found.index, m)).ok_or_else(|| {
         let modes = |m: &DirectMode| format!("{}x{} at {:.3} Hz", m.size[0], m.size[1], f64::from(m.millihertz) / 1e3);
         let modes = found.modes.iter().map(modes).collect::<Vec<_>>().join(", ");
         let at = rate.map(|r| format!(" at {r} Hz")).unwrap_or_default();
         reason!(
             "no-such-mode",
-            "display {found} has no mode of {height}x{width}{at}: nothing is scaled; it has {modes}"
+            "display {found} has no mode of {height}x{width}{at}, and pictures are not scaled: it has {modes}"
         )
     })
 }
 
-/// The mode of exactly this size whose rate is nearest, and no further off than half a hertz; without a rate, the fastest.
+/// The mode of exactly this size whose rate is nearest, with a difference of at most half a hertz. Without a rate, it
+/// is the fastest mode.
 fn mode(modes: &[DirectMode], size: [usize; 2], rate: Option<Rate>) -> Option<usize> {
     let fits = modes.iter().enumerate().filter(|(_, m)| m.size == size);
     let Some(rate) = rate else { return fits.rev().max_by_key(|(_, m)| m.millihertz).map(|(i, _)| i) };

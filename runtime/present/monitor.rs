@@ -1,4 +1,4 @@
-//! The monitors of a desktop, and which of them is meant.
+//! Lists the monitors of a desktop, and selects one of them.
 
 use super::{PresentError, Rate, no_desktop};
 use eyebox_base::reason;
@@ -8,17 +8,17 @@ use winit::monitor::MonitorHandle;
 /// A monitor of the desktop.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Monitor {
-    /// By which it is chosen.
+    /// The index that selects the monitor.
     pub index: usize,
-    /// What the system calls it.
+    /// The name of the monitor in the system.
     pub name: String,
-    /// Rows, columns.
+    /// Rows and columns of the monitor.
     pub size: [usize; 2],
-    /// Of its upper left corner on the desktop: down, right.
+    /// Position of its upper left corner on the desktop, as (down, right).
     pub position: [i32; 2],
-    /// Video frames a second, where the system says.
+    /// Video frames per second, if the system reports them.
     pub rate: Option<Rate>,
-    /// All its modes: rows, columns, rate, bits a pixel.
+    /// All modes, as rows and columns, rate, and bits per pixel.
     pub modes: Vec<([usize; 2], Option<Rate>, u16)>,
 }
 
@@ -28,7 +28,7 @@ impl fmt::Display for Monitor {
     }
 }
 
-/// The rate that a system gives; some servers say 0.
+/// The rate that a system reports. Some servers report 0.
 fn rate(millihertz: Option<u32>) -> Option<Rate> {
     millihertz.and_then(|m| Rate::from_hz(f64::from(m) / 1000.0).ok())
 }
@@ -50,11 +50,11 @@ impl Monitor {
         }
     }
 
-    /// The monitor of these that `wanted` names by its index, its name or its size (rows x columns); without, the first
-    /// that has `size`. It must have `size`.
+    /// The monitor that `wanted` names by its index, its name or its size (rows x columns). Without a name, it is the
+    /// first monitor of `size`. The monitor must have `size`.
     ///
     /// # Errors
-    /// [`PresentError::Display`], in a sentence.
+    /// [`PresentError::Display`] with a sentence.
     pub(super) fn choose(monitors: &[Self], wanted: Option<&str>, size: [usize; 2]) -> Result<Self, PresentError> {
         let has = || monitors.iter().map(Self::to_string).collect::<Vec<_>>().join(", ");
         let [height, width] = size;
@@ -62,7 +62,7 @@ impl Monitor {
             return monitors.iter().find(|m| m.size == size).cloned().ok_or_else(|| {
                 no_desktop(reason!(
                     "monitor",
-                    "no monitor has {height}x{width} pixels, as the video frames have: there are {}",
+                    "no monitor has the {height}x{width} pixels of the video frames: there are {}",
                     has()
                 ))
             });
@@ -75,14 +75,14 @@ impl Monitor {
             Some(monitor) if monitor.size == size => Ok(monitor.clone()),
             Some(monitor) => Err(no_desktop(reason!(
                 "monitor",
-                "monitor {monitor} is not {height}x{width} pixels, as the video frames are: nothing is scaled, so choose \
-                 another monitor, mode or display"
+                "monitor {monitor} does not have the {height}x{width} pixels of the video frames, which are not \
+                 scaled: choose another monitor, mode or display"
             ))),
-            None => Err(no_desktop(reason!("no-such-monitor", "no monitor is called '{text}': there are {}", has()))),
+            None => Err(no_desktop(reason!("no-such-monitor", "no monitor is named '{text}': there are {}", has()))),
         }
     }
 
-    /// Whether it is among those that there are now, by their names, rows and columns, with the size that it had.
+    /// True if a monitor of this name and this size, in rows and columns, is still present.
     pub(super) fn is_among(&self, mut now: impl Iterator<Item = (Option<String>, [u32; 2])>) -> bool {
         now.any(|(name, size)| size.map(|n| n as usize) == self.size && name.unwrap_or_default() == self.name)
     }

@@ -1,11 +1,11 @@
-//! A display that is memory: video frames light up at the ticks of a clock, and nowhere else.
+//! Presents to memory, with video frames that light up at the ticks of a clock.
 
 use super::{Clock, Feedback, PresentError, Presenter, Rate, Sink};
 use eyebox_base::reason;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// Video frames light up one period after the other; the newest is kept.
+/// A presenter without a display. Video frames light up one period after the other, and the newest is stored.
 pub struct Offscreen {
     clock: Rc<dyn Clock>,
     rate: Rate,
@@ -20,18 +20,18 @@ pub struct Offscreen {
 const QUEUE: i64 = 2;
 
 impl Offscreen {
-    /// Of pictures of so many bytes.
+    /// Makes a presenter of pictures with this number of bytes.
     pub fn new(clock: Rc<dyn Clock>, rate: Rate, picture_bytes: usize) -> Self {
         let feedback = VecDeque::with_capacity(16);
         Self { clock, rate, first_time_ns: None, next: 0, picture: vec![0; picture_bytes], feedback, sink: None }
     }
 
-    /// Every video frame goes to a sink too.
+    /// Sends every video frame to a sink, too.
     pub fn with_sink(self, sink: Option<Sink>) -> Self {
         Self { sink, ..self }
     }
 
-    /// The video frame that is on, or will be next.
+    /// The video frame that is lit, or will be next.
     pub fn picture(&self) -> &[u8] {
         &self.picture
     }
@@ -73,7 +73,7 @@ impl Presenter for Offscreen {
             self.feedback.pop_front();
         }
         self.feedback.push_back(Feedback { id, actual_display_time_ns });
-        // As a swapchain does, it holds back who is too far ahead.
+        // A caller that is too far ahead has to wait, as with a swapchain.
         let behind = first.saturating_add(self.rate.time_of_ns(self.next - QUEUE));
         if self.clock.now_ns() < behind {
             self.clock.wait_until_ns(behind);

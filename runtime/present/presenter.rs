@@ -1,89 +1,91 @@
-//! The display's side: takes video frames in order and says when they lit up.
+//! Defines presenters, which take video frames in order and report when they lit up.
 
 use super::{Interference, PresentError};
 use eyebox_base::reason;
 use eyebox_compute::gpu::{Gpu, Pictures, PixelOrder};
 
-/// When a video frame lit up.
+/// The time at which a video frame lit up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Feedback {
-    /// The number that it was handed over with.
+    /// The number of the frame at its presentation.
     pub id: u64,
-    /// On the player's clock.
+    /// The time on the player's clock.
     pub actual_display_time_ns: i64,
 }
 
-/// What a user did to a presenter.
+/// An action of a user on a presenter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event {
-    /// Closed it.
+    /// The user closed the presenter.
     Close,
-    /// Asked for content to stand still, or to go on.
+    /// The user paused or resumed the content.
     Pause,
-    /// Asked for the next content frame.
+    /// The user requested the next content frame.
     Step,
-    /// Asked for so many content frames further.
+    /// The user requested a jump by this number of content frames.
     Seek(i64),
-    /// Asked for content to run so many times as fast as now.
+    /// The user requested another speed, this factor times the current one.
     Faster(f64),
 }
 
-/// A display, a window, or memory.
+/// A display, a window, or memory that shows video frames.
 ///
-/// Video frames are shown one after the other, none left out (FIFO), each for at least one period; the last one stays.
+/// Video frames are shown in order and none is left out (FIFO). Each is shown for at least one period, and the last one
+/// stays.
 pub trait Presenter {
-    /// For people: what it is, and how it learns when frames light up.
+    /// A description in words, with the source of presentation times.
     fn describe(&self) -> String;
 
-    /// For people and statistics: how it is known when video frames light up.
+    /// The source of presentation times, in words for users and statistics.
     fn timed_by(&self) -> &'static str {
         "its own clock"
     }
 
-    /// Takes in a video frame, (row, column, channel) of 8 bits, 1 or 3 channels: exactly what the display receives.
+    /// Takes a video frame, (row, column, channel) of 8 bits with 1 or 3 channels, exactly as the display receives it.
     ///
     /// # Errors
-    /// [`PresentError::Display`]: it is lost, in a sentence.
+    /// [`PresentError::Display`] with a sentence, if the display is lost.
     fn upload(&mut self, picture: &[u8]) -> Result<(), PresentError>;
 
-    /// The device, and the order of colours, of pictures that [`take`](Self::take) takes; none where video frames come from
-    /// the host only.
+    /// The device, and the order of colors, of pictures for [`take`](Self::take). It is none if video frames come only
+    /// from the host.
     fn takes(&self) -> Option<(&Gpu, PixelOrder)> {
         None
     }
 
-    /// Takes in a video frame that is on that device already, as [`upload`](Self::upload) does from the host.
+    /// Takes a video frame that is already on that device, as [`upload`](Self::upload) does from the host.
     ///
     /// # Errors
-    /// [`PresentError::Display`]: it is lost, or takes none such, in a sentence.
+    /// [`PresentError::Display`] with a sentence, if the display is lost or takes only frames from the host.
     fn take(&mut self, _pictures: &Pictures, _index: usize) -> Result<(), PresentError> {
         Err(PresentError::display(&self.describe(), reason!("host-only", "it takes video frames from the host only")))
     }
 
-    /// Puts the video frame that was taken in last in line. `id` rises from call to call; `desired_present_time_ns` is
-    /// the player's plan, on its clock.
+    /// Queues the video frame that was taken last. `id` rises from call to call. `desired_present_time_ns` is the
+    /// player's plan, on its clock.
     ///
     /// # Errors
-    /// [`PresentError::Display`]: it is lost, in a sentence.
+    /// [`PresentError::Display`] with a sentence, if the display is lost.
     fn present(&mut self, id: u64, desired_present_time_ns: i64) -> Result<(), PresentError>;
 
-    /// The next video frame that is known to have lit up, in order.
+    /// The next video frame with a known time of light, in order.
     fn feedback(&mut self) -> Option<Feedback>;
 
-    /// Brings to its end what is still on its way; the last video frame stays.
+    /// Completes all pending work. The last video frame stays.
     ///
     /// # Errors
-    /// [`PresentError::Display`], [`PresentError::File`].
+    /// [`PresentError::Display`] or [`PresentError::File`] if that fails.
     fn finish(&mut self) -> Result<(), PresentError> {
         Ok(())
     }
 
-    /// Returns what began to change or blank the display's picture since the last call, as far as the system reports it.
+    /// Returns the changes or blanking of the display's picture that began since the last call, as far as the system
+    /// reports them.
     fn interference(&mut self) -> Vec<Interference> {
         Vec::new()
     }
 
-    /// The next thing that a user did.
+    /// The next action of a user.
     fn event(&mut self) -> Option<Event> {
         None
     }

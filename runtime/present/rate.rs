@@ -1,13 +1,13 @@
-//! How often something happens, exactly: 59.94 Hz is 60000 / 1001, and ten minutes of it do not drift.
+//! Represents rates exactly, because 59.94 Hz is 60000 / 1001 and must not drift in ten minutes.
 
 use super::PresentError;
 use eyebox_base::quantity::HZ;
 use std::fmt;
 
-/// Nanoseconds of a second.
+/// Nanoseconds in a second.
 pub const SECOND_NS: i64 = 1_000_000_000;
 
-/// Events a second, as a fraction.
+/// Events per second, as a fraction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rate {
     numerator: u32,
@@ -15,7 +15,7 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// `numerator / denominator` hertz.
+    /// The rate `numerator / denominator` in hertz.
     ///
     /// # Errors
     /// [`PresentError::Rate`] unless it is 0.001 to 100000 Hz.
@@ -29,11 +29,11 @@ impl Rate {
         Ok(Self { numerator: numerator / common, denominator: denominator / common })
     }
 
-    /// From text: `60`, `60Hz`, `23.976`, `60000/1001`. The rates of television (23.976, 29.97, 59.94, 119.88) are taken for
-    /// what they stand for, 24000 / 1001 and so on.
+    /// Reads a rate from text such as `60`, `60Hz`, `23.976`, `60000/1001`. The rates of television (23.976, 29.97,
+    /// 59.94, 119.88) become their exact fractions, such as 24000 / 1001.
     ///
     /// # Errors
-    /// [`PresentError::Rate`].
+    /// [`PresentError::Rate`] if the text is no rate.
     pub fn parse(text: &str) -> Result<Self, PresentError> {
         let wrong = || PresentError::Rate { value: text.into() };
         if let Some((n, d)) = text.split_once('/') {
@@ -43,10 +43,10 @@ impl Rate {
         Self::from_hz(hz).map_err(|_| wrong())
     }
 
-    /// The nearest fraction that a rate in hertz can mean: a whole number, a rate of television, or thousandths.
+    /// The most probable fraction for a rate in hertz. It is a whole number, a rate of television, or thousandths.
     ///
     /// # Errors
-    /// [`PresentError::Rate`].
+    /// [`PresentError::Rate`] unless it is 0.001 to 100000 Hz.
     pub fn from_hz(hz: f64) -> Result<Self, PresentError> {
         if !(0.001..=100_000.0).contains(&hz) {
             return Err(PresentError::Rate { value: hz.to_string() });
@@ -58,12 +58,12 @@ impl Rate {
         Self::new((hz * 1000.0).round() as u32, 1000)
     }
 
-    /// Hertz.
+    /// The rate in hertz.
     pub fn hz(self) -> f64 {
         f64::from(self.numerator) / f64::from(self.denominator)
     }
 
-    /// The fraction.
+    /// The numerator and the denominator.
     pub fn fraction(self) -> [u32; 2] {
         [self.numerator, self.denominator]
     }
@@ -74,13 +74,13 @@ impl Rate {
         (2 * d * SECOND_NS + n) / (2 * n)
     }
 
-    /// Nanoseconds that `count` periods take, rounded down; as large as i64 holds.
+    /// Duration of `count` periods in nanoseconds, rounded down and limited to the range of i64.
     pub fn time_of_ns(self, count: i64) -> i64 {
         let time = i128::from(count) * i128::from(self.denominator) * i128::from(SECOND_NS);
         saturate(time.div_euclid(i128::from(self.numerator)))
     }
 
-    /// The same rate, `times` as fast.
+    /// The same rate, faster by the factor `times`.
     ///
     /// # Errors
     /// [`PresentError::Rate`] beyond the range.
@@ -89,7 +89,7 @@ impl Rate {
         Self::new(self.numerator.checked_mul(times).ok_or_else(wrong)?, self.denominator)
     }
 
-    /// One in `parts` of its events.
+    /// The rate of one in `parts` of its events.
     ///
     /// # Errors
     /// [`PresentError::Rate`] beyond the range.

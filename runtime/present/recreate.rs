@@ -1,5 +1,6 @@
-//! What a swapchain of exact size does when it is no longer right: it is made again where the picture still fits, once, and
-//! else it is said what is the matter.
+//! Replaces a swapchain of exact size that is out of date, once, if the picture still fits.
+//!
+//! Otherwise it reports the reason.
 
 #![allow(unsafe_code)]
 
@@ -7,15 +8,15 @@ use super::swapchain::{PATIENCE_NS, Swapchain};
 use ash::vk;
 use eyebox_compute::gpu::EngineError;
 
-/// Attempts at an image, the first one counted.
+/// Attempts to acquire an image, including the first.
 const ATTEMPTS: usize = 3;
 
 impl Swapchain {
-    /// An image to copy into.
+    /// Acquires an image to copy into.
     ///
-    /// Out of date, the swapchain is made again of the same size, or refused where the window has another. A lost surface
-    /// is made again where what it was on is still there. An image that does not come in time is asked for once more:
-    /// after a suspend the time is over before anybody could answer.
+    /// A swapchain that is out of date is made again with the same size, or rejected if the window has another size. A
+    /// lost surface is made again if its target is still there. An image that does not come in time is requested once
+    /// more, because after a suspend the time limit has passed before the driver could answer.
     pub(super) fn next_image(&mut self) -> Result<u32, EngineError> {
         self.check_suboptimal()?;
         let mut last = vk::Result::SUCCESS;
@@ -42,13 +43,13 @@ impl Swapchain {
         [self.extent.height as usize, self.extent.width as usize]
     }
 
-    /// Of the same size.
+    /// Makes the swapchain again with the same size.
     pub(super) fn remake(&mut self) -> Result<(), EngineError> {
         self.make(self.size()).map(drop)
     }
 
-    /// A swapchain that could be better is made again, once: some drivers say so for ever. A window of another size is
-    /// refused, for its edge would show something else.
+    /// Makes a suboptimal swapchain again, once, because some drivers report it forever. A window of another size is
+    /// rejected, because its edge would show something else.
     fn check_suboptimal(&mut self) -> Result<(), EngineError> {
         if !std::mem::take(&mut self.stale) {
             self.tolerated = false;
@@ -78,7 +79,7 @@ impl Swapchain {
         self.remake()
     }
 
-    /// Why a call did not do what it should.
+    /// The error for a failed call.
     pub(super) fn error(&self, call: &'static str, result: vk::Result) -> EngineError {
         let device = || self.gpu.device.report.name.clone();
         let lost = |reason: &str| EngineError::ScreenLost { device: device(), reason: reason.into() };
@@ -86,10 +87,10 @@ impl Swapchain {
             vk::Result::ERROR_DEVICE_LOST => self.gpu.device.error(call, call, result),
             vk::Result::ERROR_SURFACE_LOST_KHR => lost(self.surface.gone()),
             vk::Result::ERROR_OUT_OF_DATE_KHR => {
-                lost("its swapchain is out of date as often as it is made again: something changes it all the time")
+                lost("its swapchain is out of date again after each replacement: something changes it all the time")
             }
             vk::Result::TIMEOUT | vk::Result::NOT_READY => {
-                lost("it takes no pictures any more: the display is off, or the window is hidden")
+                lost("it no longer takes pictures: the display is off, or the window is hidden")
             }
             other => EngineError::Vulkan { device: device(), call, result: format!("{other:?}") },
         }

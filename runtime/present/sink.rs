@@ -1,4 +1,4 @@
-//! Where an offscreen display's video frames go besides: a file of bytes, or memory shared with another program.
+//! Writes the video frames of an offscreen display to a file of bytes, or to memory that programs share.
 
 use super::PresentError;
 use eyebox_base::error::Reason;
@@ -7,7 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Takes every video frame.
+/// A file that receives every video frame.
 #[derive(Debug)]
 pub struct Sink {
     file: PathBuf,
@@ -16,9 +16,9 @@ pub struct Sink {
 
 #[derive(Debug)]
 enum Out {
-    /// One after the other, (row, column, channel), into a file or a pipe.
+    /// All frames one after the other, (row, column, channel), in a file or a pipe.
     Raw(BufWriter<TimeoutWriter>),
-    /// The newest, and their number.
+    /// The newest frame, with the number of frames.
     Shared(File, u64),
 }
 
@@ -42,15 +42,15 @@ fn exists(file: &Path, why: &str) -> FileError {
     FileError::taken(file, Reason::new("exists", why))
 }
 
-/// What is there is somebody's, and stays: a file, but no pipe or device.
+/// Rejects an existing file, because it belongs to the user. Pipes and devices are accepted.
 fn is_free(file: &Path) -> Result<(), FileError> {
     match std::fs::metadata(file).is_ok_and(|there| there.is_file()) {
-        true => Err(exists(file, "is there already, and is left alone: remove it or give another name")),
+        true => Err(exists(file, "already exists and is not overwritten: remove it or give another name")),
         false => Ok(()),
     }
 }
 
-/// A new file; or a pipe or device that is there.
+/// Opens a new file, or an existing pipe or device.
 fn raw_file(file: &Path) -> Result<TimeoutWriter, FileError> {
     let failed = |e| FileError::write(file, e);
     is_free(file)?;
@@ -60,8 +60,8 @@ fn raw_file(file: &Path) -> Result<TimeoutWriter, FileError> {
     }
 }
 
-/// A file for others to map, of this length: a new one, or one of ours. One of another length is replaced and not cut, for
-/// somebody may still have it mapped.
+/// Opens a file of this length that other programs map. It is a new file or an existing one of eyebox. A file of
+/// another length is replaced and not cut, because another program may still have it mapped.
 fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
     let failed = |e| FileError::write(file, e);
     let new = || carefully().read(true).create_new(true).open(file);
@@ -76,7 +76,7 @@ fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
                 Some(_) => std::fs::remove_file(file).and_then(|()| new()).map_err(failed),
                 None => Err(exists(
                     file,
-                    "is there already and was not made by eyebox, or is a link: remove it or give another name",
+                    "already exists and was not made by eyebox, or is a link: remove it or give another name",
                 )),
             }
         }
@@ -84,44 +84,45 @@ fn shared_file(file: &Path, length: u64) -> Result<File, FileError> {
 }
 
 impl Sink {
-    /// Refuses a file that [`raw`](Self::raw) would refuse, before anything is computed for it.
+    /// Rejects a file that [`raw`](Self::raw) would reject, before any computation for it.
     ///
     /// # Errors
-    /// [`PresentError::File`], [`FileError::Taken`] in it.
+    /// [`PresentError::File`] with a [`FileError::Taken`].
     pub fn check_raw(file: &Path) -> Result<(), PresentError> {
         Ok(is_free(file)?)
     }
 
-    /// Into a new file, or into a pipe that is there: one that takes nothing for 5 s, or has no reader for so long, is given
-    /// up.
+    /// Writes into a new file, or into an existing pipe. A pipe that takes nothing for 5 s, or has no reader for that
+    /// time, is given up.
     ///
     /// # Errors
-    /// [`PresentError::File`]; [`FileError::Taken`] in it for a file that is there.
+    /// [`PresentError::File`], with a [`FileError::Taken`] for an existing file.
     pub fn raw(file: &Path) -> Result<Self, PresentError> {
         Ok(Self { file: file.into(), out: Out::Raw(BufWriter::new(raw_file(file)?)) })
     }
 
-    /// The newest of pictures of (rows, columns, channels), in a file that others map: in `/dev/shm` that is memory. Not on Windows,
-    /// where a file that is written and one that is mapped need not be the same at every moment. 64 bytes of header, all numbers
-    /// little-endian, and the picture:
+    /// Stores the newest picture of (rows, columns, channels) in a file that other programs map. In `/dev/shm` that is
+    /// memory. Windows is not supported, because there a written file and a mapped one may differ at times. The file
+    /// has 64 bytes of header, with all numbers little-endian, and the picture:
     ///
     /// | byte | what |
     /// |---|---|
     /// | 0 | `eyebox-1` |
-    /// | 8 | u64 sequence number: odd while the picture is written, else twice the number of video frames that the file has held |
+    /// | 8 | u64 sequence number, odd while the picture is written, otherwise twice the number of video frames that the file has held |
     /// | 16 | u32 rows, u32 columns, u32 channels, u32 zero |
     /// | 32 | i64 desired present time, ns on the player's clock |
     ///
-    /// A reader takes the sequence number, copies, and takes it again: where they differ or are odd, it tries again.
+    /// A reader reads the sequence number, copies, and reads it again. If the two differ or are odd, it tries again.
     ///
     /// # Errors
-    /// [`PresentError::File`]; [`FileError::Taken`] in it for what is there and is not such a file.
+    /// [`PresentError::File`], with a [`FileError::Taken`] for an existing file of another kind.
     pub fn shared(file: &Path, [rows, columns, channels]: [usize; 3]) -> Result<Self, PresentError> {
-        // Live input (tools/live-input) has a sequence number of this kind too. It does not share this code: its memory is sealed and
-        // mapped, and its slots are held by their reader. Anybody may cut this file, so system calls write it and no map does.
+        // Live input (tools/live-input) also has a sequence number of this kind. It does not share this code, because
+        // its memory is sealed and mapped, and its reader holds the slots. Any program may cut this file, so system
+        // calls write it and no map does.
         let failed = |e| FileError::write(file, e);
         if cfg!(windows) {
-            let reason = "Windows does not share memory through files: take `raw` into a file or a pipe";
+            let reason = "Windows does not share memory through files: use `raw` with a file or a pipe";
             return Err(failed(io::Error::new(io::ErrorKind::Unsupported, reason)).into());
         }
         let length = HEADER + (rows * columns * channels) as u64;
@@ -133,7 +134,8 @@ impl Sink {
         for (place, value) in header[16..28].chunks_exact_mut(4).zip([rows, columns, channels]) {
             place.copy_from_slice(&(value as u32).to_le_bytes());
         }
-        // A file that was there keeps its count. If its picture is of another shape or torn, the number is odd until the first picture.
+        // An existing file keeps its count. If its picture has another shape or is torn, the number is odd until the
+        // first picture.
         let number = u64::from_le_bytes(header[8..16].try_into().expect("eight bytes")).min(u64::MAX >> 1);
         let count = number.div_ceil(2);
         if number > 0 && (number % 2 == 1 || header[16..28] != before[16..28]) {
@@ -143,10 +145,10 @@ impl Sink {
         Ok(Self { file: file.into(), out: Out::Shared(out, count) })
     }
 
-    /// One video frame.
+    /// Writes one video frame.
     ///
     /// # Errors
-    /// [`PresentError::File`].
+    /// [`PresentError::File`] if the write fails.
     pub fn put(&mut self, picture: &[u8], desired_present_time_ns: i64) -> Result<(), PresentError> {
         let written = match &mut self.out {
             Out::Raw(out) => out.write_all(picture),
@@ -162,10 +164,10 @@ impl Sink {
         written.map_err(|e| FileError::write(&self.file, e).into())
     }
 
-    /// What is still on its way, to the file.
+    /// Writes all pending data to the file.
     ///
     /// # Errors
-    /// [`PresentError::File`].
+    /// [`PresentError::File`] if the write fails.
     pub fn finish(&mut self) -> Result<(), PresentError> {
         let flushed = match &mut self.out {
             Out::Raw(out) => out.flush(),
@@ -175,7 +177,7 @@ impl Sink {
     }
 }
 
-/// The header of a file that others map.
+/// The header of a file that other programs map.
 fn header_of(mut file: &File) -> io::Result<[u8; HEADER as usize]> {
     let mut header = [0; HEADER as usize];
     file.seek(SeekFrom::Start(0))?;
@@ -236,7 +238,7 @@ mod tests {
         assert_eq!((&bytes[..8], &bytes[64..]), (&b"eyebox-1"[..], &b"ghijkl"[..]));
         assert_eq!((bytes[8], bytes[16], bytes[20], bytes[24]), (4, 2, 3, 1));
         assert_eq!(i64::from_le_bytes(bytes[32..40].try_into().unwrap()), -7);
-        // The next writer counts on. The old picture stays readable unless it has another shape.
+        // The next writer continues the count. The old picture stays readable unless it has another shape.
         drop(Sink::shared(&shared, [2, 3, 1]).unwrap());
         assert_eq!(std::fs::read(&shared).unwrap(), bytes);
         let mut again = Sink::shared(&shared, [3, 2, 1]).unwrap();

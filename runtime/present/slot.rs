@@ -1,4 +1,4 @@
-//! A picture under way to the display, and what it is copied with.
+//! Holds a picture in flight to the display, with the objects of its copy.
 
 #![allow(unsafe_code)]
 
@@ -7,15 +7,15 @@ use eyebox_compute::gpu::{Block, Device, EngineError, Pictures, Ready};
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
-/// A picture under way.
+/// A picture in flight.
 pub(super) struct Slot {
     /// Four bytes for each pixel of the swapchain, from the host.
     pub(super) pixels: Option<Block>,
-    /// A picture that was on the device already, instead: held until it was read.
+    /// A picture that was already on the device, as an alternative. It is held until it was read.
     on_device: Option<OnDevice>,
     pub(super) commands: vk::CommandBuffer,
     pub(super) acquired: vk::Semaphore,
-    /// The device no longer reads the picture.
+    /// Signaled when the device no longer reads the picture.
     pub(super) done: vk::Fence,
 }
 
@@ -25,11 +25,11 @@ struct OnDevice {
     ready: Option<Ready>,
 }
 
-/// What is copied: from where, from which byte on, and what has to be waited for before.
+/// The source of a copy, as buffer, first byte, and the semaphore to wait for.
 pub(super) type Source<'a> = (vk::Buffer, u64, Option<&'a Ready>);
 
 impl Slot {
-    /// Appends `count` of them, each kept as soon as it is there.
+    /// Appends `count` slots, each of which is stored as soon as it exists.
     pub(super) fn make(
         slots: &mut Vec<Self>,
         count: usize,
@@ -46,7 +46,7 @@ impl Slot {
             slots.push(Self { pixels: None, on_device: None, commands: commands[0], acquired, done });
             let Some(slot) = slots.last_mut() else { continue };
             let signalled = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
-            // SAFETY: the device is valid; what is made is kept at once and destroyed in `destroy`.
+            // SAFETY: the device is valid, and what is made is kept at once and destroyed in `destroy`.
             unsafe {
                 let acquired = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
                 slot.acquired = acquired.map_err(error("vkCreateSemaphore"))?;
@@ -56,7 +56,7 @@ impl Slot {
         Ok(())
     }
 
-    /// Has room for so many bytes from the host. The device reads nothing of it.
+    /// Reserves room for this number of bytes from the host. The device reads nothing of the slot.
     pub(super) fn reserve(&mut self, device: &Arc<Device>, bytes: u64) -> Result<(), EngineError> {
         if !self.has_room(bytes) {
             self.pixels = None;
@@ -65,16 +65,16 @@ impl Slot {
         Ok(())
     }
 
-    /// Whether there is room for so many bytes from the host.
+    /// True if there is room for this number of bytes from the host.
     pub(super) fn has_room(&self, bytes: u64) -> bool {
         self.pixels.as_ref().is_some_and(|p| p.size >= bytes)
     }
 
-    /// After a submission that failed: what it would have waited for and signalled is made anew; whether it could be. The device
-    /// is at nothing of it.
+    /// Replaces the semaphore and the fence after a failed submission, and returns false if that fails. The device uses
+    /// nothing of the slot.
     pub(super) fn renew(&mut self, device: &Device) -> bool {
         let signalled = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
-        // SAFETY: the device is valid and idle; each handle is destroyed once, and replaced at once.
+        // SAFETY: the device is valid and idle, and each handle is destroyed once, and replaced at once.
         unsafe {
             let Ok(acquired) = device.raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) else {
                 return false;
@@ -86,13 +86,13 @@ impl Slot {
         true
     }
 
-    /// Shows a picture that is on the device.
+    /// Holds a picture that is on the device.
     pub(super) fn hold(&mut self, pictures: &Pictures, index: usize) {
         let (block, ready) = (Arc::clone(&pictures.block), pictures.ready.clone());
         self.on_device = Some(OnDevice { block, offset: index as u64 * pictures.step, ready });
     }
 
-    /// Lets go a picture on the device that was read.
+    /// Releases a picture on the device that was read.
     pub(super) fn release(&mut self, device: &Device) {
         // SAFETY: the fence is the device's.
         if self.on_device.is_some() && unsafe { device.raw.get_fence_status(self.done) } == Ok(true) {
@@ -108,9 +108,9 @@ impl Slot {
     }
 
     /// # Safety
-    /// The device reads nothing of it any more.
+    /// The device no longer reads anything of the slot.
     pub(super) unsafe fn destroy(&self, device: &ash::Device) {
-        // SAFETY: the caller says so; null handles are ignored.
+        // SAFETY: the caller guarantees this, and null handles are ignored.
         unsafe {
             device.destroy_semaphore(self.acquired, None);
             device.destroy_fence(self.done, None);

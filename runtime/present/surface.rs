@@ -1,4 +1,4 @@
-//! What a swapchain shows on: a window of a desktop, or a display that no desktop drives; and its Vulkan surface.
+//! Makes the Vulkan surface of a window of a desktop, or of a display that no desktop drives.
 
 #![allow(unsafe_code)]
 
@@ -8,48 +8,48 @@ use std::ffi::{CStr, c_void};
 use std::fs::File;
 use std::sync::Arc;
 
-/// A window of the system's, as its own library names it.
+/// A window of the system, with the handles of its library.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub enum WindowHandle {
-    /// Of an X server, by XCB.
+    /// A window of an X server, with the handles of XCB.
     Xcb {
-        /// `xcb_connection_t *`.
+        /// The connection, an `xcb_connection_t *`.
         connection: *mut c_void,
-        /// The window.
+        /// The XCB number of the window.
         window: u32,
     },
-    /// Of an X server, by Xlib.
+    /// A window of an X server, with the handles of Xlib.
     Xlib {
-        /// `Display *`.
+        /// The connection, a `Display *` of Xlib.
         display: *mut c_void,
-        /// The window.
+        /// The Xlib number of the window.
         window: u64,
     },
-    /// Of a Wayland compositor.
+    /// A window of a Wayland compositor.
     Wayland {
-        /// `wl_display *`.
+        /// The connection, a `wl_display *` of Wayland.
         display: *mut c_void,
-        /// `wl_surface *`.
+        /// The surface, a `wl_surface *` of Wayland.
         surface: *mut c_void,
     },
-    /// Of Windows.
+    /// A window of Windows.
     Win32 {
-        /// `HINSTANCE`.
+        /// The module, an `HINSTANCE` of Windows.
         instance: *mut c_void,
-        /// `HWND`.
+        /// The window, an `HWND` of Windows.
         window: *mut c_void,
     },
 }
 
-/// A display that was taken; given back when it is dropped, before its instance.
+/// An acquired display. It is released when this is dropped, before its instance.
 pub(super) struct TakenDisplay {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) display: vk::DisplayKHR,
     pub(super) info: vk::DisplaySurfaceCreateInfoKHR<'static>,
     pub(super) calls: khr::display::Instance,
     pub(super) release: Option<ext::direct_mode_display::Instance>,
-    /// The card through which it was acquired; open as long as it is used.
+    /// The card through which the display was acquired. It stays open while the display is used.
     #[allow(dead_code)]
     pub(super) card: Option<File>,
 }
@@ -57,7 +57,7 @@ pub(super) struct TakenDisplay {
 impl Drop for TakenDisplay {
     fn drop(&mut self) {
         if let Some(release) = &self.release {
-            // SAFETY: surfaces on it are destroyed before; one that was not taken is not changed.
+            // SAFETY: surfaces on it are destroyed before, and a display that was not taken is not changed.
             let _ = unsafe { (release.fp().release_display_ext)(self.physical, self.display) };
         }
     }
@@ -70,7 +70,7 @@ pub(super) enum Target {
 }
 
 impl Target {
-    /// The instance's extension that makes surfaces of it.
+    /// The extension of the instance that makes surfaces of the target.
     fn extension(&self) -> &'static CStr {
         match self {
             Self::Window(WindowHandle::Xcb { .. }) => khr::xcb_surface::NAME,
@@ -85,7 +85,7 @@ impl Target {
     /// The instance has the extension of this kind of target, and a window's handles are valid.
     unsafe fn surface(&self, instance: &Instance) -> Result<vk::SurfaceKHR, vk::Result> {
         let (entry, raw) = (&instance.entry, &instance.raw);
-        // SAFETY: the caller says so. Plane, mode and display of a direct one were chosen together.
+        // SAFETY: the caller guarantees this. Plane, mode and display of a direct one were chosen together.
         unsafe {
             match self {
                 Self::Direct(display) => display.calls.create_display_plane_surface(&display.info, None),
@@ -111,7 +111,7 @@ impl Target {
     }
 }
 
-/// A surface, destroyed when dropped: after the swapchain on it, before the display is given back.
+/// A surface. It is dropped after the swapchain on it and before the display is released.
 pub(super) struct Surface {
     pub(super) raw: vk::SurfaceKHR,
     calls: khr::surface::Instance,
@@ -120,18 +120,18 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// On a target.
+    /// Makes a surface on a target.
     ///
     /// # Errors
-    /// [`EngineError::Unsuitable`] where the instance was not opened to present; [`EngineError::Vulkan`].
+    /// [`EngineError::Unsuitable`] if the instance was not opened to present, or [`EngineError::Vulkan`].
     ///
     /// # Safety
-    /// A window's handles are valid, and stay so as long as the surface lives.
+    /// A window's handles are valid, and stay valid as long as the surface lives.
     pub(super) unsafe fn new(instance: &Arc<Instance>, target: Target) -> Result<Self, EngineError> {
         let extension = target.extension();
         if !instance.has(extension) {
             let reason =
-                format!("{} is not on: the device was not opened to present pictures", extension.to_string_lossy());
+                format!("{} is off: the device was not opened to present pictures", extension.to_string_lossy());
             return Err(EngineError::Unsuitable { device: "Vulkan".into(), reason });
         }
         let calls = khr::surface::Instance::new(&instance.entry, &instance.raw);
@@ -141,7 +141,7 @@ impl Surface {
         Ok(Self { raw, calls, target, instance: Arc::clone(instance) })
     }
 
-    /// Whether a queue of this family can present on it.
+    /// True if a queue of this family can present on the surface.
     pub(super) fn shows(&self, physical: vk::PhysicalDevice, family: u32) -> bool {
         let only = self.display().map(|(only, _)| only);
         // SAFETY: the device is of the surface's instance, and has the family.
@@ -149,7 +149,7 @@ impl Surface {
         only.is_none_or(|only| only == physical) && shows().unwrap_or(false)
     }
 
-    /// The display that it is on, and the only device that drives it, where no desktop does.
+    /// The display of the surface and the only device that drives it. It is none on a desktop.
     pub(super) fn display(&self) -> Option<(vk::PhysicalDevice, vk::DisplayKHR)> {
         match &self.target {
             Target::Window(_) => None,
@@ -157,13 +157,13 @@ impl Surface {
         }
     }
 
-    /// What it can do now.
+    /// The current capabilities of the surface.
     pub(super) fn capabilities(&self, physical: vk::PhysicalDevice) -> Result<vk::SurfaceCapabilitiesKHR, vk::Result> {
         // SAFETY: the device is of the surface's instance.
         unsafe { self.calls.get_physical_device_surface_capabilities(physical, self.raw) }
     }
 
-    /// The format whose levels are the bytes. Drivers list sRGB formats first, which would change them.
+    /// The format whose levels are the bytes. Drivers list sRGB formats first, which would change the levels.
     pub(super) fn plain_format(
         &self,
         physical: vk::PhysicalDevice,
@@ -176,18 +176,18 @@ impl Surface {
         Ok(formats.into_iter().find(is))
     }
 
-    /// How pictures may follow each other.
+    /// The present modes, which define how pictures follow each other.
     pub(super) fn present_modes(&self, physical: vk::PhysicalDevice) -> Result<Vec<vk::PresentModeKHR>, vk::Result> {
         // SAFETY: the device is of the surface's instance.
         unsafe { self.calls.get_physical_device_surface_present_modes(physical, self.raw) }
     }
 
-    /// Another one on the same target, where that is still there.
+    /// Makes the surface again on the same target, if that is still there.
     ///
     /// # Safety
-    /// Nothing is made of the old one any more.
+    /// No object that was made of the old surface exists any more.
     pub(super) unsafe fn recreate(&mut self) -> Result<(), vk::Result> {
-        // SAFETY: the caller says so; the target is as it was.
+        // SAFETY: the caller guarantees this, and the target is unchanged.
         unsafe {
             self.calls.destroy_surface(self.raw, None);
             self.raw = vk::SurfaceKHR::null();
@@ -196,7 +196,7 @@ impl Surface {
         Ok(())
     }
 
-    /// For people: that there is no surface any more.
+    /// The message for users that the surface is lost.
     pub(super) fn gone(&self) -> &'static str {
         match self.target {
             Target::Window(_) => "the window's surface is gone: it was closed, or the display was unplugged",
@@ -204,7 +204,7 @@ impl Surface {
         }
     }
 
-    /// Leaves the surface to the end of the process: a swapchain on it stays.
+    /// Leaves the surface to the end of the process, because a swapchain on it stays.
     pub(super) fn leave(&mut self) {
         self.raw = vk::SurfaceKHR::null();
     }
@@ -212,7 +212,7 @@ impl Surface {
 
 impl Drop for Surface {
     fn drop(&mut self) {
-        // SAFETY: swapchains on it are gone; a null handle is ignored.
+        // SAFETY: swapchains on it are gone, and a null handle is ignored.
         unsafe { self.calls.destroy_surface(self.raw, None) };
     }
 }

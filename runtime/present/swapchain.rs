@@ -1,7 +1,8 @@
-//! One swapchain for all that is shown: bytes as they are (UNORM), on the shared device.
+//! Shows pictures with unchanged bytes (UNORM) through a swapchain on the shared device.
 //!
-//! Its [`Policy`] says what it is for. A display shows every picture, in order and on time, at exactly its size; a window
-//! shows the newest when there is room for it, so that a thread that has something better to do can serve it in passing.
+//! The [`Policy`] of a swapchain selects its use. A display shows every picture, in order and on time, at exactly its
+//! size. A window shows the newest picture if there is room for it. Therefore a thread with other work can serve a
+//! window without waiting.
 
 #![allow(unsafe_code)]
 
@@ -16,25 +17,25 @@ use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a swapchain is for.
+/// The use of a swapchain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Policy {
-    /// Every picture of exactly so many rows and columns, first in first out, nothing scaled; a window of another size is
-    /// refused.
+    /// Every picture of exactly this number of rows and columns, first in first out and not scaled. A window of another
+    /// size is rejected.
     Exact([usize; 2]),
-    /// The newest picture, in a window that may be resized; nobody waits.
+    /// The newest picture, in a window that may be resized. No call waits.
     Newest,
 }
 
-/// How long the display may take for a picture before it counts as lost.
+/// Time limit for the display to accept a picture. After it the display counts as lost.
 pub(super) const PATIENCE_NS: u64 = 2_000_000_000;
 
-/// The swapchain of a window, or of a display that no desktop drives, and what feeds it.
+/// The swapchain of a window, or of a display that no desktop drives, with its slots for pictures.
 pub struct Swapchain {
     pub(super) gpu: Gpu,
     policy: Policy,
     pool: vk::CommandPool,
-    /// Signalled once all that was handed over before is over.
+    /// Signaled when all earlier submissions are complete.
     idle: vk::Fence,
     slots: Vec<Slot>,
     next: usize,
@@ -45,38 +46,38 @@ pub struct Swapchain {
     pub(super) times: TimingSource,
     format: vk::Format,
     pub(super) extent: vk::Extent2D,
-    /// The swapchain is not, or could be better: it is made again.
+    /// The swapchain is missing or suboptimal, so it must be made again.
     pub(super) stale: bool,
-    /// A picture lies in the next slot, whose fence is signalled.
+    /// A picture is in the next slot, whose fence is signaled.
     taken: bool,
-    /// What waited for an image could not be made anew: nothing is shown any more.
+    /// The semaphore or fence of an image could not be replaced, so nothing more is shown.
     broken: bool,
-    /// It was made again for being less than best, and is no better.
+    /// The swapchain was made again because it was suboptimal, and still is.
     pub(super) tolerated: bool,
-    /// What a test has the driver answer, call by call.
+    /// Answers of the driver that a test sets, call by call.
     #[cfg(test)]
     pub(super) pretended: std::collections::VecDeque<(&'static str, vk::Result)>,
-    // After all that was made of it.
+    // The surface is dropped after all that was made of it.
     pub(super) surface: Surface,
 }
 
 impl Swapchain {
-    /// On a window, from this device, or from another one of its instance where this one cannot show there: see
-    /// [`gpu`](Self::gpu).
+    /// Opens a swapchain on a window, from this device. If this device cannot show there, it uses another one of its
+    /// instance (see [`gpu`](Self::gpu)).
     ///
     /// # Errors
-    /// [`EngineError::NoDevice`]; [`EngineError::Unsuitable`] where no device can show bytes as they are, where the device
-    /// was not opened to present, and where the window has another size; [`EngineError::Vulkan`].
+    /// [`EngineError::NoDevice`] or [`EngineError::Vulkan`]. [`EngineError::Unsuitable`] if no device can show
+    /// unchanged bytes, if the device was not opened to present, or if the window has another size.
     ///
     /// # Safety
-    /// The handles are those of a window that outlives the swapchain.
+    /// The handles belong to a window that outlives the swapchain.
     pub unsafe fn open(gpu: &Gpu, window: WindowHandle, policy: Policy) -> Result<Self, EngineError> {
         // SAFETY: the caller vouches for the handles.
         unsafe { Self::on(gpu, Target::Window(window), policy) }
     }
 
     /// # Safety
-    /// The handles of a window are those of one that outlives the swapchain.
+    /// The handles of a window belong to one that outlives the swapchain.
     pub(super) unsafe fn on(gpu: &Gpu, target: Target, policy: Policy) -> Result<Self, EngineError> {
         // SAFETY: the caller vouches for the handles.
         let surface = unsafe { Surface::new(&gpu.device.instance, target) }?;
@@ -116,12 +117,12 @@ impl Swapchain {
         Ok(swapchain)
     }
 
-    /// The device that it shows from.
+    /// The device that shows the pictures.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// The device, and how it is known when pictures light up.
+    /// The device, and the source of presentation times.
     pub fn describe(&self) -> String {
         let name = &self.gpu.device.report.name;
         match self.policy {
@@ -130,7 +131,7 @@ impl Swapchain {
         }
     }
 
-    /// How it is known when pictures light up.
+    /// The source of presentation times.
     pub fn timed_by(&self) -> &'static str {
         self.times.method().name()
     }
@@ -140,7 +141,7 @@ impl Swapchain {
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(device.present().family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
-        // SAFETY: the device is valid; the pool is kept at once and destroyed with this.
+        // SAFETY: the device is valid, and the pool is kept at once and destroyed with this.
         let pool = unsafe { device.raw.create_command_pool(&pool, None) };
         self.pool = pool.map_err(|e| self.error("vkCreateCommandPool", e))?;
         // SAFETY: as above.
@@ -150,7 +151,7 @@ impl Swapchain {
     }
 
     /// # Safety
-    /// Nothing of it is under way.
+    /// The swapchain has no work under way.
     pub(super) unsafe fn drop_swapchain(&mut self) {
         // SAFETY: the caller says so; each is destroyed once.
         unsafe {
@@ -161,10 +162,10 @@ impl Swapchain {
         self.images.clear();
     }
 
-    /// Takes in a picture of the exact size, (row, column, channel), 1 or 3 channels of 8 bits.
+    /// Takes a picture of the exact size, (row, column, channel), with 1 or 3 channels of 8 bits.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`]; a lost device.
+    /// [`EngineError::Mismatch`], or the errors of a lost device.
     pub fn upload(&mut self, picture: &[u8]) -> Result<(), EngineError> {
         let size = [self.extent.height as usize, self.extent.width as usize];
         let pixels = size[0] * size[1];
@@ -179,22 +180,22 @@ impl Swapchain {
         Ok(())
     }
 
-    /// In which order [`take`](Self::take) wants the colours of a pixel.
+    /// The order of the colors of a pixel that [`take`](Self::take) needs.
     pub(crate) fn pixel_order(&self) -> PixelOrder {
         if self.format == vk::Format::B8G8R8A8_UNORM { PixelOrder::Bgra } else { PixelOrder::Rgba }
     }
 
-    /// Takes in a picture of the exact size that an encoder has on the device already: nothing of it goes by the host. The
-    /// pictures are in use until this one was read.
+    /// Takes a picture of the exact size that an encoder already has on the device, without a copy through the host.
+    /// The pictures are in use until this one was read.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`] for pictures of another size, order or device; a lost device.
+    /// [`EngineError::Mismatch`] for pictures of another size, order or device, or the errors of a lost device.
     pub fn take(&mut self, pictures: &Pictures, index: usize) -> Result<(), EngineError> {
         let wanted = ([self.extent.height as usize, self.extent.width as usize], self.pixel_order());
         let is = (pictures.size(), pictures.order());
         if is != wanted || index >= pictures.count() || !pictures.block.is_on(&self.gpu.device) {
             let reason = format!(
-                "picture {index} of {} of {is:?} on a device, where the swapchain's own device shows {wanted:?}",
+                "picture {index} of {} of {is:?} on a device, but the swapchain's own device shows {wanted:?}",
                 pictures.count()
             );
             return Err(EngineError::Mismatch { reason });
@@ -205,7 +206,7 @@ impl Swapchain {
         Ok(())
     }
 
-    /// The next slot is free after this, and pictures that were read are let go.
+    /// Waits until the next slot is free, and releases pictures that were read.
     fn wait_for_slot(&mut self) -> Result<(), EngineError> {
         self.check_whole()?;
         let (device, done) = (&self.gpu.device, self.slots[self.next].done);
@@ -216,16 +217,16 @@ impl Swapchain {
     }
 
     fn check_whole(&self) -> Result<(), EngineError> {
-        let reason = || "a picture failed on its way, and what it waited for could not be made anew".into();
+        let reason = || "a picture failed in flight, and its semaphore or fence could not be made again".into();
         let lost = || EngineError::ScreenLost { device: self.gpu.device.report.name.clone(), reason: reason() };
         if self.broken { Err(lost()) } else { Ok(()) }
     }
 
-    /// Puts the picture taken in last in line. `id` rises.
+    /// Queues the picture that was taken last. `id` rises from call to call.
     ///
     /// # Errors
-    /// The window is gone, or has another size; a lost device; [`EngineError::Mismatch`] where no picture was taken in since
-    /// the last one was put in line.
+    /// The errors of a window that is gone or has another size, or of a lost device. [`EngineError::Mismatch`] if no
+    /// picture was taken since the last call.
     pub fn present(&mut self, id: u64) -> Result<(), EngineError> {
         if !self.taken {
             return Err(EngineError::Mismatch { reason: "no picture was taken in to be presented".into() });
@@ -238,17 +239,18 @@ impl Swapchain {
                 self.stale |= suboptimal;
                 Ok(())
             }
-            // Told again when the next image is acquired.
+            // The next acquire reports the same error.
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::ERROR_SURFACE_LOST_KHR) => Ok(()),
             Err(e) => Err(self.error("vkQueuePresentKHR", e)),
         }
     }
 
-    /// Shows a picture of `size` rows and columns, red, green, blue of 8 bits, if that can be done without waiting: whether
-    /// it was. What the window has more than the picture is black; what the picture has more is not shown.
+    /// Shows a picture of `size` rows and columns, as red, green, blue of 8 bits, if no wait is needed. The result is
+    /// true if it was shown. Pixels of the window outside the picture are black. Pixels of the picture outside the
+    /// window are not shown.
     ///
     /// # Errors
-    /// The window is gone; a lost device; [`EngineError::Mismatch`].
+    /// The errors of a window that is gone or of a lost device, or [`EngineError::Mismatch`].
     pub fn show_newest(&mut self, rgb: &[u8], size: [usize; 2]) -> Result<bool, EngineError> {
         self.check_whole()?;
         if rgb.len() != 3 * size[0] * size[1] {
@@ -285,7 +287,7 @@ impl Swapchain {
         Ok(true)
     }
 
-    /// Writes a picture into the next slot, whose fence is signalled.
+    /// Writes a picture into the next slot, whose fence is signaled.
     fn fill(&mut self, picture: &[u8], size: [usize; 2], channels: usize) {
         let blue_first = self.format == vk::Format::B8G8R8A8_UNORM;
         if let Some(pixels) = &mut self.slots[self.next].pixels {
@@ -293,13 +295,13 @@ impl Swapchain {
         }
     }
 
-    /// An image of the swapchain, and whether it could be better.
+    /// Acquires an image of the swapchain. The flag is true if the swapchain is suboptimal.
     pub(super) fn acquire(&mut self, patience_ns: u64) -> Result<(u32, bool), vk::Result> {
         let start = Instant::now();
-        // A test's answer comes without the call, which then did nothing.
+        // A test's answer replaces the call, which then had no effect.
         self.answered("acquire", Ok(false))?;
         if self.raw == vk::SwapchainKHR::null() {
-            // It could not be made again the last time.
+            // The last attempt to make it again failed.
             return Err(vk::Result::ERROR_OUT_OF_DATE_KHR);
         }
         let free = self.slots[self.next].acquired;
@@ -309,14 +311,14 @@ impl Swapchain {
         image
     }
 
-    /// Copies the next slot's picture into an image that was acquired, and presents it: what the driver answers to that. Where
-    /// that fails, the image goes with its swapchain, and the slot is as if it had never been.
+    /// Copies the next slot's picture into an acquired image and presents it. The inner result is the driver's answer.
+    /// After a failure the image is dropped with its swapchain, and the slot is as if it had never been used.
     fn submit(&mut self, image: u32, id: u64) -> Result<Result<bool, vk::Result>, EngineError> {
         self.taken = false;
         let submitted = self.submit_copy(image, id);
         if submitted.is_err() {
             self.wait()?;
-            // SAFETY: the queue is idle; the image that was acquired was given to nobody.
+            // SAFETY: the queue is idle, and the image that was acquired was given to nobody.
             unsafe { self.drop_swapchain() };
             self.stale = true;
             self.broken |= !self.slots[self.next].renew(&self.gpu.device);
@@ -345,7 +347,7 @@ impl Swapchain {
             .signal_semaphores(&rendered)
             .push_next(&mut timeline);
         let (chains, indices) = ([self.raw], [image]);
-        // Numbers of 32 bits, which go round; the answer is matched modulo that.
+        // The numbers have 32 bits and wrap around. The answer is matched modulo that.
         let times = [vk::PresentTimeGOOGLE::default().present_id(id as u32)];
         let mut times = vk::PresentTimesInfoGOOGLE::default().times(&times);
         let numbers = [present_number(id)];
@@ -358,9 +360,9 @@ impl Swapchain {
             TimingMethod::FirstPixel | TimingMethod::Acquire => info,
         };
         let raw = &self.gpu.device.raw;
-        // SAFETY: the slot's fence was signalled, so its commands and its semaphore are free; every handle is of this
-        // device, and everything pointed to lives until the calls return. The wait for the acquired image is at the stage
-        // of the first barrier.
+        // SAFETY: the slot's fence was signalled, so its commands and its semaphore are free. Every handle is of this
+        // device, and everything pointed to lives until the calls return. The wait for the acquired image is at the
+        // stage of the first barrier.
         let presented = unsafe {
             raw.begin_command_buffer(slot.commands, &begin).map_err(|e| self.error("vkBeginCommandBuffer", e))?;
             record_copy(raw, slot.commands, (from, offset), self.images[image as usize], self.extent);
@@ -375,7 +377,7 @@ impl Swapchain {
         Ok(presented)
     }
 
-    /// What the driver answered, or what a test has it answer.
+    /// The driver's answer, or a test's answer instead.
     #[cfg(not(test))]
     fn answered(&mut self, _: &'static str, is: Result<bool, vk::Result>) -> Result<bool, vk::Result> {
         is
@@ -392,17 +394,17 @@ impl Swapchain {
         }
     }
 
-    /// When the next picture lit up of which that is known. Waits for it for some milliseconds at most, where that is the
-    /// way to know, and once for every picture that was presented.
+    /// The next picture with a known time of light. If the source of times requires it, this waits for some
+    /// milliseconds at most, once for every presented picture.
     pub fn timing(&mut self) -> Option<PresentTiming> {
         self.times.next(self.raw)
     }
 
-    /// Waits until everything that was handed over is with the display, but no longer than a device may take.
+    /// Waits until all submissions are complete, but no longer than the time limit of a device.
     ///
     /// # Errors
-    /// [`EngineError::DeviceLost`]: it did not answer in time, or was lost before. Nothing of it is under way on a lost
-    /// device; what one that does not answer may still use stays until the process ends.
+    /// [`EngineError::DeviceLost`] if the device did not answer in time, or was already lost. A lost device has no work
+    /// in flight. If a device does not answer, the objects that it may still use stay until the process ends.
     pub fn wait(&mut self) -> Result<(), EngineError> {
         let (call, during) = ("vkWaitForFences", "showing pictures");
         let pretended = self.answered("idle", Ok(true));
@@ -411,7 +413,7 @@ impl Swapchain {
             return Err(device.give_up(call, during));
         }
         // vkQueueWaitIdle is a fence like this one, without a limit.
-        // SAFETY: the fence is the device's and no submission has it; the queue is locked.
+        // SAFETY: the fence is the device's and no submission has it, and the queue is locked.
         let waited = unsafe {
             device.raw.reset_fences(&[self.idle]).map_err(|e| device.error("vkResetFences", during, e))?;
             let submitted = device.raw.queue_submit(*device.present().lock(), &[], self.idle);
@@ -430,7 +432,7 @@ impl Drop for Swapchain {
     fn drop(&mut self) {
         let _ = self.wait();
         if self.gpu.device.is_stuck() {
-            // A device that may still be at work on it: all of it stays.
+            // The device may still use the objects, so all of them stay.
             self.surface.leave();
             return;
         }

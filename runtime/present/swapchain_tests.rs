@@ -1,4 +1,4 @@
-//! A swapchain on a virtual X server: its picture, and what becomes of it when the driver or the server says no.
+//! Tests a swapchain on a virtual X server, with its picture and with failures of the driver or the server.
 
 #![allow(unsafe_code)]
 
@@ -23,7 +23,7 @@ use x11rb::xcb_ffi::XCBConnection;
 
 const SIZE: [usize; 2] = [24, 40];
 
-/// A server with a window; gone with the value.
+/// A server with a window. It ends when the value is dropped.
 struct Desk {
     server: Child,
     connection: XCBConnection,
@@ -63,7 +63,7 @@ impl Desk {
         unsafe { Swapchain::open(&gpu, handle, Policy::Exact(SIZE)) }.unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Whether the window comes to show this picture, (row, column, channel).
+    /// True if the window shows this picture, (row, column, channel), in time.
     fn shows(&self, picture: &[u8]) -> bool {
         let [height, width] = SIZE.map(|n| n as u16);
         let since = Instant::now();
@@ -165,12 +165,12 @@ fn after_a_failure_it_is_refused_or_right_and_never_undefined() {
         swapchain.upload(&picture(id as usize)).and_then(|()| swapchain.present(id))
     };
     put(&mut swapchain, 0).expect("shown");
-    // Nothing was taken in: commands in flight are not recorded again.
+    // No picture was taken, so commands in flight are not recorded again.
     for _ in 0..3 {
         let error = swapchain.present(1).expect_err("no picture");
         assert!(matches!(error, EngineError::Mismatch { .. }), "{error}");
     }
-    // A swapchain that could not be made again is made again the next time, and what is shown then is right.
+    // A swapchain that could not be made again is made again the next time, and then shows the right picture.
     let full = Code::ERROR_OUT_OF_DEVICE_MEMORY;
     swapchain.pretended.extend([("acquire", Code::ERROR_OUT_OF_DATE_KHR), ("create", full)]);
     assert!(put(&mut swapchain, 2).is_err(), "no memory");
@@ -178,7 +178,7 @@ fn after_a_failure_it_is_refused_or_right_and_never_undefined() {
     assert!(put(&mut swapchain, 3).is_err(), "there is none to present to");
     put(&mut swapchain, 4).expect("made again");
     assert!(desk.shows(&picture(4)));
-    // A submission that failed leaves nothing that the next one waits for in vain.
+    // After a failed submission, the next one does not wait in vain.
     for fault in [Code::ERROR_OUT_OF_HOST_MEMORY, full] {
         swapchain.pretended.extend([("submit", fault)]);
         assert!(put(&mut swapchain, 5).is_err());
@@ -210,7 +210,7 @@ fn a_picture_on_the_device_is_shown_without_the_host() {
         assert!(pictures.in_use() && desk.shows(frames.frame(0)));
         let after = swapchain.gpu().counts();
         assert_eq!((before.read_back, before.uploaded), (after.read_back, after.uploaded));
-        // Pictures from the host come after it, and let it go.
+        // Pictures from the host follow, and release it.
         for i in 1..3 {
             swapchain.upload(&picture(i)).and_then(|()| swapchain.present((3 * round + i) as u64)).expect("shown");
         }
@@ -224,7 +224,8 @@ fn a_picture_on_the_device_is_shown_without_the_host() {
     quiet(swapchain);
 }
 
-/// Waiting for what was handed over has a limit: beyond it the device is lost, and nothing that it may still use is destroyed.
+/// The wait for submissions has a limit. Beyond it the device is lost, and the objects that it may still use are not
+/// destroyed.
 #[test]
 fn a_display_that_never_ends_is_lost_after_a_while() {
     let desk = Desk::new();
@@ -239,7 +240,7 @@ fn a_display_that_never_ends_is_lost_after_a_while() {
     assert!(swapchain.gpu().device.is_stuck());
 }
 
-/// Presents until it no longer goes; what is said then.
+/// Presents until it fails, and returns the error.
 fn until_it_fails(swapchain: &mut Swapchain) -> EngineError {
     let since = Instant::now();
     for id in 1.. {
@@ -291,12 +292,12 @@ unsafe extern "system" fn wait(_: vk::Device, _: vk::SwapchainKHR, number: u64, 
         std::thread::sleep(Duration::from_nanos(timeout.min(1_000_000)));
         return Code::TIMEOUT;
     }
-    // Out at the next refresh, where anybody waits for it.
+    // A picture is out at the next refresh, if a caller waits for it.
     std::thread::sleep(Duration::from_millis(if timeout > 0 { 2 } else { 0 }));
     Code::SUCCESS
 }
 
-/// The driver here has no `VK_KHR_present_wait`: another function stands for its.
+/// The driver here has no `VK_KHR_present_wait`, so another function replaces the driver's.
 #[test]
 fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
     let desk = Desk::new();
@@ -316,13 +317,14 @@ fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
     };
     OUT.store(present_number(0), Ordering::Relaxed);
     assert_eq!(put(&mut swapchain, 0), [0]);
-    // One that takes longer is asked for after the next; of two at once, when the second came is not known.
+    // A picture that takes longer is checked after the next one. If two are out at once, the time of the second is
+    // unknown.
     assert!(put(&mut swapchain, 1).is_empty());
     OUT.store(present_number(2), Ordering::Relaxed);
     assert_eq!(put(&mut swapchain, 2), [1]);
     OUT.store(present_number(3), Ordering::Relaxed);
     assert_eq!(put(&mut swapchain, 3), [3]);
-    // Nothing is known of what a swapchain had in line that is no more.
+    // The times of pictures that a replaced swapchain had queued are unknown.
     assert!(put(&mut swapchain, 4).is_empty());
     swapchain.remake().expect("made again");
     OUT.store(present_number(5), Ordering::Relaxed);

@@ -1,4 +1,6 @@
-//! What desktops do differently: here those of X11 and Wayland; `system_windows` and `system_other` have the same functions.
+//! Adapts the desktops of X11 and Wayland.
+//!
+//! `system_windows` and `system_other` have the same functions for other systems.
 
 use super::surface::WindowHandle;
 pub(super) use super::x_observer::Observer;
@@ -12,10 +14,10 @@ use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilder
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::Window as SystemWindow;
 
-/// What to set where there is no desktop.
+/// The remedy for a missing desktop.
 pub(super) const MISSING: &str = "set DISPLAY or WAYLAND_DISPLAY";
 
-/// X11 and Wayland have no main thread: who presents owns the desktop.
+/// X11 and Wayland have no main thread. The thread that presents owns the desktop.
 pub(super) fn event_loop() -> EventLoopBuilder<()> {
     let mut builder = EventLoop::builder();
     EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
@@ -23,13 +25,13 @@ pub(super) fn event_loop() -> EventLoopBuilder<()> {
     builder
 }
 
-/// An open graphics card, as drivers take it.
+/// The number of an open graphics card for drivers.
 #[cfg(feature = "direct-display")]
 pub(super) fn card_number(card: &File) -> i32 {
     std::os::fd::AsRawFd::as_raw_fd(card)
 }
 
-/// What Vulkan makes a surface of. It is good for as long as the window lives.
+/// The handle from which Vulkan makes a surface. It is valid while the window lives.
 pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentError> {
     let gone =
         |e: winit::raw_window_handle::HandleError| no_desktop(reason!("no-handle", "the window has no handle ({e})"));
@@ -38,7 +40,7 @@ pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentEr
         (RawWindowHandle::Xlib(window), RawDisplayHandle::Xlib(display)) => {
             let display =
                 display.display.ok_or_else(|| no_desktop(reason!("no-handle", "the X display has no handle")))?;
-            // XCB, for every driver takes that, and not every one Xlib.
+            // This uses XCB, because every driver accepts it and not every driver accepts Xlib.
             let library = x11_dl::xlib_xcb::Xlib_xcb::open()
                 .map_err(|e| no_desktop(reason!("no-library", "libX11-xcb could not be loaded ({e})")))?;
             // SAFETY: the display is the window's, which lives.
@@ -49,6 +51,6 @@ pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentEr
         (RawWindowHandle::Wayland(window), RawDisplayHandle::Wayland(display)) => {
             Ok(WindowHandle::Wayland { display: display.display.as_ptr(), surface: window.surface.as_ptr() })
         }
-        _ => Err(no_desktop(reason!("window-kind", "windows of this system are not known here: X11 and Wayland are"))),
+        _ => Err(no_desktop(reason!("window-kind", "windows of this system are not supported: use X11 or Wayland"))),
     }
 }

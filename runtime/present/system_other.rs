@@ -1,4 +1,4 @@
-//! Desktops whose windows are not known here.
+//! Rejects windows on desktops that are not supported.
 
 use super::surface::WindowHandle;
 #[cfg(feature = "direct-display")]
@@ -9,15 +9,12 @@ use eyebox_base::reason;
 use winit::event_loop::{EventLoop, EventLoopBuilder};
 use winit::window::Window as SystemWindow;
 
-/// Only the main thread may build it.
+/// Only the main thread may build the event loop.
 pub(super) fn event_loop() -> EventLoopBuilder<()> {
     EventLoop::builder()
 }
 
-/// Refuses every window.
+/// Rejects every window of this system.
 pub(super) fn handle_of(_: &SystemWindow) -> Result<WindowHandle, PresentError> {
-    Err(no_desktop(reason!(
-        "window-kind",
-        "windows of this system are not known here: those of X11, Wayland and Windows are"
-    )))
+    Err(no_desktop(reason!("window-kind", "windows of this system are not supported: use X11, Wayland or Windows")))
 }

@@ -1,4 +1,4 @@
-//! The desktop of Windows.
+//! Adapts the desktop of Windows.
 
 use super::surface::WindowHandle;
 #[cfg(feature = "direct-display")]
@@ -12,21 +12,21 @@ use winit::platform::windows::EventLoopBuilderExtWindows;
 use winit::raw_window_handle::{HasWindowHandle, RawWindowHandle};
 use winit::window::Window as SystemWindow;
 
-/// Windows belong to the thread that made them: who presents owns the desktop.
+/// A window belongs to the thread that made it. The thread that presents owns the desktop.
 pub(super) fn event_loop() -> EventLoopBuilder<()> {
     let mut builder = EventLoop::builder();
     builder.with_any_thread(true);
     builder
 }
 
-/// What Vulkan makes a surface of. It is good for as long as the window lives.
+/// The handle from which Vulkan makes a surface. It is valid while the window lives.
 pub(super) fn handle_of(window: &SystemWindow) -> Result<WindowHandle, PresentError> {
     match window.window_handle().map(|handle| handle.as_raw()) {
         Ok(RawWindowHandle::Win32(window)) => Ok(WindowHandle::Win32 {
             instance: window.hinstance.map_or(std::ptr::null_mut(), |i| i.get() as *mut c_void),
             window: window.hwnd.get() as *mut c_void,
         }),
-        Ok(_) => Err(no_desktop(reason!("window-kind", "windows of this kind are not known here"))),
+        Ok(_) => Err(no_desktop(reason!("window-kind", "windows of this kind are not supported"))),
         Err(e) => Err(no_desktop(reason!("no-handle", "the window has no handle ({e})"))),
     }
 }

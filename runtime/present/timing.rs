@@ -1,9 +1,11 @@
-//! When pictures light up: the best source of times that a device has.
+//! Measures when pictures light up, with the best source of times that a device has.
 //!
-//! Best first: `VK_GOOGLE_display_timing` (the display's own times), `VK_KHR_present_wait` (returns when a picture is out),
-//! `VK_EXT_display_control` (a fence at the next first pixel; direct displays only), and else the times at which acquiring
-//! an image had to wait. Waiting is done by the thread that presents, right after it presented: it has nothing else to do
-//! until the next picture, and a swapchain must not be used by two threads at once.
+//! The best source is `VK_GOOGLE_display_timing`, the display's own times. The next is `VK_KHR_present_wait`, which
+//! returns when a picture is out. The third is `VK_EXT_display_control`, a fence at the next first pixel, for direct
+//! displays only. Otherwise the source is the time at which acquiring an image had to wait.
+//!
+//! The thread that presents also waits, right after it presented. It has nothing else to do until the next picture, and
+//! two threads must not use a swapchain at once.
 
 #![allow(unsafe_code)]
 
@@ -13,28 +15,30 @@ use std::collections::VecDeque;
 use std::ffi::CStr;
 use std::time::{Duration, Instant};
 
-/// When a picture lit up, as far as it is known.
+/// The time at which a picture lit up, as far as it can be measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PresentTiming {
-    /// The picture's number.
+    /// The number of the picture.
     pub id: u64,
-    /// When the display says that it did, or when the screen took it: nanoseconds of the system's monotonic clock.
+    /// The time that the display reports, or the time at which the screen took the picture, in nanoseconds of the
+    /// system's monotonic clock.
     pub time_ns: u64,
 }
 
-/// What took this long waited for the screen, and ended when the screen went on; what took less may be older.
+/// A call that took this long waited for the screen, and ended when the screen advanced. After a shorter call, the
+/// light may be older.
 const WAITED: Duration = Duration::from_micros(500);
-/// How long the thread that presents waits for a picture to light up; a picture that takes longer is asked for again
-/// after the next one.
+/// Time for which the thread that presents waits for a picture to light up. A picture that takes longer is checked
+/// again after the next one.
 const PATIENCE_NS: u64 = 25_000_000;
-/// Pictures of which it may be unknown whether they lit up.
+/// The most pictures whose light may be unconfirmed.
 const MOST: usize = 16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimingMethod {
     DisplayTiming,
-    /// `VK_KHR_present_id` and `VK_KHR_present_wait`.
+    /// The extensions `VK_KHR_present_id` and `VK_KHR_present_wait`.
     PresentWait,
     FirstPixel,
     /// The time at which acquiring an image had to wait.
@@ -42,9 +46,9 @@ pub(super) enum TimingMethod {
 }
 
 impl TimingMethod {
-    /// The best of what is on. `direct`: the display is one that no desktop drives.
+    /// The best of the enabled sources. `direct` is true for a display that no desktop drives.
     pub(super) fn best(is_on: impl Fn(&CStr) -> bool, direct: bool) -> Self {
-        // Its times are of the clock that all programs share.
+        // The times of this source are of the clock that all programs share.
         if steady::IS_SYSTEM_WIDE && is_on(google::display_timing::NAME) {
             Self::DisplayTiming
         } else if is_on(khr::present_id::NAME) && is_on(khr::present_wait::NAME) {
@@ -66,7 +70,7 @@ impl TimingMethod {
     }
 }
 
-/// The calls of a device for one of these.
+/// The calls of a device for one of these sources.
 enum Calls {
     DisplayTiming(vk::PFN_vkGetPastPresentationTimingGOOGLE),
     PresentWait(vk::PFN_vkWaitForPresentKHR),
@@ -79,15 +83,15 @@ pub(super) struct TimingSource {
     method: TimingMethod,
     calls: Calls,
     lit: VecDeque<PresentTiming>,
-    /// Pictures in line, oldest first, of which it is not known that they lit up.
+    /// Queued pictures, oldest first, whose light is unconfirmed.
     waiting: VecDeque<u64>,
     newest: Option<u64>,
-    /// A picture was presented and nobody waited since.
+    /// A picture was presented, and no wait followed yet.
     armed: bool,
 }
 
 impl TimingSource {
-    /// For a device on which what `method` needs is on.
+    /// Makes a source for a device on which the extensions of `method` are enabled.
     pub(super) fn new(
         instance: &ash::Instance,
         device: &ash::Device,
@@ -116,11 +120,11 @@ impl TimingSource {
         self.method
     }
 
-    /// An image was acquired; `start` is when that was asked for.
+    /// Records that an image was acquired, in a call that began at `start`.
     pub(super) fn acquired(&mut self, start: Instant) {
         let waited =
             self.method == TimingMethod::Acquire && start.elapsed() >= WAITED && self.lit.len() < self.lit.capacity();
-        // Acquiring that had to wait ended when the screen went on to the picture before.
+        // An acquire that had to wait ended when the screen advanced to the picture before.
         if let Some(id) = self.newest.filter(|_| waited) {
             self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
         }
@@ -137,7 +141,8 @@ impl TimingSource {
         if let Calls::FirstPixel(register, display, fence) = &mut self.calls {
             let info = vk::DisplayEventInfoEXT::default().display_event(vk::DisplayEventTypeEXT::FIRST_PIXEL_OUT);
             let mut made = vk::Fence::null();
-            // SAFETY: the display is the one that the device shows on; a fence that was not waited for is destroyed.
+            // SAFETY: the display is the one that the device shows on, and a fence that was not waited for is
+            // destroyed.
             unsafe {
                 if let Some(old) = fence.take() {
                     self.device.destroy_fence(old, None);
@@ -148,13 +153,13 @@ impl TimingSource {
         }
     }
 
-    /// The swapchain is another one: nothing more will be known of what the old one had in line.
+    /// Notes that the swapchain was replaced. Pictures that the old one had queued stay unconfirmed.
     pub(super) fn renewed(&mut self) {
         self.waiting.clear();
         self.armed = false;
     }
 
-    /// The next picture that is known to have lit up.
+    /// The next picture with a known time of light.
     pub(super) fn next(&mut self, swapchain: vk::SwapchainKHR) -> Option<PresentTiming> {
         if self.lit.is_empty() && std::mem::take(&mut self.armed) {
             self.ask(swapchain);
@@ -180,16 +185,18 @@ impl TimingSource {
                 }
             }
             Calls::PresentWait(wait) => {
-                // The oldest lights up at the display's next refresh, however many wait behind it: one wait a picture.
+                // The oldest picture lights up at the display's next refresh, for any number of pictures behind it.
+                // Therefore each picture needs only one wait.
                 let mut patience = PATIENCE_NS;
                 while let Some(id) = self.waiting.front().copied() {
-                    // SAFETY: the swapchain is the device's, used by this thread alone; it was given this number.
+                    // SAFETY: the swapchain is the device's and used by this thread alone, and it was given this
+                    // number.
                     let answer = unsafe { wait(self.device.handle(), swapchain, present_number(id), patience) };
                     if answer == vk::Result::TIMEOUT {
                         break;
                     }
                     if answer != vk::Result::SUCCESS && answer != vk::Result::SUBOPTIMAL_KHR {
-                        // The next acquire says what is the matter.
+                        // The next acquire reports the reason.
                         self.waiting.clear();
                         break;
                     }
@@ -208,7 +215,7 @@ impl TimingSource {
                     self.device.destroy_fence(made, None);
                     answer
                 };
-                // One picture a refresh: the oldest.
+                // Each refresh shows one picture, the oldest.
                 if answer.is_ok()
                     && let Some(id) = self.waiting.pop_front()
                     && start.elapsed() >= WAITED
@@ -220,24 +227,24 @@ impl TimingSource {
     }
 
     /// # Safety
-    /// The device is idle, and nothing is asked of this any more.
+    /// The device is idle, and this is not used any more.
     pub(super) unsafe fn destroy(&mut self) {
         if let Calls::FirstPixel(_, _, fence) = &mut self.calls
             && let Some(fence) = fence.take()
         {
-            // SAFETY: the caller says so.
+            // SAFETY: the caller guarantees this.
             unsafe { self.device.destroy_fence(fence, None) };
         }
     }
 
-    /// Waits for pictures by another function than the driver's.
+    /// Waits for pictures with another function than the driver's.
     #[cfg(all(test, target_os = "linux"))]
     pub(super) fn pretend_present_wait(&mut self, wait: vk::PFN_vkWaitForPresentKHR) {
         (self.method, self.calls) = (TimingMethod::PresentWait, Calls::PresentWait(wait));
     }
 }
 
-/// The number that `VK_KHR_present_id` has for a picture; 0 means none there.
+/// The number of a picture for `VK_KHR_present_id`, which uses 0 for no number.
 pub(super) fn present_number(id: u64) -> u64 {
     id.saturating_add(1)
 }
@@ -251,7 +258,7 @@ mod tests {
         let all =
             [google::display_timing::NAME, khr::present_id::NAME, khr::present_wait::NAME, ext::display_control::NAME];
         let best = |on: &[&CStr], direct| TimingMethod::best(|name| on.contains(&name), direct);
-        // Where the programs' clock is not the system's, the driver's times tell nothing.
+        // If the clock of programs is not the system's, the driver's times are useless.
         let first = if steady::IS_SYSTEM_WIDE { TimingMethod::DisplayTiming } else { TimingMethod::PresentWait };
         assert_eq!(best(&all, true), first);
         assert_eq!(best(&all[1..], true), TimingMethod::PresentWait);

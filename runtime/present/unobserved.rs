@@ -1,14 +1,14 @@
-//! Systems whose outputs are not observed: the same answers for all of them.
+//! Replaces the observer on systems whose outputs are not observed.
 
 use super::{Interference, Monitor};
 #[cfg(feature = "direct-display")]
 use std::fs::File;
 use winit::raw_window_handle::HasDisplayHandle;
 
-/// What to do where there is no desktop.
+/// The remedy for a missing desktop.
 pub(super) const MISSING: &str = "log in to one";
 
-/// Reads what interferes with an output, which these systems do not report.
+/// Reads the interference with an output, which these systems do not report.
 pub(super) struct Observer;
 
 impl Observer {
@@ -21,15 +21,15 @@ impl Observer {
     }
 }
 
-/// Whether the desktop went away, which these systems do not report.
+/// True if the desktop is gone, which these systems do not report.
 pub(super) fn is_gone() -> bool {
     false
 }
 
-/// Nothing ends a program whose desktop goes away.
+/// On these systems the loss of the desktop ends no program.
 pub(super) fn survive(_: &impl HasDisplayHandle) {}
 
-/// Cards are no files.
+/// Cards are no files on these systems.
 #[cfg(feature = "direct-display")]
 pub(super) fn card_number(_: &File) -> i32 {
     -1

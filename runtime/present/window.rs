@@ -1,7 +1,7 @@
-//! Ordinary windows on the same desktop as the one that covers a monitor: resizable, with a title, a cursor and a mouse.
+//! Opens ordinary windows on the desktop, which are resizable and have a title, a cursor and a mouse.
 //!
-//! A process has one event loop, so they are made by the [`Desktop`] and their events come while it is pumped, by
-//! whoever pumps it.
+//! They can be open at the same time as a window that covers a monitor. A process has one event loop, so the
+//! [`Desktop`] makes the windows. Their events arrive while the desktop is pumped.
 
 use super::PresentError;
 use super::surface::WindowHandle;
@@ -14,37 +14,37 @@ use winit::event::{ElementState, MouseScrollDelta, WindowEvent as SystemEvent};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window as SystemWindow, WindowId};
 
-/// Pixels of a touch pad that are a notch of a wheel.
+/// Pixels of a touch pad per notch of a wheel.
 const NOTCH: f64 = 40.0;
-/// Events that wait at most: a program that takes none does not grow.
+/// The most pending events, so that memory does not grow if a program reads none.
 const MOST: usize = 1024;
 
 /// A key of the keyboard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WindowKey {
-    /// What it writes, the space bar included.
+    /// A key that writes this character, including the space bar.
     Character(char),
-    /// Escape.
+    /// The Escape key alone.
     Escape,
-    /// The beginning.
+    /// The Home key alone.
     Home,
-    /// An arrow: columns to the right, rows down.
+    /// An arrow key, as (columns to the right, rows down).
     Arrow([i8; 2]),
 }
 
-/// What happened to a window.
+/// An event of a window.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum WindowEvent {
-    /// It is to be closed, or is gone.
+    /// The window should close, or is gone.
     Close,
-    /// Its inside has so many rows and columns.
+    /// The inside of the window has this number of rows and columns.
     Resized([usize; 2]),
-    /// What it shows has to be shown again.
+    /// The window must be drawn again.
     Exposed,
-    /// The mouse is at this row and column of its inside, in pixels.
+    /// The mouse is at this row and column of the inside, in pixels.
     Pointer([f64; 2]),
-    /// The wheel was turned by so many notches, up and away being positive.
+    /// The wheel was turned by this number of notches. Up and away are positive.
     Wheel(f64),
     /// A key was pressed, or repeats.
     Key(WindowKey),
@@ -52,27 +52,27 @@ pub enum WindowEvent {
 
 pub(super) type Queue = Rc<RefCell<VecDeque<WindowEvent>>>;
 
-/// The event loop's side of all windows.
+/// The side of the event loop of all windows.
 #[derive(Default)]
 pub(super) struct Windows(Vec<(WindowId, Queue)>);
 
 impl Windows {
-    /// Events of this window go into a queue from now on.
+    /// Sends the events of this window to a queue from now on.
     pub(super) fn add(&mut self, id: WindowId, queue: Queue) {
         self.0.push((id, queue));
     }
 
-    /// Whether the event was a window's.
+    /// Handles the event if it belongs to one of the windows, and returns true in that case.
     pub(super) fn take(&mut self, id: WindowId, event: &SystemEvent) -> bool {
         let Some(at) = self.0.iter().position(|(window, _)| *window == id) else { return false };
         let queue = Rc::clone(&self.0[at].1);
-        // The last that comes from it.
+        // This is the last event of the window.
         if matches!(event, SystemEvent::Destroyed) {
             self.0.swap_remove(at);
         }
         if let Some(event) = translated(event) {
             let mut queue = queue.borrow_mut();
-            // Of a mouse that moves only where it is now matters.
+            // Only the current position of a moving mouse matters.
             if matches!((queue.back(), event), (Some(WindowEvent::Pointer(_)), WindowEvent::Pointer(_))) {
                 queue.pop_back();
             }
@@ -94,8 +94,8 @@ fn translated(event: &SystemEvent) -> Option<WindowEvent> {
             MouseScrollDelta::LineDelta(_, rows) => f64::from(*rows),
             MouseScrollDelta::PixelDelta(pixels) => pixels.y / NOTCH,
         }),
-        // A synthetic press tells of a key that was down when the window got the keyboard; where that key is pressed just
-        // then, its own press comes as well.
+        // A synthetic press reports a key that was down when the window received the focus. A key that is pressed at
+        // that moment also sends its own press.
         SystemEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
             WindowEvent::Key(match &event.logical_key {
                 Key::Named(NamedKey::Escape) => WindowKey::Escape,
@@ -120,20 +120,20 @@ pub struct OrdinaryWindow {
 }
 
 impl OrdinaryWindow {
-    /// Rows and columns of its inside; zero where it is minimised.
+    /// Rows and columns of the inside. They are zero while the window is minimized.
     pub fn size(&self) -> [usize; 2] {
         [self.window.inner_size().height as usize, self.window.inner_size().width as usize]
     }
 
-    /// Writes another title.
+    /// Sets the title of the window.
     pub fn title(&self, title: &str) {
         self.window.set_title(title);
     }
 
-    /// The next thing that happened, as far as the desktop was pumped.
+    /// The next event that the desktop has received.
     pub fn event(&self) -> Option<WindowEvent> {
         let size = self.size();
-        // A window that gets the keyboard is told where the mouse is, which may be anywhere.
+        // A window that receives the focus also receives the position of the mouse, which may be outside.
         let outside = |event: &WindowEvent| match event {
             WindowEvent::Pointer(at) => !(0..2).all(|i| (0.0..size[i] as f64).contains(&at[i])),
             _ => false,
@@ -142,10 +142,10 @@ impl OrdinaryWindow {
         std::iter::from_fn(|| events.pop_front()).find(|event| !outside(event))
     }
 
-    /// What Vulkan makes a surface of. It is good for as long as the window lives.
+    /// The handle from which Vulkan makes a surface. It is valid while the window lives.
     ///
     /// # Errors
-    /// [`PresentError::Display`] on a system whose windows are not known here.
+    /// [`PresentError::Display`] on a system whose windows are not supported.
     pub fn handle(&self) -> Result<WindowHandle, PresentError> {
         handle_of(&self.window)
     }

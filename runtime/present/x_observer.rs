@@ -1,4 +1,4 @@
-//! Reads from an X server what interferes with an output: ramp, screen saver, power saving.
+//! Reads the interference with an output from an X server (gamma ramp, screen saver, power saving).
 
 use super::{Interference, Monitor};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -10,10 +10,11 @@ use x11rb::protocol::randr::{self, ConnectionExt as _};
 use x11rb::protocol::screensaver::{self, ConnectionExt as _};
 use x11rb::rust_connection::RustConnection;
 
-/// How often the X server is asked. It has no event for ramps.
+/// Interval between requests to the X server, which has no event for ramps.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Reads what interferes with one output, on a thread of its own: the thread that presents does not wait for the X server.
+/// Reads the interference with one output on its own thread, so that the thread that presents does not wait for the X
+/// server.
 pub(super) struct Observer {
     found: Receiver<Interference>,
     /// Ends the thread when it is dropped.
@@ -37,13 +38,13 @@ impl Observer {
         Some(Self { found, _stop: stop })
     }
 
-    /// Returns what began to interfere since the last call.
+    /// Returns the interference that began since the last call.
     pub(super) fn look(&self) -> Vec<Interference> {
         self.found.try_iter().collect()
     }
 }
 
-/// An output of an X server, over a connection of its own.
+/// An output of an X server, over its own connection.
 struct Output {
     server: RustConnection,
     root: u32,
@@ -51,7 +52,7 @@ struct Output {
     output: Option<(String, u32)>,
     has_saver: bool,
     has_dpms: bool,
-    /// What the last look found.
+    /// The interference at the last check.
     now: Vec<Interference>,
 }
 
@@ -67,7 +68,7 @@ impl Output {
         Some(Self { server, root, output, has_saver, has_dpms, now: Vec::new() })
     }
 
-    /// Returns what began to interfere since the last look.
+    /// Returns the interference that began since the last check.
     fn look(&mut self) -> Vec<Interference> {
         let found: Vec<_> = [self.ramp(), self.saver(), self.power()].into_iter().flatten().collect();
         let new = found.iter().filter(|one| !self.now.contains(one)).cloned().collect();
@@ -105,8 +106,8 @@ fn output(server: &RustConnection, root: u32, monitor: &Monitor) -> Result<Optio
     Ok(None)
 }
 
-/// Returns the largest change that a ramp makes, in whole levels of 8 bits. A ramp of zeros is one that nobody has set (Xvfb). The
-/// ramp that changes nothing has the high byte alone on some servers (Xorg's dummy), which is less than a level.
+/// Returns the largest change by a ramp, in whole levels of 8 bits. A ramp of zeros was never set (Xvfb). On some
+/// servers (Xorg's dummy), a ramp without a change has only the high byte. That is less than a level.
 fn change(ramp: &[u16]) -> u32 {
     if ramp.len() < 2 || ramp.iter().all(|value| *value == 0) {
         return 0;
@@ -131,7 +132,7 @@ mod tests {
         assert_eq!(change(&(0..256).map(|i| i << 8).collect::<Vec<u16>>()), 0);
         assert_eq!(change(&ramp(256, |x| 0.8 * x)), 51);
         assert_eq!(change(&ramp(256, |x| 1.0 - x)), 255);
-        // sRGB's 2.2 against a line: 0.283 at 0.518.
+        // sRGB's 2.2 against a line gives 0.283 at 0.518.
         assert_eq!(change(&ramp(1024, |x| x.powf(2.2))), 72);
         assert_eq!((change(&[0; 256]), change(&[]), change(&[9])), (0, 0, 0));
     }

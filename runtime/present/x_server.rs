@@ -1,7 +1,7 @@
-//! What happens when an X server goes away: Xlib by itself ends the process, with a text of its own.
+//! Handles the loss of an X server, after which Xlib by itself ends the process with its own text.
 //!
-//! From libX11 1.7 on it can be told to return instead (`XSetIOErrorExitHandler`); every call on the connection then does
-//! nothing. Older ones end the process as they always did.
+//! libX11 1.7 and later can return instead (`XSetIOErrorExitHandler`). Every call on the connection then does nothing.
+//! Older versions still end the process.
 
 #![allow(unsafe_code)]
 
@@ -11,7 +11,7 @@ use winit::raw_window_handle::{HasDisplayHandle, RawDisplayHandle};
 
 static GONE: AtomicBool = AtomicBool::new(false);
 
-/// Whether the connection of this process's desktop broke.
+/// True if the connection of this process's desktop broke.
 pub(super) fn is_gone() -> bool {
     GONE.load(Ordering::Acquire)
 }
@@ -25,13 +25,13 @@ unsafe extern "C" fn go_on(_display: *mut c_void, _data: *mut c_void) {}
 
 type ExitHandler = unsafe extern "C" fn(*mut c_void, *mut c_void);
 
-/// Has a broken connection noted and not end the process, where this is one to an X server.
+/// Makes a broken connection set a flag instead of ending the process, for a connection to an X server.
 pub(super) fn survive(desktop: &impl HasDisplayHandle) {
     let Ok(handle) = desktop.display_handle() else { return };
     let RawDisplayHandle::Xlib(handle) = handle.as_raw() else { return };
     let (Some(display), Ok(xlib)) = (handle.display, x11_dl::xlib::Xlib::open()) else { return };
-    // SAFETY: the function has had this type since it is there; the display is open, and the handlers use nothing of it.
-    // The library stays loaded: Xlib keeps the handlers.
+    // SAFETY: the function has had this type since it exists, the display is open, and the handlers use nothing of it.
+    // The library stays loaded, because Xlib keeps the handlers.
     unsafe {
         let Ok(library) = libloading::Library::new("libX11.so.6") else { return };
         let set =

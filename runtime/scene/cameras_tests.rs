@@ -1,5 +1,5 @@
-//! Views of cameras that stand anywhere, rendered exactly, written as people write them, and read again: right, or refused with a
-//! remedy that is followed and works.
+//! Tests views of cameras at any positions. They are rendered exactly, written in the usual ways, and read correctly or
+//! refused with a remedy that works.
 
 use crate::*;
 use eyebox_base::files::write_png;
@@ -10,7 +10,7 @@ use std::path::Path;
 
 const GREEN: [Color; 1] = [Color::Green];
 
-/// Two textured surfaces: a wall, and a disc with a bar before it.
+/// Two textured surfaces, which are a wall, and a disc with a bar in front of it.
 pub(super) struct World {
     waves: [Vec<[f32; 4]>; 2],
     /// Pixels by which wall and disc move from camera to camera.
@@ -29,7 +29,7 @@ impl World {
         Self { waves: [waves(), waves()], disparity, size }
     }
 
-    /// Linear light seen by a camera so many steps to the right and down.
+    /// Returns the linear light of a camera that is these steps to the right and down.
     pub(super) fn view(&self, [right, down]: [f32; 2]) -> Vec<f32> {
         let [height, width] = self.size;
         let (h, w) = (height as f32, width as f32);
@@ -74,13 +74,13 @@ fn refusal(source: &Path, display: &Display) -> SceneError {
     let error = load(source, &request).map(|field| field.grid).expect_err(source);
     let (found, _) = inspect(source, &request).unwrap();
     assert_eq!(found.doubt, Some(error.to_string()), "inspect and load decide alike");
-    // Stated depths do not make a wrong arrangement right.
+    // Stated depths do not correct a wrong arrangement.
     let asked = Request { depth: Some([-1e-3, 1e-3]), ..request };
     assert!(matches!(load(source, &asked), Err(SceneError::Cameras { .. })), "{source}");
     error
 }
 
-/// One row of cameras in tiles, with lines left over as quilts have them.
+/// Makes one row of cameras in tiles, with remaining lines as quilts have them.
 fn quilt(world: &World, tiles: Tiles, left: [usize; 2]) -> ([usize; 2], Vec<f32>, Vec<Vec<f32>>) {
     let ([rows, columns], [h, w]) = (tiles.grid, world.size);
     let count = rows * columns;
@@ -96,7 +96,8 @@ fn quilt(world: &World, tiles: Tiles, left: [usize; 2]) -> ([usize; 2], Vec<f32>
     ([high, wide], whole, views)
 }
 
-/// Columns and rows of tiles, rows and columns of pixels of a view, what the name says of the aspect, lines left over, disparities.
+/// Columns and rows of tiles, rows and columns of pixels of a view, the aspect in the name, remaining lines, and
+/// disparities.
 type Quilted = ([usize; 2], [usize; 2], &'static str, [usize; 2], [f32; 2]);
 
 const QUILTS: [Quilted; 12] = [
@@ -141,7 +142,7 @@ fn quilts_are_one_row_of_cameras_by_their_names() {
     }
 }
 
-/// The same pictures under names that say nothing.
+/// The same pictures have names without any statement.
 #[test]
 fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
     use FirstTile::{BottomLeft, BottomRight, TopLeft, TopRight};
@@ -174,7 +175,7 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
         let SceneError::Cameras { found: CamerasFound::RowInTiles(found), .. } = error else {
             panic!("{tiles}: {error}")
         };
-        // From right to left is the same row, near and far exchanged.
+        // A row from right to left is the same row with near and far exchanged.
         let reversed = found.order() != tiles.order();
         assert!(!reversed || found.order().into_iter().rev().eq(tiles.order()), "{tiles}: {found}");
         let lines: String = found.keys().replace("`, `", "\n").replace('`', "");
@@ -183,12 +184,12 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
         let read = load(source.to_str().unwrap(), &Request::new(&display, &GREEN));
         let field = match (read, reversed) {
             (Ok(field), false) => field,
-            // Too little moves for that: it is read from left to right.
+            // Too little moves for that, so the row is read from left to right.
             (Ok(field), true) => {
                 assert!(psnr(&field.planes[0][0], &views[views.len() - 1]) > 40.0, "{tiles}");
                 continue;
             }
-            // What covers what tells: that remedy is followed, too.
+            // Occlusion shows the order, and that remedy works too.
             (Err(SceneError::Order { keys, .. }), true) => {
                 let keys = keys.unwrap().split("` and `").map(|k| k.trim_matches('`')).collect::<Vec<_>>().join("\n");
                 state(temp.path(), &format!("{lines}\n{keys}\n"));
@@ -201,7 +202,8 @@ fn tiles_of_one_row_are_no_grid_of_cameras_and_the_remedy_works() {
     }
 }
 
-/// Positions (mm) of cameras, written to a folder with names that say nothing, and the true view from any position.
+/// Positions (mm) of cameras, written to a folder with names without any statement, and the true view from any
+/// position.
 struct Anywhere {
     world: World,
     /// Millimeters per step of the disparities.
@@ -220,7 +222,7 @@ impl Anywhere {
         }
     }
 
-    /// Reads the folder: depths within a tenth, and views that are like the true ones.
+    /// Reads the folder. Depths must be within a tenth, and views must be like the true ones.
     fn is_read(&self, folder: &Path, display: &Display, least: f64) {
         let request = Request::new(display, &GREEN);
         let field = load(folder.to_str().unwrap(), &request).unwrap_or_else(|e| panic!("{e}"));
@@ -268,11 +270,11 @@ fn handheld_photographs_are_no_grid_until_their_positions_are_stated() {
         let SceneError::Cameras { found, .. } = &error else { panic!("{count}: {error}") };
         assert!(matches!(found, CamerasFound::Elsewhere(_) | CamerasFound::Uneven { .. }), "{count}: {error}");
         state(temp.path(), &format!("positions_mm = {:?}", scene.positions));
-        // Views from between cameras take seconds: four of ten.
+        // Views between cameras take seconds, so four of ten cases compute them.
         if seed <= 4 {
             scene.is_read(temp.path(), &display, 20.0);
         }
-        // Mirrored positions are contradicted where the cameras next to the middle one are far enough apart.
+        // Mirrored positions are contradicted if the cameras next to the middle one are far enough apart.
         let wrong: Vec<[f64; 2]> = scene.positions.iter().map(|[x, y]| [*x, -y]).collect();
         state(temp.path(), &format!("positions_mm = {wrong:?}"));
         match load(temp.path().to_str().unwrap(), &Request::new(&display, &GREEN)) {
@@ -318,7 +320,7 @@ fn uneven_cameras_are_read_at_their_positions() {
         if y.len() > 1 {
             assert!(matches!(&error, SceneError::Uneven { x: at, .. } if at == x), "{x:?}: {error}");
         }
-        // Stated as an even grid, it is one, unless the pictures contradict it.
+        // A stated even grid counts, unless the pictures contradict it.
         state(temp.path(), &format!("grid = [{}, {}]", y.len(), x.len()));
         match load(source, &Request::new(&display, &GREEN)) {
             Ok(field) => assert_eq!(field.grid, [y.len(), x.len()]),
@@ -335,7 +337,7 @@ fn uneven_cameras_are_read_at_their_positions() {
     assert!(refused.len() >= 3, "the pictures contradict an even grid, but only {refused:?} are refused");
 }
 
-/// What an inspection takes follows from the views, and not from the display.
+/// The cost of an inspection depends on the views and not on the display.
 #[test]
 fn small_views_are_inspected_at_their_own_size() {
     let world = World::new(9, [48, 64], [-0.7, 0.9]);
@@ -353,7 +355,7 @@ fn small_views_are_inspected_at_their_own_size() {
         [[48, 64], [480, 640]].map(|size| inspect(source, &Request::new(&display(size), &GREEN)).unwrap());
     assert_eq!(([field.height, field.width], [seen.height, seen.width]), ([48, 64], [48, 64]));
     assert_eq!((own.size, large.size), ([48, 64], [480, 640]));
-    // In pixels of the display.
+    // The units are pixels of the display.
     for (a, b) in own.disparity_px.into_iter().zip(large.disparity_px) {
         assert!((10.0 * a - b).abs() < 1e-6, "{a} {b}");
     }
@@ -388,7 +390,7 @@ fn a_constant_stride_is_a_stride() {
         }
         let source = temp.path().to_str().unwrap();
         let read = load(source, &Request::new(&small, &GREEN));
-        // Nine in one row may be a square: the pictures show the row, and it is stated.
+        // Nine views in one row may be a square. The pictures show the row, and it is stated.
         let field = match read {
             Err(SceneError::NotAGrid { .. }) if crate::read::names::square(count).is_some() && rows == 1 => {
                 state(temp.path(), &format!("grid = [1, {count}]"));
@@ -397,7 +399,7 @@ fn a_constant_stride_is_a_stride() {
             read => read.unwrap_or_else(|e| panic!("{stride}: {e}")),
         };
         assert_eq!(field.grid, grid, "{stride}");
-        // One that is missing is named, and the grid of those that are there can be stated.
+        // A missing view is named, and the grid of the existing views can be stated.
         fs::remove_file(temp.path().join(format!("frame_{:05}.png", first + 2 * stride))).unwrap();
         let _ = fs::remove_file(temp.path().join("lightfield.toml"));
         let error = load(source, &Request::new(&small, &GREEN)).unwrap_err();

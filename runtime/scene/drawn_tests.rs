@@ -1,5 +1,5 @@
-//! What people draw to try eyebox: a flat square before a plain, smooth, checkered or random background, in a few views. Its depths are
-//! measured right, or the views are refused.
+//! Tests drawings that people make to try eyebox. A flat square is in front of a plain, smooth, checkered or random
+//! background, in a few views. Its depths are measured correctly, or the views are refused.
 
 use crate::*;
 use eyebox_optics::{Color, Display};
@@ -14,7 +14,7 @@ enum Background {
 }
 use Background::{Checkered, Clouds, Plain, Random, Smooth};
 
-/// Views of a square, moved by whole pixels from view to view, as they are drawn with arrays.
+/// Draws views of a square that moves by whole pixels from view to view, as they are drawn with arrays.
 fn drawn(background: Background, size: [usize; 2], grid: [usize; 2], [far, near]: [i32; 2]) -> LightField {
     let [height, width] = size;
     let hash = |x: i32, y: i32| {
@@ -59,7 +59,7 @@ fn drawn(background: Background, size: [usize; 2], grid: [usize; 2], [far, near]
     }
 }
 
-/// Disparities that are measured, if they are trusted.
+/// Returns the measured disparities if they are trusted.
 fn measured(field: &LightField) -> Result<[f64; 2], SceneError> {
     let display = Display { height: field.height, width: field.width, ..Display::preset("small").unwrap() };
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(&display);
@@ -125,7 +125,7 @@ fn views_that_are_all_the_same_have_no_depth() {
     }
 }
 
-/// Pictures of one place through another focus each are no views.
+/// Pictures from one place with different focus are not views.
 #[test]
 fn a_focal_stack_is_not_taken_for_views() {
     for grid in [[1, 5]] {
@@ -143,8 +143,8 @@ fn a_focal_stack_is_not_taken_for_views() {
     }
 }
 
-/// The notebook's: stripes that stand still behind a hole that moves by a pixel and a half, and stripes that move with it. Where they end,
-/// they seem to move along themselves.
+/// The drawing is the notebook's. Stripes are still behind a hole that moves by a pixel and a half, and other stripes
+/// move with it. At their ends they seem to move along themselves.
 #[test]
 fn a_disc_that_moves_over_stripes_is_a_grid_of_views() {
     for (grid, moves, across) in [

@@ -1,5 +1,5 @@
-//! Light fields of a generator, written to folders and read again: depth within a tenth of the truth or refused with the line
-//! that decides, and none inside out without a word.
+//! Tests light fields of a generator, which are written to folders and read again. Their depth is within a tenth of the
+//! truth, or they are refused with the line that decides. None is read inside out without a message.
 
 use crate::*;
 use eyebox_base::files::write_png;
@@ -8,13 +8,13 @@ use std::fmt;
 
 const GREEN: [Color; 1] = [Color::Green];
 
-/// One light field, and how it is written.
+/// One light field, and the way in which it is written.
 #[derive(Debug)]
 struct Case {
     scene: &'static str,
     size: [usize; 2],
     views: usize,
-    /// Pixels by which what is nearest moves between neighboring views.
+    /// Pixels by which the nearest content moves between neighboring views.
     disparity: f64,
     order: &'static str,
     naming: usize,
@@ -32,7 +32,7 @@ const SCENES: [&str; 7] =
 const ORDERS: [&str; 7] =
     ["as-named", "as-named", "flip-rows", "flip-columns", "flip-rows,flip-columns", "transpose", "transpose,flip-rows"];
 
-/// The case of a number.
+/// Returns the case of a number.
 fn case(number: usize) -> Case {
     let mut random = fastrand::Rng::with_seed(number as u64);
     let size = [[64, 64], [96, 96], [96, 112], [128, 96]][random.usize(..4)];
@@ -44,18 +44,18 @@ fn case(number: usize) -> Case {
     Case { scene: SCENES[number % SCENES.len()], size, views, disparity, order, naming: random.usize(..4) }
 }
 
-/// What came of one.
+/// The outcome of one case.
 #[derive(Debug)]
 enum Outcome {
-    /// Depth within a tenth, and another order refused with the flag that mends it.
+    /// The depth is within a tenth, and another order is refused with the flag that corrects it.
     Read,
-    /// The same, but that nothing tells another order from that of the names, and it is said so.
+    /// The depth is within a tenth, but nothing distinguishes another order from the named one, and a note says so.
     Noted,
-    /// Depths that must be stated, with the line.
+    /// The depths must be stated, and the line says so.
     Refused(String),
-    /// Depth beyond a tenth, or the right order refused.
+    /// The depth is off by more than a tenth, or the right order is refused.
     Wrong(String),
-    /// Another order taken for that of the names.
+    /// Another order is taken for the order of the names.
     Inverted(String),
 }
 
@@ -90,7 +90,7 @@ fn outcome(case: &Case) -> Outcome {
         let line = refused(&found.doubt);
         let flag = format!("`order` {}", case.order);
         match found.order_confirmed {
-            // Of two flags that are named one is right: the line says that the pictures tell no more.
+            // One of two named flags is right, and the line says that the pictures show no more.
             Some(false) if line.contains(&format!("{flag} ")) => {}
             None => noted = true,
             _ => return Outcome::Inverted(line),
@@ -102,7 +102,7 @@ fn outcome(case: &Case) -> Outcome {
     if let Some(line) = found.doubt {
         return Outcome::Refused(line);
     }
-    // What a quarter of a pixel is, few views tell.
+    // Few views resolve a quarter of a pixel.
     let [low, high] = [far, near].map(|z| z / per_pixel);
     let most = (0.1 * (high - low)).max(0.25);
     let [a, b] = found.disparity_px;
@@ -112,7 +112,7 @@ fn outcome(case: &Case) -> Outcome {
     if noted { Outcome::Noted } else { Outcome::Read }
 }
 
-/// What hides no surface and what repeats itself: single points far apart on black, and bars of many periods.
+/// Tests content that hides no surface or repeats. It is single points far apart on black, and bars of many periods.
 #[test]
 fn points_and_bars_are_read_right_or_refused() {
     let wide = |scene, views, disparity| Case { scene, size: [96, 96], views, disparity, order: "as-named", naming: 0 };
@@ -136,7 +136,7 @@ fn points_and_bars_are_read_right_or_refused() {
     assert!(read > 3, "{read} are read");
 }
 
-/// Reads those of the numbers, and says how many came out how.
+/// Reads the cases of these numbers, and returns the number of each outcome.
 fn read(numbers: std::ops::Range<usize>) -> [usize; 5] {
     let mut counts = [0; 5];
     for number in numbers {
@@ -155,7 +155,7 @@ fn read(numbers: std::ops::Range<usize>) -> [usize; 5] {
     counts
 }
 
-/// One of each scene, and the many by name: `cargo test --lib every_generated -- --ignored --nocapture`.
+/// Tests one case of each scene. The full set runs by `cargo test --lib every_generated -- --ignored --nocapture`.
 #[test]
 fn generated_light_fields_are_read_right_or_refused() {
     let [read, .., wrong, inverted] = read(0..7);

@@ -1,18 +1,18 @@
-//! Views between views against the scene's own.
+//! Tests views between views against the scene's own views.
 
 use crate::{Interpolator, LightField, Stage, ViewGrid};
 use eyebox_optics::{Color, Display};
 use proptest::prelude::*;
 
 const SIZE: usize = 320;
-/// Views along each axis: content moves by about three pixels from one to the next.
+/// Views along each axis. Content moves by about three pixels from one to the next.
 const N: usize = 4;
 
 fn display() -> Display {
     Display { height: SIZE, width: SIZE, ..Display::preset("far-field").unwrap() }
 }
 
-/// A built-in scene as few views over the eyebox, and itself.
+/// Returns a built-in scene as few views over the eyebox, and the scene itself.
 fn sparse(name: &str) -> (Stage, LightField, ViewGrid) {
     let display = display();
     let stage = Stage::new(name, &display, Color::Green, SIZE).unwrap();
@@ -38,7 +38,7 @@ fn psnr(a: &[f32], b: &[f32]) -> f64 {
     -10.0 * (error / a.len() as f64).log10()
 }
 
-/// The views around a place, mixed as they are.
+/// Mixes the views around a place without disparities.
 fn mixed(field: &LightField, [u, v]: [f64; 2]) -> Vec<f32> {
     let split = |at: f64| (at.floor() as usize, at.fract() as f32);
     let ((c, fu), (r, fv)) = (split(u), split(v));
@@ -48,7 +48,7 @@ fn mixed(field: &LightField, [u, v]: [f64; 2]) -> Vec<f32> {
     (0..a.len()).map(|p| between(between(a[p], b[p], fu), between(c[p], d[p], fu), fv)).collect()
 }
 
-/// 34 dB and more, and 6 dB and more above the views mixed without their disparities; 7 dB on average.
+/// The accuracy is at least 34 dB, and at least 6 dB above the views mixed without their disparities, 7 dB on average.
 #[test]
 fn between_the_views_it_is_what_the_scene_shows_there() {
     let (stage, field, grid) = sparse("still-life");
@@ -68,7 +68,7 @@ fn between_the_views_it_is_what_the_scene_shows_there() {
     assert!(gained > 7.0, "{gained:.2} dB gained");
 }
 
-/// Bars that repeat within the disparities that are sought are not taken for their neighbors.
+/// Bars that repeat within the searched disparities are not taken for their neighbors.
 #[test]
 fn what_repeats_is_found_where_it_is() {
     let (stage, field, grid) = sparse("chart");
@@ -79,7 +79,7 @@ fn what_repeats_is_found_where_it_is() {
     assert!(made > 27.0, "{made:.2} dB");
 }
 
-/// A little beyond the outermost views it goes on as the scene does, and better than their nearest.
+/// A little beyond the outermost views the picture continues like the scene, and better than their nearest view.
 #[test]
 fn beyond_the_views_the_parallax_goes_on() {
     let (stage, field, grid) = sparse("still-life");
@@ -102,7 +102,8 @@ fn at_a_views_own_place_it_is_that_view() {
     }
 }
 
-/// A square before a wall: what it hides is filled from the views that see it, and its outline is where it belongs.
+/// A square is in front of a wall. The hidden part is filled from the views that see it, and the outline is at its
+/// place.
 #[test]
 fn what_one_view_cannot_see_another_shows() {
     let (size, near) = (64usize, 6.0f64);
@@ -111,7 +112,8 @@ fn what_one_view_cannot_see_another_shows() {
         (mixed.wrapping_mul(0x94d0_49bb_1331_11eb) >> 48) as f32 / 65536.0
     };
     let wall = |x: i64, y: i64| 0.1 + 0.3 * noise(x, y);
-    // The square stands at (24, 24), 16 wide, in the middle of the grid, and moves by 6 pixels a view; the wall does not.
+    // The square is at (24, 24), 16 wide, in the middle of the grid, and moves by 6 pixels per view. The wall does not
+    // move.
     let shot = |u: f64, v: f64| -> Vec<f32> {
         let (left, top) = ((24.0 - near * u).round() as i64, (24.0 - near * v).round() as i64);
         let square = |x: i64, y: i64| 0.6 + 0.4 * noise(x + 1000, y);
@@ -139,14 +141,14 @@ fn what_one_view_cannot_see_another_shows() {
     let made = between.views(0, &[(0.5e-3, -0.5e-3)]).remove(0);
     let exact = shot(0.5, -0.5);
     let wrong = made.iter().zip(&exact).filter(|(a, b)| (*a - *b).abs() > 0.05).count();
-    // Half of what moves by three pixels on both sides would be wrong if nothing were known of what is hidden.
+    // Half of the content that moves by three pixels on both sides would be wrong without knowledge of hidden content.
     assert!(wrong < 90, "{wrong} pixels of 4096 are not what is there");
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Any grid, any size, any place: light that is finite and not negative, in every pixel.
+    /// Any grid, size and place give light that is finite and not negative in every pixel.
     #[test]
     fn anything_is_seen_from_anywhere(rows in 1usize..4, columns in 1usize..4, height in 1usize..12, width in 1usize..12, range in (-9.0..9.0f64, 0.0..9.0f64), wild in prop::sample::select(vec![1.0, 1.0, 1e12, 1e300]), x in -4.0..4.0f64, y in -4.0..4.0f64, salt in 0u32..99) {
         let noise = |i: usize| ((i as u32).wrapping_mul(2_654_435_761).wrapping_add(salt * 977) >> 16) as f32 / 65536.0;

@@ -1,5 +1,5 @@
-//! Light fields in one file, as people bring them: arrays and pictures of many views, each read right or refused with a line that
-//! helps.
+//! Tests light fields in one file, which are arrays and pictures of many views. Each is read correctly or refused with
+//! a line that helps.
 
 use super::coded;
 use crate::*;
@@ -19,14 +19,14 @@ fn render(views: usize, size: usize) -> LightField {
     load("builtin:still-life?span=1.1", &Request { views, ..Request::new(&display, &ALL) }).unwrap()
 }
 
-/// (rows of views, columns, rows of pixels, columns, colors), at most full scale.
+/// Returns (rows of views, columns, rows of pixels, columns, colors), at most full scale.
 fn interleaved(field: &LightField) -> Vec<f32> {
     let (views, pixels) = (field.planes[0].len(), field.planes[0][0].len());
     let value = |i: usize| field.planes[i % 3][i / 3 / pixels][i / 3 % pixels].min(1.0);
     (0..views * pixels * 3).map(value).collect()
 }
 
-/// Values as this kind of element, little-endian: integers by the sRGB curve.
+/// Converts values to this kind of element, little-endian, with integers by the sRGB curve.
 fn bytes(kind: &str, values: impl Iterator<Item = f32>) -> Vec<u8> {
     let level = |v: f32, full: f64| (linear_to_srgb(f64::from(v)) * full).round();
     let one = |v: f32| match kind {
@@ -49,13 +49,13 @@ fn green(source: &str, size: usize) -> Result<LightField, String> {
     load(source, &Request::new(&display(size), &[Color::Green])).map_err(|error| coded(&error))
 }
 
-/// The numbers in a text.
+/// Returns the numbers in a text.
 fn numbers(text: &str) -> Vec<f64> {
     let words = text.split(|c: char| !c.is_ascii_digit() && c != '.');
     words.filter_map(|word| word.parse().ok()).collect()
 }
 
-/// The largest difference between two fields' views in one color.
+/// Returns the largest difference between two fields' views in one color.
 fn apart(a: &LightField, b: &LightField, color: [usize; 2]) -> f32 {
     assert_eq!((a.grid, a.height, a.width), (b.grid, b.height, b.width));
     let pairs = a.planes[color[0]].iter().flatten().zip(b.planes[color[1]].iter().flatten());
@@ -73,12 +73,12 @@ fn arrays_of_every_kind_are_read() {
         let read = load(name, &Request::new(&display(32), &ALL)).unwrap();
         (0..3).for_each(|c| assert!(apart(&read, &truth, [c, c]) <= off, "{kind}: {}", apart(&read, &truth, [c, c])));
         assert_eq!((&read.name[..], native_size(name).unwrap()), ("views.npy", Some([32, 32])));
-        // The other curve, where it is said.
+        // The other curve counts if it is stated.
         let other = if kind.contains('u') { "linear" } else { "srgb" };
         let read = green(&format!("{name}?{other}"), 32).unwrap();
         assert!(apart(&read, &truth, [0, 1]) > 0.1, "{kind} as {other}");
     }
-    // Fortran order.
+    // This part tests Fortran order.
     let at = |i: usize| {
         let (mut rest, mut index) = (i, [0; 5]);
         shape.iter().zip(&mut index).for_each(|(n, k)| (*k, rest) = (rest % n, rest / n));
@@ -88,13 +88,13 @@ fn arrays_of_every_kind_are_read() {
     let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
     fs::write(&file, [start, bytes("<f4", (0..values.len()).map(|i| values[at(i)]))].concat()).unwrap();
     assert_eq!(apart(&green(name, 32).unwrap(), &truth, [0, 1]), 0.0);
-    // Gray; and one after the other.
+    // These are gray views, and views one after the other.
     let grey: Vec<f32> = values.chunks_exact(3).map(|pixel| pixel[1]).collect();
     write(&file, "<f4", &shape[..4], &grey);
     assert_eq!(apart(&green(name, 32).unwrap(), &truth, [0, 1]), 0.0);
     write(&file, "<f4", &[9, 32, 32, 3], &values);
     assert_eq!(apart(&green(&format!("{name}?grid=3x3"), 32).unwrap(), &truth, [0, 1]), 0.0);
-    // What stands beside it counts, unless it is of other files.
+    // The settings in the same folder count, unless they are for other files.
     fs::write(here.path().join("lightfield.toml"), "grid = [3, 3]\ndepth_mm = [-2, 3]\nview_pitch_mm = 2.5").unwrap();
     let read = green(name, 32).unwrap();
     assert_eq!((read.depth, read.view_pitch), (Some([-2e-3, 3e-3]), Some(2.5e-3)));
@@ -138,7 +138,7 @@ fn what_an_array_lacks_is_asked_for() {
     says("<f4", &[3, 3, 8, 8], &[], "", "settings/keep");
 }
 
-/// The views as one picture, beside each other or a pixel of each under each lens.
+/// Writes the views as one picture, next to each other or with a pixel of each under each lens.
 fn mosaic(folder: &Path, field: &LightField, lenslets: bool) -> PathBuf {
     let ([rows, columns], h, w) = (field.grid, field.height, field.width);
     let file = folder.join(if lenslets { "lenslets.png" } else { "tiles.png" });
@@ -171,7 +171,7 @@ fn pictures_of_many_views_are_read_with_their_grid_stated_or_found() {
         assert!(line.contains("320 x 320"), "{line}");
         assert!(green(&format!("{name}?linear"), 64).unwrap_err().starts_with("no-depth-map: "));
     }
-    // One that shows nothing.
+    // This picture shows no grid.
     let file = here.path().join("plain.png");
     ImageBuffer::from_pixel(64, 64, Rgb([90u8, 90, 90])).save(&file).unwrap();
     let line = green(&format!("{}?grid=9x7", file.display()), 64).unwrap_err();
@@ -184,8 +184,8 @@ fn pictures_of_many_views_are_read_with_their_grid_stated_or_found() {
     }
 }
 
-/// A picture of views whose borders are dark has no seams, one that was scaled no whole views, and a single view with an edge in its
-/// middle is not two.
+/// A picture of views with dark borders has no seams, and a scaled picture has no whole views. A single view with an
+/// edge in its middle is not two views.
 #[test]
 fn a_picture_of_many_views_is_known_by_what_repeats() {
     let (here, truth) = (tempfile::tempdir().unwrap(), render(5, 64));
@@ -217,8 +217,8 @@ fn a_picture_of_many_views_is_known_by_what_repeats() {
     assert!(line.starts_with("not-a-grid/mosaic-no-grid: "), "{line}");
 }
 
-/// An order that the pictures contradict, an axis that is mirrored, a view of another exposure and one of another size: each is said in
-/// one line with what is likely.
+/// An order that the pictures contradict, a mirrored axis, a view of another exposure and a view of another size are
+/// each refused in one line with the likely cause.
 #[test]
 fn wrong_light_fields_are_found_however_they_are_kept() {
     let (here, truth) = (tempfile::tempdir().unwrap(), render(5, 96));
@@ -234,7 +234,7 @@ fn wrong_light_fields_are_found_however_they_are_kept() {
         ("mirrored columns", moved(places(&|r, c| r * 5 + 4 - c)), Err("`order` flip-columns")),
         ("mirrored rows", moved(places(&|r, c| (4 - r) * 5 + c)), Err("`order` flip-rows")),
         ("near is far", moved(places(&|r, c| (4 - r) * 5 + 4 - c)), Err("`order` flip-rows,flip-columns")),
-        // Row and column of each odd view, and how bright one is.
+        // These are row and column of each odd view, and the brightness of one.
         (
             "a view darker than the others",
             spoiled(&|views| views[7].iter_mut().for_each(|v| *v *= 0.6)),

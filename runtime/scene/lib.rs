@@ -1,64 +1,68 @@
-//! Light fields: reading, built-in scenes, depth and disparity, target images.
+//! Reads scenes as light fields, from files or built-in scenes, and measures depths and makes views.
 //!
-//! What belongs here: everything between a path (or a built-in name) and views of linear light at the display's size,
-//! and what a camera would see of them.
+//! This crate has everything between a path (or the name of a built-in scene) and views of linear light at the size of
+//! the display. It also computes the images that a camera would take of them.
 //!
-//! [`load`] takes a **source**:
+//! [`load`] accepts these **sources**:
 //!
-//! | source | what it is |
+//! | source | content |
 //! |---|---|
 //! | a folder | views in PNG, JPEG, TIFF, BMP, PPM or EXR files, named by a running number or by row and column |
 //! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colors) |
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
-//! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]): views by reprojection |
-//! | `builtin:NAME` | a scene rendered at any resolution and number of views: see [`BUILTINS`] |
+//! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]), reprojected to
+//! views |
+//! | `builtin:NAME` | a scene rendered at any resolution and number of views ([`BUILTINS`]) |
 //!
-//! **Folders.** Names that differ in their numbers alone are the views, read as row and column, as coordinates, or as a running
-//! number (`input_Cam000.png`, row by row; a square, unless the pictures show another grid): what fills a grid without holes
-//! and doubles. Pictures that clearly show another order are refused ([`SceneError::Order`]) unless one is stated. Beside the
-//! views, `lightfield.toml` may state (all keys are optional, others are refused)
+//! **Folders.** The views are the files whose names differ only in their numbers. The numbers are row and column,
+//! coordinates, or a running number row by row (`input_Cam000.png`). The meaning that fills a grid without gaps and
+//! duplicates counts. A running number makes a square, unless the pictures show another grid. Pictures that clearly
+//! show another order are refused ([`SceneError::Order`]) unless an order is stated. A `lightfield.toml` in the folder
+//! may have the following keys. All are optional, and unknown keys are refused.
 //!
 //! ```toml
 //! grid = [9, 9]             # rows, columns of views
-//! files = "out_*"           # which pictures are the views; with a `/`, in the folders of the folder
-//! serpentine = true         # of a running number, every second row runs backwards
-//! transpose = true          # what the names call the row is the column
+//! files = "out_*"           # names of the views, with a `/` those in the folders of the folder
+//! serpentine = true         # every second row of a running number runs backwards
+//! transpose = true          # the row of the names is the column
 //! flip_rows = true          # the first row is the lowest
 //! flip_columns = true       # the first column is the rightmost
 //! view_pitch_mm = 2.4       # between neighboring views, in the pupil plane
 //! disparity = [-1.8, 2.1]   # pixels between neighboring views, positive towards the camera
 //! depth_mm = [-3.0, 3.5]    # farthest, nearest
-//! transfer = "srgb"         # or "linear": how stored values become light
-//! keep = [9, 9]             # only so many rows and columns of views, in the middle
+//! transfer = "srgb"         # or "linear", the transfer function of the stored values
+//! keep = [9, 9]             # number of rows and columns of views to use, in the middle
 //! tiles = [6, 8]            # one row of cameras is laid out in rows and columns of tiles
-//! first = "bottom-left"     # the tile of its leftmost camera
+//! first = "bottom-left"     # tile of the leftmost camera
 //! positions_mm = [[0, 0], [10, 0], [40, 5]]   # (x, y) of each camera, in the pupil plane
-//! focus_mm = [-3, 0, 3]     # the pictures are a focal stack: at which depth each is sharp,
-//! aperture_mm = 12          # and how wide the pupil was that saw them
+//! focus_mm = [-3, 0, 3]     # the pictures are a focal stack, depth at which each is sharp
+//! aperture_mm = 12          # diameter of the pupil that saw the focal stack
 //! ```
 //!
-//! Disparities and depths are those at the views' own resolution. Without that file, `parameters.cfg` of the 4D Light
-//! Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` the disparities. PNG and JPEG
-//! are decoded by the sRGB curve, EXR is linear light already.
+//! Disparities and depths have the resolution of the original views. Without that file, `parameters.cfg` of the 4D
+//! Light Field Benchmark gives the number of views and the disparities, or a `gt_disp*.pfm` gives the disparities. PNG
+//! and JPEG are decoded by the sRGB curve, and EXR is linear light.
 //!
-//! **Arrays and pictures of many views** ask the same file beside them. Behind a question mark, `grid=9x9` (rows, columns), `srgb` and
-//! `linear` win; `array=NAME` is one of an `.npz`. Integers of 8 and 16 bits are decoded by the sRGB curve, floats are light of which 1
-//! is full scale. `lenslets` says that under each lens of a picture lies a pixel of each view; `mosaic` that views lie beside each other.
-//! Without `grid` it is found where neighboring lines differ.
+//! **Arrays and pictures of many views** use the same file from their folder. The options `grid=9x9` (rows, columns),
+//! `srgb` and `linear` after a question mark take precedence. The option `array=NAME` selects one array of an `.npz`.
+//! Integers of 8 and 16 bits are decoded by the sRGB curve, and floats are light with 1 as full scale. With `lenslets`
+//! a picture has one pixel of each view under each lens, and with `mosaic` views are next to each other. Without
+//! `grid`, the grid is found from the places at which neighboring lines differ.
 //!
-//! **Pictures with a map.** The smallest and the largest value of a map mean the ends of [`Request::depth`], and
-//! [`Request::near`] says which of them is near. Left out, an 8- or 16-bit picture is bright where it is near; a `.pfm`, `.npy`
-//! or EXR map holds disparities, in pixels between neighboring views at the picture's own resolution, if its name contains
-//! `disp`, and distances, the small near, if its name says so; else it is refused.
+//! **Pictures with a map.** The smallest and the largest value of a map are the ends of [`Request::depth`], and
+//! [`Request::near`] states which of them is near. Without it, bright pixels of an 8-bit picture are near, and a 16-bit
+//! picture is refused. A `.pfm`, `.npy` or EXR map has disparities if its name contains `disp`, in pixels between
+//! neighboring views at the resolution of the picture. It has distances, with small values near, if its name says so.
+//! Otherwise it is refused.
 //!
-//! **Anywhere.** Where the views of all of an eyebox would be too many or too far apart, a scene is seen from a few places at
-//! a time: a [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between those of a folder, and a
-//! [`Reprojection`] shows a picture with its map.
+//! **Anywhere.** If the views of a whole eyebox would be too many or too far apart, a scene is rendered from a few
+//! places at a time. A [`Stage`] renders a built-in scene there, an [`Interpolator`] makes views between the views of a
+//! folder, and a [`Reprojection`] reprojects a picture with its map.
 //!
-//! **Few views.** Where the views of a folder stand so far apart that their photographs would show ghosts, closer ones are made of
-//! them, by [`Layers`] where these show them well ([`ViewSynthesis`]).
+//! **Few views.** If the target images of the views of a folder would have ghosts, closer views are made from them, by
+//! [`Layers`] if these predict the views well ([`ViewSynthesis`]).
 //!
-//! Signs (OPTICS 3): columns of views follow +x of the pupil, rows +y; content of positive disparity is near.
+//! Signs (OPTICS 3): columns of views follow +x of the pupil, and rows +y. Content of positive disparity is near.
 
 mod builtin;
 mod depth;
@@ -105,8 +109,8 @@ use eyebox_base::files::NpyArray;
 use read::source::Source;
 use std::path::Path;
 
-/// Rows and columns of a source's own pictures, from their names and headers alone; none for built-in scenes, which
-/// have any size.
+/// Returns rows and columns of the pictures of a source, from their names and headers alone. Built-in scenes return
+/// `None`, because they have any size.
 ///
 /// # Errors
 /// Any [`SceneError`] that names and headers can cause.
@@ -118,7 +122,8 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
     }
 }
 
-/// Whether `source` is, by its name alone, the scene that `known` names: a source, or the name of a light field.
+/// Returns true if `source` is, by its name alone, the scene that `known` names. `known` is a source, or the name of a
+/// light field.
 pub fn is_named(source: &str, known: &str) -> bool {
     if let (Some(source), Some(known)) = (source.strip_prefix("builtin:"), known.strip_prefix("builtin:")) {
         return builtin::same(source, known);
@@ -130,8 +135,8 @@ pub fn is_named(source: &str, known: &str) -> bool {
     source == known || names.iter().flatten().any(|name| name == known || Some(name) == last(other).as_ref())
 }
 
-/// Returns whether a file is an array that may be phases: it can be read, has at most four axes, and holds no integers with three
-/// or four channels in the last axis.
+/// Returns true if a file is an array that may be phases. It must be readable, have at most four axes, and have no
+/// integers with three or four channels in the last axis.
 pub fn may_be_phases(file: &Path) -> bool {
     NpyArray::open(file, None, |_| true).is_ok_and(|array| {
         let has_channels = array.shape.len() > 2 && matches!(array.shape.last(), Some(3 | 4));
@@ -139,21 +144,21 @@ pub fn may_be_phases(file: &Path) -> bool {
     })
 }
 
-/// Whether a source is a picture of one view, which needs a depth map.
+/// Returns true if a source is a picture of one view, which needs a depth map.
 ///
 /// # Errors
-/// [`SceneError::NotFound`]; [`SceneError::Options`].
+/// [`SceneError::NotFound`] for a missing source, or [`SceneError::Options`] for options that are not valid.
 pub fn is_single(source: &str) -> Result<bool, SceneError> {
     Ok(matches!(Source::of(source)?, Source::Picture(_)))
 }
 
-/// Refuses a depth map for what is no single picture.
+/// Refuses a depth map for a source that is not a single picture.
 pub fn check_map(source: &str, request: &Request) -> Result<(), SceneError> {
     match request.depth_map {
         Some(map) if !is_single(source)? => Err(SceneError::Request {
             what: "the depth map",
             value: map.display().to_string(),
-            must: "left out: this scene has views of its own; a map belongs to a single picture",
+            must: "left out, because this scene has views of its own and only a single picture takes a map",
         }),
         _ => Ok(()),
     }
@@ -162,7 +167,7 @@ pub fn check_map(source: &str, request: &Request) -> Result<(), SceneError> {
 /// Loads a scene and fits it to the display ([`Fit::Contain`]).
 ///
 /// # Errors
-/// Any [`SceneError`]; it names the file.
+/// Any [`SceneError`], with the name of the file.
 pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     request.check()?;
     tracing::debug!("loading {source}");

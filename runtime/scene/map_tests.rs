@@ -1,4 +1,4 @@
-//! Pictures with maps of every kind: each is read the right way round, or refused with the line that says what decides.
+//! Tests pictures with maps of every kind. Each is read the right way round, or refused with the line that decides.
 
 use super::{GREEN, display, fails, get, picture_with_map, speckle};
 use crate::*;
@@ -8,7 +8,7 @@ use std::{fs, path::PathBuf};
 const N: usize = 16;
 
 fn pfm(kind: &str, values: &[f32]) -> Vec<u8> {
-    // Rows from the bottom: the maps here are the same in every row, but for holes.
+    // Rows come from the bottom. The maps here are the same in every row, except for holes.
     let mut bytes = format!("{kind} {N} {} -1\n", values.len() / N / if kind == "PF" { 3 } else { 1 }).into_bytes();
     values.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
     bytes
@@ -22,14 +22,14 @@ fn npy(values: &[f32]) -> Vec<u8> {
     bytes
 }
 
-/// A map that grows from the left to the right, and those of its pixels that hold something else.
+/// Returns a map that grows from left to right, with other values in these pixels.
 fn ramp(from: f32, to: f32, others: &[(usize, f32)]) -> Vec<f32> {
     let mut values: Vec<f32> = (0..N * N).map(|i| from + (to - from) * (i % N) as f32 / (N - 1) as f32).collect();
     others.iter().for_each(|&(i, v)| values[i] = v);
     values
 }
 
-/// Writes it by the ending of its name.
+/// Writes a map in the format of its file extension.
 fn write(path: &Path, values: &[f32]) {
     let word = |x: u32, y: u32| values[y as usize * N + x as usize];
     let n = N as u32;
@@ -51,7 +51,7 @@ fn write(path: &Path, values: &[f32]) {
     }
 }
 
-/// A file's name, what is near by the flag, its values; which side is near, or what the line says.
+/// Name of the file, the stated near values, the values, and the side that is near or the text of the line.
 type Row = (&'static str, Option<Near>, Vec<f32>, Result<&'static str, &'static str>);
 
 #[test]
@@ -117,7 +117,7 @@ fn each_map_is_read_the_right_way_round_or_refused() {
             }
         }
     }
-    // The nearer depth first says the same as small; but not beside its opposite.
+    // The nearer depth first means the same as small, but contradicts its opposite.
     let reversed = Some([0.3e-3, -0.3e-3]);
     assert_eq!(views(&png, None, reversed), left);
     assert_eq!(views(&png, Some(Dark), reversed), left);
@@ -156,7 +156,7 @@ fn maps_mean_the_depths_that_are_asked_for() {
     let values = ramp(-0.5, 0.5, &[]);
     let [low, high] = range(&file("disp.pfm", &pfm("Pf", &values)), None).disparity.unwrap();
     assert!((low + 0.5).abs() < 1e-6 && (high - 0.5).abs() < 1e-6);
-    // Disparities of a stereo pair are too large, until the depths are stated that they are scaled to.
+    // Disparities of a stereo pair are too large, until the depths to which they are scaled are stated.
     let stereo = file("disp0.pfm", &pfm("Pf", &ramp(20.0, 60.0, &[(5, f32::INFINITY)])));
     let refused = load(&picture, &Request { depth_map: Some(&stereo), near: None, ..request });
     assert!(matches!(refused, Err(SceneError::Request { .. })));

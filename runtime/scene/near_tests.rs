@@ -1,5 +1,5 @@
-//! Depth maps as cameras, benchmarks, networks and renderers store them. Each is read with the right depths, or refused until the
-//! caller says which values are near.
+//! Tests depth maps as cameras, benchmarks, networks and renderers store them. Each is read with the right depths, or
+//! refused until the caller states which values are near.
 
 use crate::SceneError;
 use crate::depth::map;
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const N: usize = 16;
 const DEPTHS: Option<[f64; 2]> = Some([-1e-3, 1e-3]);
 
-/// A scene that recedes from `near` on the left to `far` on the right, meters.
+/// Returns a scene that recedes from `near` on the left to `far` on the right, in meters.
 fn distances(near: f32, far: f32) -> Vec<f32> {
     (0..N * N).map(|i| near + (far - near) * (i % N) as f32 / (N - 1) as f32).collect()
 }
@@ -43,7 +43,7 @@ fn write(folder: &Path, name: &str, values: &[f32]) -> PathBuf {
     path
 }
 
-/// Writes float32 that need not be finite.
+/// Writes float32 values that need not be finite.
 fn write_gaps(folder: &Path, name: &str, values: &[f32]) -> PathBuf {
     let path = folder.join(name);
     let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
@@ -51,7 +51,7 @@ fn write_gaps(folder: &Path, name: &str, values: &[f32]) -> PathBuf {
     path
 }
 
-/// Nearness of each pixel, 0 at the farthest and 1 at the nearest.
+/// Returns the nearness of each pixel, 0 at the farthest and 1 at the nearest.
 fn nearness(map: &map::Map) -> Vec<f32> {
     let ends = map.values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], &v| [a.min(v), b.max(v)]);
     let larger = !matches!(map.meaning, Meaning::Relative(near) if !near.is_larger());
@@ -59,7 +59,7 @@ fn nearness(map: &map::Map) -> Vec<f32> {
     map.values.iter().map(|v| if larger { share(v) } else { 1.0 - share(v) }).collect()
 }
 
-/// Name of the file, its values, and the word for `near` that the writer of such a file would choose.
+/// Returns the name of the file, its values, and the word for `near` that the writer of such a file would choose.
 fn integer_maps() -> Vec<(&'static str, Vec<f32>, Near)> {
     let scaled =
         |near, far, scale: f32| -> Vec<f32> { distances(near, far).into_iter().map(|z| (z * scale).round()).collect() };
@@ -86,7 +86,8 @@ fn integer_maps() -> Vec<(&'static str, Vec<f32>, Near)> {
     ]
 }
 
-/// 16 bits never say which values are near. After the remedy of the refusal, depths are right and unknown pixels take part in none.
+/// Maps of 16 bits never show which values are near. After the remedy of the refusal, depths are right and unknown
+/// pixels count in none.
 #[test]
 fn sixteen_bits_are_refused_until_near_is_stated() {
     let folder = tempfile::tempdir().unwrap();
@@ -105,7 +106,7 @@ fn sixteen_bits_are_refused_until_near_is_stated() {
     }
 }
 
-/// Values that stand for no distance never become the nearest or the farthest depth.
+/// Values that are not distances never become the nearest or the farthest depth.
 #[test]
 fn no_unknown_value_is_a_distance() {
     let folder = tempfile::tempdir().unwrap();
@@ -146,7 +147,7 @@ fn unknown_disparities_are_filled_with_the_farther_neighbor() {
             }
         }
     }
-    // Between the values of a scene there may be wider gaps than below them.
+    // Gaps between the values of a scene may be wider than the gap below them.
     let near_and_far: Vec<f32> = (0..N * N).map(|i| if i % N < 5 { 200.0 } else { 20.0 + i as f32 / 8.0 }).collect();
     for name in ["kitti.npy", "disp2-8bit.png"] {
         let values = with_hole(near_and_far.iter().map(|v| v.round()).collect(), 0.0);
@@ -161,13 +162,14 @@ fn unknown_disparities_are_filled_with_the_farther_neighbor() {
         let map = map::read(&path, Stated { near: Some(Near::Large), depth: DEPTHS }).unwrap();
         assert_eq!(map.values, values);
     }
-    // Disparities of a light field lie on both sides of 0, which is a value.
+    // Disparities of a light field are on both sides of 0, which is a value.
     let both = distances(2.0, -2.0);
     let map = map::read(&write(folder.path(), "disp.pfm", &with_hole(both, 0.0)), Stated::default()).unwrap();
     assert_eq!(map.values[6 * N + 7], 0.0);
 }
 
-/// Floats whose name says distances though their values cannot be distances, and floats that say nothing, are refused.
+/// Floats are refused if their name says distances and their values cannot be distances, or if nothing says what they
+/// are.
 #[test]
 fn floats_that_contradict_their_name_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -195,7 +197,7 @@ fn floats_that_contradict_their_name_are_refused() {
     }
 }
 
-/// A map with few known pixels is refused, and is read after its remedy: completed with the nearest value.
+/// A map with few known pixels is refused, and is read after its remedy, completed with the nearest value.
 #[test]
 fn sparse_maps_are_refused_until_they_are_completed() {
     let folder = tempfile::tempdir().unwrap();
@@ -214,7 +216,7 @@ fn sparse_maps_are_refused_until_they_are_completed() {
     assert!(nearness(&map).iter().zip(distances(1.0, 0.0)).all(|(a, b)| (a - b).abs() < 0.35));
 }
 
-/// 8 bits follow the convention of pictures: bright is near. Zeros are values, unless distances are stated.
+/// Maps of 8 bits follow the convention of pictures that bright is near. Zeros are values, unless distances are stated.
 #[test]
 fn eight_bits_are_bright_where_near_and_zeros_follow_the_stated_word() {
     let folder = tempfile::tempdir().unwrap();
@@ -224,7 +226,7 @@ fn eight_bits_are_bright_where_near_and_zeros_follow_the_stated_word() {
     assert_eq!(read(None).meaning, Meaning::Relative(Near::Bright));
     assert_eq!(read(Some(Near::Dark)).values, bytes);
     assert_eq!(read(Some(Near::Bright)).values, bytes);
-    // A black figure before a white ground, and distances with holes.
+    // These are a black figure in front of a white ground, and distances with holes.
     let figure: Vec<f32> = (0..N * N).map(|i| if i % N < 5 { 0.0 } else { 255.0 }).collect();
     let path = write(folder.path(), "figure-8bit.png", &figure);
     assert_eq!(map::read(&path, Stated { near: Some(Near::Dark), depth: None }).unwrap().values, figure);

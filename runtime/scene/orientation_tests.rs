@@ -1,4 +1,4 @@
-//! Pictures that their metadata turn: read upright, so that a depth map of the upright picture fits.
+//! Tests pictures that their metadata rotate. They are read upright, so that a depth map of the upright picture fits.
 
 use super::{GREEN, display};
 use crate::*;
@@ -8,15 +8,15 @@ use std::io::Cursor;
 
 const SIZE: [u32; 2] = [24, 32];
 
-/// A picture without any symmetry.
+/// Returns a picture without any symmetry.
 fn upright() -> DynamicImage {
     let pixel = |x: u32, y: u32| Rgb([(x * 7) as u8, (y * 9 + x) as u8, if x < 9 && y < 6 { 255 } else { 20 }]);
     ImageBuffer::from_fn(SIZE[1], SIZE[0], pixel).into()
 }
 
-/// The picture as a camera stores it whose viewer has to turn it by `orientation`.
+/// Returns the picture as a camera stores it if the viewer must rotate it by `orientation`.
 fn stored(orientation: u8) -> DynamicImage {
-    // The inverse of a turn by 90 degrees is one by 270; all others undo themselves.
+    // The inverse of a rotation by 90 degrees is one by 270 degrees, and all others are their own inverses.
     let inverse = match orientation {
         6 => 8,
         8 => 6,
@@ -27,7 +27,7 @@ fn stored(orientation: u8) -> DynamicImage {
     image
 }
 
-/// A TIFF structure that states the orientation.
+/// Returns a TIFF structure that states the orientation.
 fn exif(orientation: u8) -> Vec<u8> {
     [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0], &[0; 4]].concat()
 }
@@ -80,14 +80,14 @@ fn every_orientation_is_read_upright() {
             assert_eq!(native_size(at(name).to_str().unwrap()).unwrap(), Some([24, 32]), "{name} {orientation}");
             let error = largest_error(&green_of(&at(name), &at("map.png")).unwrap(), &wanted);
             assert!(error < most, "{name} {orientation}: {error}");
-            // A map that its metadata turn is turned, too.
+            // A map that its metadata rotate is rotated too.
             fs::write(at("map-turned.png"), png(&map(&stored(orientation)).into(), orientation)).unwrap();
             assert!(largest_error(&green_of(&at(name), &at("map-turned.png")).unwrap(), &wanted) < most);
         }
     }
 }
 
-/// A map of the pixels as they are stored does not fit; the line names the cause, and its remedy works.
+/// A map of the pixels as they are stored does not fit. The line names the cause, and its remedy works.
 #[test]
 fn a_map_of_the_stored_pixels_is_refused_with_the_cause() {
     let here = tempfile::tempdir().unwrap();
@@ -111,7 +111,7 @@ fn a_map_of_the_stored_pixels_is_refused_with_the_cause() {
     assert!(matches!(green_of(&at("photo.jpg"), &at("map.png")), Err(SceneError::Size { .. })));
 }
 
-/// Views of a folder are turned, too.
+/// Views of a folder are rotated too.
 #[test]
 fn views_are_read_upright() {
     let here = tempfile::tempdir().unwrap();

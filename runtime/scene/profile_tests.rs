@@ -1,4 +1,4 @@
-//! Pictures with ICC profiles: light as the profile means it, against the color spaces' own equations in float64.
+//! Tests pictures with ICC profiles against the color spaces' own equations in float64.
 
 use super::display;
 use crate::*;
@@ -34,7 +34,7 @@ fn save(image: &DynamicImage, profile: Option<Vec<u8>>, at: &Path) {
     }
 }
 
-/// The light of a picture, color by color.
+/// Returns the light of a picture, color by color.
 fn light(scene: &Path) -> Result<Vec<Vec<f32>>, SceneError> {
     let map = scene.with_file_name("map.png");
     ImageBuffer::from_pixel(SIZE[1], SIZE[0], Luma([9u8])).save(&map).unwrap();
@@ -47,7 +47,7 @@ fn largest_difference(a: &[Vec<f32>], b: &[Vec<f32>]) -> f32 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// Rows of the matrices from linear light of a color space to that of sRGB (both D65), from the spaces' chromaticities.
+/// Rows of the matrices from linear light of a color space to sRGB (both D65), from the chromaticities of the spaces.
 const P3: [[f64; 3]; 3] =
     [[1.224_940, -0.224_940, 0.0], [-0.042_057, 1.042_057, 0.0], [-0.019_638, -0.078_636, 1.098_274]];
 const ADOBE: [[f64; 3]; 3] = [[1.398_356, -0.398_356, 0.0], [0.0, 1.0, 0.0], [0.0, -0.042_941, 1.042_941]];
@@ -107,7 +107,7 @@ fn a_profile_decides_what_a_picture_s_values_mean() {
         assert!(apart < 2e-3, "{name}: {apart}");
         assert!(from_plain > 4.0 * apart, "{name}: {from_plain} from sRGB, {apart} from its own equations");
     }
-    // A JPEG of the same profile shows the same, but for its own losses.
+    // A JPEG of the same profile gives the same light, except for its own losses.
     save(&picture(), Some(encoded(ColorProfile::new_display_p3())), &at("p3.jpg"));
     assert!(largest_difference(&light(&at("p3.jpg")).unwrap(), &expected(&picture(), srgb, P3)) < 0.03);
 }
@@ -120,7 +120,7 @@ fn profiles_of_srgb_and_of_linear_light_are_read_by_the_exact_curves() {
     let plain = light(&at("plain.png")).unwrap();
     save(&picture(), Some(ColorProfile::new_srgb().encode().unwrap()), &at("srgb.png"));
     assert_eq!(light(&at("srgb.png")).unwrap(), plain);
-    // The curve as a table, as older profiles have it.
+    // The curve is a table, as in older profiles.
     let table = (0..1024)
         .map(|i| (light_field::light::srgb_to_linear(f64::from(i) / 1023.0) * 65535.0).round() as u16)
         .collect();

@@ -1,4 +1,4 @@
-//! Light fields as people bring them: names, orders and holes, each read right or refused with a line that helps.
+//! Tests light fields with the usual names, orders and gaps. Each is read correctly or refused with a line that helps.
 
 use super::coded;
 use crate::*;
@@ -14,12 +14,12 @@ fn display(size: usize) -> Display {
     Display { height: size, width: size, ..Display::preset("small").unwrap() }
 }
 
-/// A number that tells views apart, and no running number by its steps.
+/// Returns a number that distinguishes views, and whose steps are no running number.
 fn mark(r: usize, c: usize) -> u8 {
     ((r * 37 + c) * 7919 % 251) as u8
 }
 
-/// Writes a small view for each name; `at` is where it stands.
+/// Writes a small view for each name, and `at` is its place.
 fn write(folder: &Path, names: &[(String, [usize; 2])]) {
     for (name, [r, c]) in names {
         let file = folder.join(name);
@@ -44,7 +44,7 @@ fn and(mut names: Vec<(String, [usize; 2])>, more: &[&str]) -> Vec<(String, [usi
 
 type Row = (&'static str, Vec<(String, [usize; 2])>, &'static str, Result<[usize; 2], &'static [&'static str]>);
 
-/// What the folder is, its files, its lightfield.toml, and how it is read, or what the line says.
+/// Returns the kind of folder, its files, its lightfield.toml, and the way in which it is read or the text of the line.
 fn ways() -> Vec<Row> {
     let lytro = |r: usize, c: usize| format!("IMG_2067_eslf_{r:02}_{c:02}.png");
     let hci = |r: usize, c: usize| format!("input_Cam{:03}.png", r * 9 + c);
@@ -199,10 +199,10 @@ fn every_way_of_naming_is_read_right_or_refused() {
     }
 }
 
-/// A view's name by the row and the column that it says.
+/// Returns the name of a view from its named row and column.
 type Naming = dyn Fn(usize, usize) -> String;
 
-/// Writes a light field under names, in an order that the names do not tell.
+/// Writes a light field under names, in an order that the names do not show.
 fn save(field: &LightField, order: &str, name: &Naming) -> tempfile::TempDir {
     let temp = tempfile::tempdir().unwrap();
     let (_, places) = order.parse::<Order>().unwrap().places(field.grid);
@@ -214,7 +214,8 @@ fn save(field: &LightField, order: &str, name: &Naming) -> tempfile::TempDir {
     temp
 }
 
-/// Every order, naming and sparsity: the depths are right or the line says what makes them so; none are inside out.
+/// Tests every order, naming and number of views. The depths are right, or the line has the correction, and none is
+/// inside out.
 #[test]
 fn ten_light_fields_are_none_of_them_inside_out() {
     let display = display(96);
@@ -254,7 +255,7 @@ fn ten_light_fields_are_none_of_them_inside_out() {
             }
             Err(other) => panic!("{}: {other}", name(0, 0)),
         };
-        // The same views in the same places, to the 8 bits of a file.
+        // The views are the same in the same places, to the 8 bits of a file.
         let off = field.planes[0].iter().zip(&truth.planes[0]).flat_map(|(a, b)| a.iter().zip(b));
         let off = off.map(|(a, b)| (a - b.min(1.0)).abs()).fold(0.0, f32::max);
         if off >= 0.01 {
@@ -263,7 +264,7 @@ fn ten_light_fields_are_none_of_them_inside_out() {
         }
         let [far, near] = truth.depth.unwrap();
         let ([low, high], _) = LightField { view_pitch: truth.view_pitch, ..field }.reach(&display);
-        // Neither too narrow nor too wide.
+        // The range is neither too narrow nor too wide.
         let most = 0.1 * (near - far);
         if (low - far).abs() > most || (high - near).abs() > most {
             wrong.push(format!("{order} {}: {low} to {high} of {far} to {near}", name(0, 0)));
@@ -283,7 +284,8 @@ fn what_shows_nothing_is_not_doubted() {
     }
 }
 
-/// A single surface covers nothing: near and far are told by the depths that are stated, where they have room for one alone.
+/// A single surface covers nothing. Stated depths then distinguish near from far, if they have room for only one of the
+/// orders.
 #[test]
 fn stated_depths_tell_near_from_far_where_nothing_is_covered() {
     let display = display(96);
@@ -326,7 +328,7 @@ fn rows_that_run_backwards_are_seen() {
         let grid = format!("grid = [{rows}, {columns}]\n");
         let line = read(&grid).unwrap_err();
         assert!(line.starts_with("not-a-grid/every-second-row-backwards: "), "{line}");
-        // Without the grid, 15 are neither a square nor one row.
+        // Without the grid, 15 views are neither a square nor one row.
         let line = read("").unwrap_err();
         assert!(
             line.starts_with(if rows == columns { "not-a-grid/every-second" } else { "not-a-grid/grid-doubtful" }),
@@ -336,7 +338,7 @@ fn rows_that_run_backwards_are_seen() {
         let apart =
             |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0f32, |most, (a, b)| most.max((a - b.min(1.0)).abs()));
         assert!(found.planes[0].iter().zip(&field.planes[0]).all(|(a, b)| apart(a, b) < 0.01));
-        // Of three rows the middle one runs backwards, which contradicts the names unless the order is stated.
+        // The middle one of three rows runs backwards, which contradicts the names unless the order is stated.
         assert!(read(&format!("{grid}serpentine = false\nflip_rows = false")).is_ok());
     }
 }
@@ -354,11 +356,11 @@ fn one_row_is_told_from_a_square() {
     assert_eq!(load(source, &Request::new(&display, &GREEN)).unwrap().grid, [1, 9]);
 }
 
-/// The names that docs/scenes.md shows are in the table above, and what it says of refusals is what they say.
+/// The names in docs/scenes.md are in the table above, and its texts of refusals are in the error messages.
 #[test]
 fn the_page_says_what_is_read_and_what_is_refused() {
     let page = include_str!("../../docs/scenes.md");
-    // A run of digits is any number, and every end is that of a picture.
+    // A run of digits is any number, and every extension is a picture's.
     let like = |name: &str| {
         let mut digits = name.rsplit_once('.').unwrap().0.replace(|c: char| c.is_ascii_digit(), "#");
         while digits.contains("##") {
@@ -390,7 +392,7 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     eyebox_base::files::write_npy(&list, &[4, 8, 8], &[0.5; 4 * 8 * 8]).unwrap();
     let plain = at.join("plain.png");
     ImageBuffer::from_pixel(64, 64, Luma([90u8])).save(&plain).unwrap();
-    // Found in whole light fields (`kept_tests`); here it is the words.
+    // Such views are found in whole light fields (`kept_tests`), and this test checks only the text.
     let (scene, views, cause) = ("folder".into(), "the view of row 2, column 3 is".into(), "?".into());
     let tiles = Tiles { grid: [6, 8], first: FirstTile::BottomLeft, serpentine: false };
     let odd = SceneError::OddViews { scene, views, found: 20.0, others: 40.0, cause };

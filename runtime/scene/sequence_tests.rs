@@ -1,4 +1,4 @@
-//! Videos of colors and depths, and folders of pairs: frame by frame what single pictures with maps are.
+//! Tests videos of colors and depths, and folders of pairs, frame by frame against single pictures with maps.
 
 use crate::*;
 use eyebox_optics::{Color, Display};
@@ -8,11 +8,11 @@ use std::{fs, path::PathBuf};
 const SIZE: usize = 24;
 const FRAMES: usize = 3;
 
-/// A gray picture that moves, and its depths: a square before a wall.
+/// Returns a gray picture that moves, and its depths, with a square in front of a wall.
 fn frame(i: usize) -> [Vec<u8>; 2] {
     let inside = |p: usize| (6 + 2 * i..14 + 2 * i).contains(&(p % SIZE)) && (8..16).contains(&(p / SIZE));
     let light = |p: usize| if inside(p) { 220 } else { 40 + (p * 37 % 60) as u8 };
-    // The wall comes nearer from frame to frame: a range of its own in each would hide it.
+    // The wall comes nearer from frame to frame, which a separate range in each frame would hide.
     let depth = |p: usize| if inside(p) { 200 } else { 20 + 30 * i as u8 };
     [(0..SIZE * SIZE).map(light).collect(), (0..SIZE * SIZE).map(depth).collect()]
 }
@@ -35,7 +35,7 @@ fn loaded(source: &str, map: &Path) -> LightField {
     load(source, &request).unwrap()
 }
 
-/// The frames of a source and their maps.
+/// Returns the frames of a source and their maps.
 fn pairs(source: &Path, maps: &Path) -> Vec<(String, PathBuf)> {
     let maps = [maps.to_path_buf()];
     let frames = sequence(source.to_str().unwrap(), &maps).unwrap().expect("a sequence");
@@ -71,15 +71,15 @@ fn frames_of_videos_and_of_folders_are_pictures_with_maps() {
     assert!(of_folder[0].0.ends_with("shot-8.png") && of_folder[2].1.ends_with("shot_depth-10.png"), "{of_folder:?}");
     assert!(pairs(&clip, &apart)[1].1.ends_with("001.png"));
     for ((video, video_map), (picture, map)) in of_video.iter().zip(&of_folder) {
-        // The same light; of depths a video's range is the same in every frame, and a picture's is its own.
+        // The light is the same. The range of depths is the same in every frame of a video, and a picture has its own.
         let [a, b] = [loaded(video, map), loaded(picture, map)];
         assert!(likeness(&a, &b) < 1e-5, "{video}: {}", likeness(&a, &b));
         assert!(loaded(video, video_map).depth.unwrap()[1] < 0.6e-3 && b.depth.unwrap()[1] > 0.99e-3);
     }
-    // The wall of the last frame is nearer than that of the first.
+    // The wall of the last frame is nearer than the wall of the first one.
     let far = |i: usize| loaded(&of_video[i].0, &of_video[i].1).depth.unwrap()[0];
     assert!(far(2) > far(0) + 0.3e-3, "{} {}", far(0), far(2));
-    // Alone it is its first frame; what there is not is said.
+    // The video alone is its first frame, and a missing frame is an error.
     assert_eq!(native_size(clip.to_str().unwrap()).unwrap(), Some([SIZE, SIZE]));
     let says = |found: Result<Vec<PathBuf>, SceneError>, numbers: [&str; 2]| {
         let Err(SceneError::Maps { what }) = found else { panic!("{found:?}") };

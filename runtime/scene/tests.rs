@@ -1,4 +1,4 @@
-//! What crosses the files of this room: signs, folders, pictures with maps, built-in scenes.
+//! Tests several modules together, with signs, folders, pictures with maps and built-in scenes.
 
 #[path = "cameras_tests.rs"]
 mod cameras;
@@ -42,7 +42,7 @@ pub(super) fn get(source: &str, request: &Request) -> LightField {
     load(source, request).unwrap_or_else(|e| panic!("{source}: {e}"))
 }
 
-/// The error's code and its sentence.
+/// Returns the code and the message of an error.
 pub(super) fn coded(error: &SceneError) -> String {
     format!("{}: {error}", ErrorData::of(error).code)
 }
@@ -54,7 +54,8 @@ pub(super) fn fails(source: &str, request: &Request) -> String {
     }
 }
 
-/// Shift and add, the plainest way: the views `(r, c)` for which `used`, moved by `(z / f) q` pixels, averaged.
+/// Refocuses by shift and add. It averages the views `(r, c)` for which `used` returns true, moved by `(z / f) q`
+/// pixels.
 fn refocus(field: &LightField, display: &Display, z: f64, used: impl Fn(usize, usize) -> bool) -> Vec<f32> {
     let (h, w) = (field.height as i64, field.width as i64);
     let per_view = z / display.focal_length * field.cell(display) / display.pitch;
@@ -84,7 +85,7 @@ fn refocus(field: &LightField, display: &Display, z: f64, used: impl Fn(usize, u
     sum
 }
 
-/// Mean squared difference over the middle of two pictures.
+/// Returns the mean squared difference over the middle of two pictures.
 fn apart(a: &[f32], b: &[f32], height: usize, width: usize) -> f32 {
     let (m, mut sum, mut count) = (12, 0.0, 0.0);
     for y in m..height - m {
@@ -96,7 +97,7 @@ fn apart(a: &[f32], b: &[f32], height: usize, width: usize) -> f32 {
     sum / count
 }
 
-/// Sharp at `z`, on both axes, and neither at 0 nor at -z.
+/// Checks that the scene is sharp at `z`, on both axes, and neither at 0 nor at -z.
 fn is_sharp_at(field: &LightField, display: &Display, z: f64) {
     let (h, w) = (field.height, field.width);
     let [rows, columns] = field.grid;
@@ -223,7 +224,7 @@ fn built_in_names_and_parameters_are_checked() {
     }
 }
 
-/// One view's distance to the right, a camera sees in each view what was in the next one to the right.
+/// A camera moved to the right by the distance of one view sees in each view the content of the next one to the right.
 #[test]
 fn a_camera_that_stands_aside_sees_the_neighbouring_views() {
     let display = display(64, 64);
@@ -236,7 +237,7 @@ fn a_camera_that_stands_aside_sees_the_neighbouring_views() {
     };
     for (row, column) in (0..3).flat_map(|r| (0..2).map(move |c| (r, c))) {
         let view = 3 * row + column;
-        // Textures are made on grids that begin elsewhere, as margins differ.
+        // Textures are made on grids with other origins because margins differ.
         assert!(apart(view, view + 1) < 4e-3, "{view}: {}", apart(view, view + 1));
         assert!(apart(view, view) > 2.0 * apart(view, view + 1), "{view}: {}", apart(view, view));
     }
@@ -245,7 +246,7 @@ fn a_camera_that_stands_aside_sees_the_neighbouring_views() {
     assert!(error.starts_with("request: "), "{error}");
 }
 
-// Folders.
+// These tests are for folders.
 
 fn write_view(path: PathBuf, height: u32, width: u32, level: u8) {
     ImageBuffer::from_fn(width, height, |x, _| Rgb([level, x as u8, 255])).save(path).unwrap();
@@ -281,7 +282,7 @@ fn a_folder_of_views_is_read_in_order_and_in_linear_light() {
     }
     assert!(field.planes[1].iter().flatten().all(|&p| p == 1.0));
 
-    // The TOML file goes first; stated lengths scale with the picture.
+    // The TOML file takes precedence, and stated lengths scale with the picture.
     fs::write(folder.path().join("lightfield.toml"), "view_pitch_mm = 2\ndisparity = [-1, 1]\ntransfer = \"linear\"\n")
         .unwrap();
     let wide = self::display(12, 20);
@@ -387,9 +388,9 @@ fn exr_is_linear_light_and_must_be_light() {
     }
 }
 
-// Pictures with a map.
+// These tests are for pictures with a map.
 
-/// A picture and its map in a folder: `color` and `depth` of (row, column), depth 0..=255.
+/// Writes a picture and its map to a folder. `color` and `depth` are functions of (row, column), and depth is 0..=255.
 pub(super) fn picture_with_map(
     height: u32,
     width: u32,
@@ -424,13 +425,13 @@ fn a_reprojected_plane_is_sharp_at_its_depth_and_nowhere_else() {
 fn the_near_covers_the_far_and_uncovers_background_not_itself() {
     let (h, w) = (60u32, 80u32);
     let inside = |y: u32, x: u32| (20..40).contains(&y) && (30..50).contains(&x);
-    // A red square in front of a green and blue ground.
+    // A red square is in front of a green and blue ground.
     let color = |y: u32, x: u32| if inside(y, x) { [255, 0, 0] } else { [0, speckle(y, x), 200] };
     let (_folder, picture, map) = picture_with_map(h, w, color, |y, x| if inside(y, x) { 255 } else { 0 });
     let display = display(60, 80);
     let cell = display.eyebox_min() / 3.0;
     let depth = |pixels: f64| pixels * display.focal_length * display.pitch / cell;
-    // The square moves by 4 pixels from view to view, the ground by -3.
+    // The square moves by 4 pixels from view to view, and the ground by -3.
     let request = Request {
         views: 3,
         depth_map: Some(&map),
@@ -457,14 +458,15 @@ fn the_near_covers_the_far_and_uncovers_background_not_itself() {
             }
         }
     }
-    // The ground moved the other way: away from frame and square it is the shifted picture.
+    // The ground moved in the other direction. Away from frame and square, it is the shifted picture.
     let (corner, centre) = (&field.planes[1][0], &field.planes[1][4]);
     for y in 45..54usize {
         for x in 5..70usize {
             assert!((corner[y * 80 + x] - centre[(y + 3) * 80 + x + 3]).abs() < 1e-2, "{y},{x}");
         }
     }
-    // What was uncovered is textured like the ground, not one smeared color: left of the square in the last column.
+    // Left of the square in the last column, the uncovered part has the texture of the ground and not one smeared
+    // color.
     let uncovered: Vec<f32> = (22..38).map(|y| field.planes[1][5][y * 80 + 48]).collect();
     let (low, high) = uncovered.iter().fold((1.0f32, 0.0f32), |(a, b), &v| (a.min(v), b.max(v)));
     assert!(high - low > 0.1, "{uncovered:?}");

@@ -1,5 +1,5 @@
-//! Pictures and arrays whose values have another full scale than their type. Each is read with the right light, or refused until
-//! the value of white is stated.
+//! Tests pictures and arrays whose values have another full scale than their type. Each is read with the right light,
+//! or refused until the value of white is stated.
 
 use super::{GREEN, display};
 use crate::*;
@@ -7,12 +7,12 @@ use std::fs;
 use std::path::PathBuf;
 
 const N: usize = 16;
-/// Linear light of the pattern: a ramp that reaches white.
+/// Returns the linear light of the pattern, which is a ramp that reaches white.
 fn pattern() -> Vec<f32> {
     (0..N * N).map(|i| (i % N) as f32 / (N - 1) as f32).collect()
 }
 
-/// The same as an sRGB value from 0 to 1.
+/// Returns the pattern as sRGB values from 0 to 1.
 fn encoded() -> Vec<f32> {
     pattern().into_iter().map(|v| eyebox_base::files::linear_to_srgb(f64::from(v)) as f32).collect()
 }
@@ -37,8 +37,8 @@ fn largest_error(found: &[f32], wanted: &[f32]) -> f32 {
     found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-/// 10, 12 and 14 bits in 16, and floats of 0 to 255, 1023, 4095, 65535 or 100, need the value of white. The remedy of the
-/// refusal gives the right light.
+/// Values of 10, 12 and 14 bits in 16, and floats of 0 to 255, 1023, 4095, 65535 or 100, need the value of white. The
+/// remedy of the refusal gives the right light.
 #[test]
 fn unknown_full_scales_are_refused_and_stated_ones_are_right() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +64,7 @@ fn unknown_full_scales_are_refused_and_stated_ones_are_right() {
         assert!(matches!(refused, SceneError::FullScale { .. }), "{kind} up to {white}: {refused}");
         let light = green(&format!("{name}?full_scale={white}")).unwrap();
         assert!(largest_error(&light, &pattern()) < 4.0 / white.max(100.0), "{kind} up to {white}");
-        // So does lightfield.toml beside it.
+        // A lightfield.toml in the same folder has the same effect.
         fs::write(folder.path().join("lightfield.toml"), format!("full_scale = {white}\n")).unwrap();
         assert_eq!(green(name).unwrap(), light);
         fs::remove_file(folder.path().join("lightfield.toml")).unwrap();
@@ -99,7 +99,8 @@ fn known_full_scales_are_read_without_a_word() {
     }
 }
 
-/// A few highlights above white are shown white, rounding errors below black are black, and clearly negative light is refused.
+/// A few highlights above white become white, rounding errors below black become black, and clearly negative light is
+/// refused.
 #[test]
 fn highlights_are_white_and_rounding_errors_black() {
     let folder = tempfile::tempdir().unwrap();
@@ -132,7 +133,7 @@ mod pictures {
         N as u32
     }
 
-    /// A folder of 3 x 3 views, each the pattern with 16-bit values up to `white`.
+    /// Writes a folder of 3 x 3 views, each the pattern with 16-bit values up to `white`.
     fn views(folder: &Path, white: f32) {
         let stored = encoded();
         let view = ImageBuffer::from_fn(side(), side(), |x, y| {
@@ -161,7 +162,7 @@ mod pictures {
         assert!(largest_error(&green(folder.path().to_str().unwrap()).unwrap(), &pattern()) < 1e-3);
     }
 
-    /// One picture of a scene may be dark: all of them together decide.
+    /// One picture of a scene may be dark, because all of them together decide.
     #[test]
     fn a_dark_view_among_others_is_no_other_full_scale() {
         let folder = tempfile::tempdir().unwrap();
@@ -268,7 +269,7 @@ mod pictures {
     }
 }
 
-/// Views of 8 bits beside views of 10 bits in 16: no full scale is right for both, whatever is stated.
+/// With views of 8 bits and views of 10 bits in 16, no full scale is right for both, whether it is stated or not.
 #[test]
 fn one_full_scale_is_not_taken_for_pictures_of_different_bits() {
     for (white, may_be) in [(1023.0, false), (4095.0, false), (65535.0, true)] {

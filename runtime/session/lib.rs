@@ -1,10 +1,13 @@
-//! **eyebox-session**: content, an eye and time under one scheduler, for [eyebox](https://github.com/eyebox/eyebox). [`session`] plays, refines for
-//! the eye, and accounts for what was shown; [`preview`] shows what an eye sees, in an ordinary window.
+//! **eyebox-session** plays holograms, refines them for the tracked pupil and previews them, for
+//! [eyebox](https://github.com/eyebox/eyebox).
+//!
+//! [`session`] plays content, refines it for the pupil, and counts what was shown when. [`preview`] shows the simulated
+//! image of an eye in an ordinary window.
 
 pub mod preview;
 pub mod session;
 
-// Modules name these as if they were beside them.
+// Modules use these names as if they were modules of this crate.
 use eyebox_base::{files, mailbox, steady};
 use eyebox_calibrate as calibrate;
 use eyebox_compute::{engine, gpu, plan};

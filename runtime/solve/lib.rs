@@ -1,8 +1,11 @@
-//! **eyebox-solve**: from scenes to holograms, and to what an SLM receives, for [eyebox](https://github.com/eyebox/eyebox).
+//! **eyebox-solve** computes holograms of scenes and the video frames that an SLM receives from them, for
+//! [eyebox](https://github.com/eyebox/eyebox).
 //!
-//! [`evaluate`] sees what an eye sees, [`solve`](mod@solve) moves the phases. A [`hologram`] is kept in a file, [`tiled`] where it is larger than memory, and
-//! [`reconstruction`] compares it with its scene. [`quality`] measures what settings cost and gain, and [`produce`] makes all colors of scenes
-//! and sequences. [`encode`] makes the SLM's bytes, and [`encoded`] reads and writes folders of them.
+//! [`evaluate`] computes what an eye sees of a hologram, and [`solve`](mod@solve) moves its phases. The module
+//! [`hologram`] stores holograms in files, and [`tiled`] solves holograms larger than memory. The module
+//! [`reconstruction`] compares a hologram with its scene. The module [`quality`] measures the cost and the gain of
+//! settings, and [`produce`] solves all colors of scenes and sequences. The module [`encode`] makes the bytes for the
+//! SLM, and [`encoded`] reads and writes folders of them.
 
 pub mod encode;
 pub mod encoded;
@@ -14,7 +17,7 @@ pub mod reconstruction;
 pub mod solve;
 pub mod tiled;
 
-// Modules name these as if they were beside them.
+// Modules name these crates like modules of this one.
 use eyebox_base::{files, memory};
 #[cfg(feature = "vulkan")]
 use eyebox_compute::gpu;

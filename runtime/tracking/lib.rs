@@ -1,5 +1,7 @@
-//! **eyebox-tracking**: where the pupil is and will be, for [eyebox](https://github.com/eyebox/eyebox). [`trackers`] gives samples with a steady time,
-//! [`gaze`] makes of them a distribution of where the pupil will be when the light arrives.
+//! Predicts the pupil of a tracked eye for [eyebox](https://github.com/eyebox/eyebox).
+//!
+//! The crate reads eye trackers in [`trackers`], as samples with a steady time. [`gaze`] turns the samples into a
+//! distribution of the pupil at the time when the light arrives.
 
 pub mod gaze;
 pub mod trackers;

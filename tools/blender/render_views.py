@@ -1,15 +1,17 @@
-"""Renders the views of a Blender scene that a display wants, as a folder that eyebox reads.
+"""Renders the views of a Blender scene for a display, as a folder that eyebox reads.
 
     blender -b scene.blend -P tools/blender/render_views.py -- --display bench.toml --size 512x512 -o views
     python tools/blender/render_views.py scene.blend --display bench.toml --size 512x512 -o views
     eyebox solve views --display bench.toml --size 512x512 -o scene.zarr
 
-The second needs Blender's Python package (pip install bpy). What is written: view_ROW_COLUMN.png and lightfield.toml with the pitch of
-the views, their disparities and their depths. The scene's own camera says what is seen, and keeps its angle; the views stand around it.
+The second command needs Blender's Python package (pip install bpy). The script writes view_ROW_COLUMN.png and
+lightfield.toml with the pitch of the views, their disparities and their depths. The scene's own camera is in the middle
+of the views and keeps its angle.
 
-Between neighbouring views, content at the distance L moves by k b (1/L - 1/L0) pixels: k is the camera's focal length in pixels, b the
-distance of the views in the scene, and L0 that of what does not move. b and L0 are chosen so that the nearest and the farthest of
-the scene come to lie at the depths that are asked for (--depth-mm, z = d f p / c: eyebox's docs/optics.md, section 3).
+Between neighboring views, content at the distance L moves by k b (1/L - 1/L0) pixels. Here k is the camera's focal
+length in pixels, b is the distance of the views in the scene, and L0 is the distance of content that does not move. The
+script chooses b and L0 for the requested depths of the nearest and the farthest content (--depth-mm, z = d f p / c, see
+OPTICS 3).
 """
 
 import argparse
@@ -21,40 +23,40 @@ import tomllib
 import bpy
 from mathutils import Vector
 
-# Rays along each axis of the picture that find how near and how far the scene is.
+# The number of rays along each axis of the picture that measure the distances of the scene.
 RAYS = 64
-# What no more than this share of the rays hits is neither the nearest nor the farthest.
+# Content that at most this share of the rays hits is neither the nearest nor the farthest.
 RARE = 0.01
 
 
 def arguments():
-    """The command line, behind Blender's own where there is one."""
+    """Reads the command line, after Blender's own arguments if there are any."""
     words = sys.argv[1:]
     if "--" in words:
         words = words[words.index("--") + 1 :]
     elif bpy.app.binary_path:
         words = []
     parser = argparse.ArgumentParser(prog="render_views.py", description=__doc__.splitlines()[0])
-    parser.add_argument("scene", nargs="?", help="a .blend file [default: the one that is open]")
-    parser.add_argument("-o", "--out", required=True, help="the folder; made where it is not there")
-    parser.add_argument("--display", required=True, metavar="FILE.toml", help="eyebox display new NAME -o FILE.toml writes one")
+    parser.add_argument("scene", nargs="?", help="a .blend file [default: the open scene]")
+    parser.add_argument("-o", "--out", required=True, help="output folder, created if it does not exist")
+    parser.add_argument("--display", required=True, metavar="FILE.toml", help="display file of eyebox display new")
     parser.add_argument("--size", metavar="HxW", help="pixels [default: the display's resolution]")
     parser.add_argument("--views", type=int, default=9, metavar="N", help="views per axis [default: 9]")
-    parser.add_argument("--depth-mm", type=float, nargs=2, metavar=("FAR", "NEAR"), help="where the farthest and the nearest "
-                        "of the scene come to lie, mm [default: so that they move by -1 and 1 pixels from view to view]")
+    parser.add_argument("--depth-mm", type=float, nargs=2, metavar=("FAR", "NEAR"), help="depths of the farthest and the "
+                        "nearest content, mm [default: content that moves by -1 and 1 pixels from view to view]")
     parser.add_argument("--distance", type=float, nargs=2, metavar=("FAR", "NEAR"),
                         help="distances from the camera in the scene's units [default: measured by rays]")
-    parser.add_argument("--samples", type=int, default=64, help="of each pixel, by Cycles [default: 64]")
+    parser.add_argument("--samples", type=int, default=64, help="samples per pixel by Cycles [default: 64]")
     return parser.parse_args(words)
 
 
 def fail(reason):
-    """Ends with one line."""
+    """Ends the program with one line."""
     sys.exit(f"render_views.py: {reason}")
 
 
 def wanted(args):
-    """Rows, columns, and the display's metres: pitch, focal length, pitch of the views."""
+    """Returns rows and columns, and in meters the display's pitch, focal length and pitch of the views."""
     try:
         with open(args.display, "rb") as file:
             display = tomllib.load(file)
@@ -64,16 +66,16 @@ def wanted(args):
     except (OSError, tomllib.TOMLDecodeError) as error:
         fail(f"{args.display}: {error}")
     except (KeyError, TypeError, ValueError) as error:
-        fail(f"{args.display}: no display file: {error} is missing or wrong; eyebox display new paper -o {args.display}")
+        fail(f"{args.display}: {error} is missing or wrong. Use eyebox display new paper -o {args.display}.")
     if args.size:
         try:
             rows, columns = (int(n) for n in args.size.lower().split("x"))
         except ValueError:
             fail(f"--size {args.size}: expected rows x columns, such as 512x512")
     if not 2 <= args.views <= 64:
-        fail(f"--views {args.views}: it must be 2 to 64")
+        fail(f"--views {args.views}: expected 2 to 64")
     if display.get("geometry", "relay") == "far-field":
-        # A square of the smaller side's picture; the eyebox is the SLM.
+        # The picture is a square, and the eyebox is the smaller side of the SLM.
         side = max(rows, columns)
         eyebox = min(rows, columns) * pitch
         return side, side, shortest * focal / (pitch * side), focal, eyebox / args.views
@@ -81,7 +83,7 @@ def wanted(args):
 
 
 def distances(scene, camera):
-    """How far the farthest and the nearest are along the camera's axis, by rays through the picture."""
+    """Measures the farthest and the nearest distance along the camera's axis, with rays through the picture."""
     graph = bpy.context.evaluated_depsgraph_get()
     frame = [camera.matrix_world @ corner for corner in camera.data.view_frame(scene=scene)]
     top_right, bottom_right, bottom_left, top_left = frame
@@ -98,26 +100,26 @@ def distances(scene, camera):
             if hit:
                 found.append((place - eye).dot(ahead))
     if len(found) < 2:
-        fail("the camera sees nothing whose distance rays can find: give --distance FAR NEAR")
+        fail("rays from the camera hit no content. Give --distance FAR NEAR.")
     found.sort()
     rare = int(RARE * len(found))
     return found[-1 - rare], found[rare]
 
 
 def baseline(k, disparity, distance):
-    """The distance of neighbouring views in the scene, and 1 / L0 of what does not move."""
+    """Returns the distance of neighboring views in the scene, and 1 / L0 of content that does not move."""
     (far, near), (d_far, d_near) = distance, disparity
     if not (0.0 < near and math.isfinite(far) and d_near > d_far):
-        fail(f"the scene lies from {far} to {near} away, and is to move by {d_far} to {d_near} pixels: near before far")
+        fail(f"distances {far} to {near}, motion {d_far} to {d_near} pixels, but near must be nearer and move more")
     if far - near < 1e-6 * far:
-        # Everything at one distance stands still.
+        # Content at a single distance does not move.
         return (d_near - d_far) / k * far * 0.1, 1.0 / far
     b = (d_near - d_far) / (k * (1.0 / near - 1.0 / far))
     return b, 1.0 / far - d_far / (k * b)
 
 
 def main():
-    """Renders them all."""
+    """Renders all views and writes lightfield.toml."""
     args = arguments()
     rows, columns, pitch, focal, cell = wanted(args)
     if args.scene:
@@ -132,13 +134,13 @@ def main():
     render.engine, scene.cycles.samples = "CYCLES", args.samples
     render.resolution_x, render.resolution_y, render.resolution_percentage = columns, rows, 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-    # A view is what a pinhole sees: the pupil's blur is the hologram's business.
+    # A view is a pinhole image, because the hologram makes the blur of the pupil.
     camera.data.dof.use_dof = False
     scene.view_settings.view_transform = "Standard"
     image = render.image_settings
     image.file_format, image.color_mode, image.color_depth = "PNG", "RGB", "16"
 
-    # The angle of the picture's longer side, or of the one that the camera's fit names.
+    # The angle belongs to the picture's longer side, or to the side that the camera's fit names.
     fit = camera.data.sensor_fit
     vertical = fit == "VERTICAL" or (fit == "AUTO" and rows > columns)
     side = rows if vertical else columns
@@ -155,7 +157,7 @@ def main():
     right, down = turn @ Vector((1.0, 0.0, 0.0)), turn @ Vector((0.0, -1.0, 0.0))
     own_shift = camera.data.shift_x, camera.data.shift_y
     world = camera.matrix_world.copy()
-    # What moves the camera in the scene would move it back.
+    # Constraints and animation of the scene would move the camera back.
     camera.constraints.clear()
     camera.animation_data_clear()
     for row in range(args.views):
@@ -164,7 +166,7 @@ def main():
             moved = world.copy()
             moved.translation = place + x * right + y * down
             camera.matrix_world = moved
-            # In shares of the side that the angle belongs to; what lies at L0 stays where it was.
+            # Shifts are shares of the side of the angle. Content at L0 does not move.
             camera.data.shift_x = own_shift[0] - x * convergence * k / side
             camera.data.shift_y = own_shift[1] + y * convergence * k / side
             render.filepath = os.path.abspath(os.path.join(args.out, f"view_{row:02}_{column:02}.png"))

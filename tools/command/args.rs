@@ -1,4 +1,4 @@
-//! The arguments of commands: millimeters, micrometers and nanometers in, meters out.
+//! The arguments of commands. Options are in millimeters, micrometers and nanometers.
 
 use crate::display::patterns::PatternArgs;
 use crate::experiment::ExperimentArgs;
@@ -21,22 +21,19 @@ use eyebox::low_level::present::Rate;
 use eyebox::low_level::solve::Method;
 use std::path::PathBuf;
 
-/// `eyebox demo`
+/// The arguments of `eyebox demo`.
 #[derive(Args)]
 pub struct Demo {
     /// Output folder of the hologram and the pictures
     #[arg(help_heading = "Output", long, default_value = "demo", value_name = "OUT_DIR")]
     pub out: PathBuf,
-    /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Resolution of the hologram, which is a square
     #[arg(help_heading = "Display", long, default_value = "512", value_name = "HxW", value_parser = size)]
     pub size: [usize; 2],
-    /// Quality
     #[command(flatten)]
     pub quality: QualityArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output
@@ -48,54 +45,47 @@ fn warm(text: &str) -> Result<Start, String> {
     if text == "cold" { Ok(Start::Cold) } else { share(text).map(Start::Warm).map_err(|e| format!("{e}, or cold")) }
 }
 
-/// `eyebox solve`
+/// The arguments of `eyebox solve`.
 #[derive(Args)]
 pub struct Solve {
-    /// Scene
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// More scenes: with the first, the frames of a sequence
+    /// More scenes, which make a sequence with the first one
     #[arg(value_name = "SCENE")]
     pub more: Vec<String>,
-    /// Output: NAME.zarr, or NAME.npy for the phases of one hologram alone
+    /// Output file NAME.zarr, or NAME.npy for the phases of one hologram
     #[arg(help_heading = "Output", short, long, value_name = "OUT", default_value = "hologram.zarr")]
     pub out: PathBuf,
     /// Holograms per second of a sequence
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
     pub rate: Rate,
-    /// Where in its schedule a frame of a sequence begins that starts from the one before, 0 to 1; or cold: from random
-    /// phases
+    /// Place in the step schedule at which later frames of a sequence begin, 0 to 1. They start from the frame before.
+    /// With cold, they start from random phases
     #[arg(help_heading = "Steps", long, value_name = "SHARE|cold", value_parser = warm, default_value = "0")]
     pub warm_start: Start,
-    /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// Quality
     #[command(flatten)]
     pub quality: QualityArgs,
-    /// Settings of the solve
     #[command(flatten)]
     pub settings: SettingsArgs,
     /// Memory limit of a far-field solve, which then works region by region in its file. The same command resumes an
     /// interrupted solve [default: 4GiB if the hologram is larger, otherwise no limit]
     #[arg(help_heading = "Steps", long, value_name = "AMOUNT", value_parser = memory)]
     pub memory: Option<u64>,
-    /// Camera for the last steps
     #[command(flatten)]
     pub camera: CameraArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output, no progress bar
     #[arg(help_heading = "Output", long)]
     pub json: bool,
-    /// Print what would be computed and why, and the time and memory that it would take. Nothing is solved
+    /// Print the plan, its reasons, time and memory. Nothing is solved
     #[arg(help_heading = "Output", long)]
     pub dry_run: bool,
-    /// With --dry-run: time the engine of this machine again
+    /// Time the engine of this machine again, with --dry-run
     #[arg(help_heading = "Engine", long, requires = "dry_run")]
     pub time_again: bool,
     /// Time per kernel, after the solve
@@ -103,28 +93,29 @@ pub struct Solve {
     pub timings: bool,
 }
 
-/// Settings of a solve.
+/// The settings of a solve.
 #[derive(Args)]
 pub struct SettingsArgs {
     /// Sub-frames, optimized jointly on their mean intensity [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "F")]
     pub frames: Option<usize>,
-    /// All colors at once: every laser lights every sub-frame, and phases and laser powers are solved together. TIMES
-    /// is the brightness of white relative to one color after another by the same lasers, 1 to the number of colors
-    /// [alone: 1]
+    /// All colors at once (simultaneous color). Every laser lights every sub-frame, and phases and laser powers are
+    /// solved together. TIMES is the brightness of white relative to one color after another with the same lasers, 1
+    /// to the number of colors [alone: 1]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", num_args = 0..=1, require_equals = true, default_missing_value = "1", value_parser = positive, conflicts_with = "camera")]
     pub joint_color: Option<f64>,
-    /// What is supervised: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware [default: slfh]
+    /// Method of supervision (slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac or pupil-aware) [default:
+    /// slfh]
     #[arg(help_heading = "Quality", long, value_parser = method, value_name = "NAME")]
     pub method: Option<Method>,
-    /// Terms of the display's model that the solver uses: all, auto, none, or their names with commas. With auto, a
+    /// Terms of the display's model that the solver uses (all, auto, none, or their names with commas). With auto, a
     /// measurement of some seconds keeps terms that gain 0.05 dB on this scene, and sub-pixels that gain 0.2 dB
     #[arg(help_heading = "Display", long, value_name = "all|auto|none|LIST", value_parser = model_terms, default_value = "all")]
     pub model_terms: TermsOfModel,
-    /// Pupils per step [default: 16; adam 8]
+    /// Pupils per step [default: 16, with adam 8]
     #[arg(help_heading = "Pupils", long, value_name = "B")]
     pub pupils: Option<usize>,
-    /// Steps at most [default: 60; adam 200]
+    /// Steps at most [default: 60, with adam 200]
     #[arg(help_heading = "Steps", long, value_name = "N")]
     pub steps: Option<usize>,
     /// Stop after this time, s, shared by the colors
@@ -139,25 +130,23 @@ pub struct SettingsArgs {
     /// Seed of the first phases and of the pupils [default: 0]
     #[arg(help_heading = "Steps", long, value_name = "S")]
     pub seed: Option<u64>,
-    /// The rest of them
     #[command(flatten)]
     pub experiment: ExperimentArgs,
 }
 
-/// The camera for the last steps.
+/// The options of the camera for the last steps.
 #[derive(Args)]
 pub struct CameraArgs {
     /// Command of a camera behind the display, which takes part in --camera-steps after the solve (docs/calibrate.md)
     #[arg(help_heading = "Camera", long, value_name = "COMMAND", requires = "camera_steps")]
     pub camera: Option<String>,
-    /// Steps with the camera's pictures in the place of what the model has
+    /// Steps with the camera's pictures instead of the model's images
     #[arg(help_heading = "Camera", long, value_name = "N", requires = "camera", value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     pub camera_steps: Option<usize>,
-    /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
-    /// Keep the camera's pictures in this folder. Pictures are added to the folder of a calibration, and its dots say where the camera
-    /// looks
+    /// Keep the camera's pictures in this folder. Pictures are added to the folder of a calibration, and its dots
+    /// determine where the camera looks
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", requires = "camera")]
     pub keep: Option<PathBuf>,
 }
@@ -173,105 +162,92 @@ pub struct TilesSettings {
     pub picture: Option<usize>,
 }
 
-/// `eyebox encode`
+/// The arguments of `eyebox encode`.
 #[derive(Args)]
 pub struct Encode {
-    /// NAME.zarr, or phases: NAME.npy or a folder of PNGs
+    /// NAME.zarr, or phases as NAME.npy or a folder of PNGs
     pub hologram: PathBuf,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Output folder of the video frames, which appears whole
+    /// Output folder of the video frames, which appears only when it is complete
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
-    /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
-    /// What is not finished
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// One JSON object on standard output: what each frame holds
+    /// One JSON object on standard output, with the content of each frame
     #[arg(help_heading = "Output", long)]
     pub json: bool,
 }
 
-/// `eyebox bench`
+/// The arguments of `eyebox bench`.
 #[derive(Args)]
 pub struct Bench {
-    /// What is solved: the arguments of `solve`. With --dry-run the steps are recorded and none is run: dispatches, barriers, bytes,
-    /// submissions, and the time that GPUs would take
+    /// The arguments of the solve. With `--dry-run` the steps are recorded and none is run. The report then has the
+    /// dispatches, barriers, bytes and submissions, and the time that GPUs would take.
     #[command(flatten)]
     pub solve: Solve,
-    /// Rounds
+    /// Rounds of the measurement
     #[arg(help_heading = "Engine", long, default_value_t = 3, value_name = "N")]
     pub rounds: usize,
-    /// A command to run in turn with each round
+    /// Command to run in turn with each round
     #[arg(help_heading = "Engine", long, value_name = "COMMAND", conflicts_with = "dry_run")]
     pub beside: Option<String>,
-    /// Pupil of a refinement whose steps are recorded, with --dry-run: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    /// Pupil of a refinement whose steps --dry-run records, as x,y,diameter,focus in mm, or the focus in dioptres
+    /// (0.5D)
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, requires = "dry_run")]
     pub pupil: Option<GivenPupil>,
 }
 
-/// `eyebox eval score`
+/// The arguments of `eyebox eval score`.
 #[derive(Args)]
 pub struct Score {
-    /// NAME.zarr; phases: NAME.npy or a folder of PNGs (with --display); or the folder of encode
+    /// NAME.zarr, phases (NAME.npy or a folder of PNGs, with --display), or the folder of encode
     pub hologram: PathBuf,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Scene
     #[command(flatten)]
     pub scene: OwnSceneArgs,
-    /// Look past the display's model, as if the display were ideal
+    /// Ignore the display's model, as if the display were ideal
     #[arg(help_heading = "Display", long)]
     pub ideal: bool,
-    /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// Obstructions
     #[command(flatten)]
     pub obstructions: ObstructedArgs,
-    /// Pupils that the hologram is measured through: random:N, or a JSON file with a list of [x, y, diameter, focus] in mm, or the focus
-    /// as "0.5D"
+    /// Pupils of the measurement (random:N or a JSON file). The file has a list of [x, y, diameter, focus] in mm, or
+    /// the focus as "0.5D"
     #[arg(help_heading = "Pupils", long, default_value = "random:16", value_name = "PUPILS")]
     pub test_pupils: String,
     /// Pupil diameters of random pupils, mm [default: 2..20, or what fits the eyebox]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
-    /// Settings of the viewer
     #[command(flatten)]
     pub experiment: ExperimentArgs,
     /// Seed of random pupils
     #[arg(help_heading = "Steps", long, default_value_t = 1000, value_name = "S")]
     pub seed: u64,
-    /// What people see
     #[command(flatten)]
     pub seen: JodArgs,
-    /// Judge the sub-frames as the video that they are, so many a second [default: their mean, as of an eye that is too slow for
+    /// Judge the sub-frames as a video with this rate, Hz [default: their mean, as seen by an eye that is too slow for
     /// all flicker]
     #[arg(help_heading = "Quality", long, value_name = "HZ", value_parser = positive_in(HZ))]
     pub sub_frame_rate: Option<f64>,
-    /// Where the eye looks, degrees right of and below the picture's middle: the 5 by 5 degrees around there are judged alone, too
+    /// Gaze in degrees right of and below the picture's middle. The 5 by 5 degrees around it are judged alone, too
     #[arg(help_heading = "Quality", long, value_parser = gaze, value_name = "X,Y")]
     pub gaze: Option<[f64; 2]>,
-    /// Where JOD are lost: a picture for each pupil that is judged, in this folder
+    /// Output folder of maps of the lost JOD, one picture for each judged pupil
     #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
     pub jod_maps: Option<PathBuf>,
-    /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
-    /// Video frames
     #[command(flatten)]
     pub encoded: EncodedArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output
@@ -280,7 +256,7 @@ pub struct Score {
 }
 
 impl Colors {
-    /// The single color, or none for all.
+    /// Returns the single color, or None for all of them.
     pub fn one(self) -> Option<Color> {
         match self {
             Self::Red => Some(Color::Red),

@@ -1,4 +1,4 @@
-//! `eyebox bench`: milliseconds per step, and per kernel, beside another program in the same run.
+//! `eyebox bench` times a step and each kernel, in turn with another program in the same run.
 
 use crate::Failure;
 use crate::args::Bench;
@@ -13,12 +13,13 @@ use serde_json::json;
 use std::process::Command;
 use std::time::Instant;
 
-/// How often first phases are looked up,
+/// Number of look-ups of first phases, of which the median is reported.
 const LOOKS: usize = 9;
-/// and for which share of the light.
+/// Light efficiency for which first phases are looked up.
 const EFFICIENCY: f64 = 0.4;
 
-/// Median time of looking first phases up, where the display has a table; the engine's buffers are those of a solve.
+/// Returns the median time of a look-up of first phases, ms, or None if the display has no table. The engine has
+/// the buffers of a solve.
 fn look_up_ms(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -> Result<Option<f64>, Failure> {
     if settings.first_phases != FirstPhases::Table || !StartTable::fits(problem) {
         return Ok(None);
@@ -35,12 +36,12 @@ fn look_up_ms(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -
     Ok(Some(times[LOOKS / 2]))
 }
 
-/// Prints a line, on standard error beside a report in JSON.
+/// Prints a line. It goes to standard error if the report is JSON.
 macro_rules! say_beside {
     ($json:expr, $($text:tt)*) => { if $json { eprintln!($($text)*) } else { println!($($text)*) } };
 }
 
-/// Times steps in rounds, in turn with the other program.
+/// Times the steps in rounds, in turn with the other program.
 pub fn run(args: &Bench) -> Result<(), Failure> {
     let mut request = SolveRequest::at_once(&args.solve)?;
     if request.printed()? {
@@ -65,7 +66,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     }
     say_beside!(
         args.solve.json,
-        "{}; {} {}x{}, {} sub-frames, {} pupils a step",
+        "{}; {} {}x{}, {} sub-frames, {} pupils per step",
         engine.describe(),
         color,
         display.height,
@@ -79,20 +80,20 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let mut totals = Vec::new();
     for round in 1..=args.rounds.max(1) {
         if let Some(other) = &args.beside {
-            say_beside!(args.solve.json, "round {round}, beside: {other}");
+            say_beside!(args.solve.json, "round {round}, in turn with {other}");
             let status = Command::new("sh")
                 .args(["-c", other])
                 .status()
                 .map_err(|e| Failure::Arguments(reason!("command", "{other}: {e}")))?;
             if !status.success() {
-                return Err(Failure::Arguments(reason!("command", "{other}: it ended with {status}")));
+                return Err(Failure::Arguments(reason!("command", "{other}: ended with {status}")));
             }
         }
         let (mut last, mut times) = (None, Vec::new());
         engine.reset_timings();
         let begun = Instant::now();
         let solution = solve::solve(&problem, &settings, engine.as_mut(), &mut |p| {
-            // A step after which a validation was given carries its time; the median does not mind.
+            // A step that is followed by a validation includes its time, which the median ignores.
             let now = Instant::now();
             times.extend(last.replace(now).map(|before: Instant| now.duration_since(before).as_secs_f64() * 1e3));
             if p.step == 0 {
@@ -138,7 +139,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     }
     match common::peak_memory_mib() {
         Some(mib) => say_beside!(args.solve.json, "peak memory {mib} MiB"),
-        None => say_beside!(args.solve.json, "peak memory is not told by this system"),
+        None => say_beside!(args.solve.json, "this system does not report the peak memory"),
     }
     Ok(())
 }

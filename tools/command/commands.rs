@@ -1,4 +1,4 @@
-//! The command line: the commands, what they are for, and examples of them.
+//! The command line with its commands, their help and their examples.
 
 use crate::args::{Bench, Demo, Encode, Solve};
 use crate::device::Device;
@@ -7,7 +7,7 @@ use crate::eval::Eval;
 use crate::tracker::Tracker;
 use clap::{Parser, Subcommand};
 
-/// How numbers are written.
+/// The note on units of numbers below each help.
 const UNITS: &str = "Numbers are in the unit that the help of an option states, or have one, such as 4mm, 0.5D, 520nm, 30Hz, 10s, 4GiB.";
 
 /// Compute phase holograms for near-eye displays.
@@ -17,12 +17,11 @@ pub struct Cli {
     /// Increase log detail on stderr (-v, -vv). RUST_LOG overrides
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub verbose: u8,
-    /// What to do.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// The commands.
+/// The commands of eyebox.
 #[derive(Subcommand)]
 pub enum Command {
     /// Solve the built-in still life, show it through several pupils, and measure it
@@ -40,15 +39,15 @@ pub enum Command {
                       Several scenes, or a folder of light-field folders, make a sequence. The same command resumes one that was interrupted.\n\
                       The first --dry-run on a machine times its engine for some seconds. The rates are kept in $XDG_CACHE_HOME/eyebox, or\n\
                       ~/.cache/eyebox.\n\
-                      Built-in scenes: still-life, still-life-dark, still-life-bright, dense-grass, points, plane, chart. Seen by a camera that\n\
-                      stands 2 mm to the right: builtin:still-life?camera=2")]
+                      The built-in scenes are still-life, still-life-dark, still-life-bright, dense-grass, points, plane and chart. With\n\
+                      builtin:still-life?camera=2 the camera is 2 mm to the right.")]
     Solve(Box<Solve>),
     /// Refine a hologram for a pupil, and print what each step gains
     #[command(
         after_help = "Examples:\n  eyebox refine still-life.zarr --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --prescription '-0.1' -o mine.zarr"
     )]
     Refine(Box<crate::refine::Refine>),
-    /// Render what an eye sees: a picture through one pupil, or a film along a path
+    /// Render what an eye sees, as a picture through one pupil or as a film along a path
     #[command(after_help = "Examples:\n  eyebox render still-life.zarr --pupil=4,0,4,1.5 -o image.png\n  \
                       eyebox render still-life.zarr --pupil=4,0,4,1.5 --what both -o both.png\n  \
                       eyebox render lightfield/ --size 512x512 --color green --pupil=0,0,18,1 -o target.png\n  \
@@ -57,16 +56,16 @@ pub enum Command {
                       eyebox render mine.zarr --pupil=2,0,4,0 --prescription none -o others.png\n  \
                       eyebox render still-life.zarr --path path.json -o still-life.y4m\n  \
                       eyebox render builtin:still-life --size 512x512 --path path.json --what image -o image.y4m\n\n\
-                      path.json, at its least {\"keys\": [{\"t_s\": 0, \"x_mm\": -4}, {\"t_s\": 2, \"x_mm\": 4}]}: keys by rising t_s (s) with x_mm, y_mm,\n\
-                      diameter_mm, focus (mm, or \"0.01D\") and jump (true: at once). Besides keys: rate_hz (30) and blinks_s. The same path gives the\n\
-                      same film.")]
+                      The smallest path.json is {\"keys\": [{\"t_s\": 0, \"x_mm\": -4}, {\"t_s\": 2, \"x_mm\": 4}]}. Keys have a rising t_s (s), x_mm, y_mm,\n\
+                      diameter_mm, focus (mm, or \"0.01D\") and jump (true jumps at once). The file may also have rate_hz (30) and blinks_s. The same\n\
+                      path gives the same film.")]
     Render(Box<crate::render::Render>),
-    /// Show what an eye sees in a window: the mouse moves the pupil, the wheel changes focus
+    /// Show what an eye sees in a window. The mouse moves the pupil, the wheel changes focus
     #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
                       eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \
                       eyebox preview mine.zarr --prescription none\n  \
                       eyebox preview phases.npy --pitch 8 --wavelength 520 --focal-length 400\n\n\
-                      In the window: the mouse moves the pupil over the eyebox, the wheel changes focus, + and - the diameter, a switches\n\
+                      In the window the mouse moves the pupil over the eyebox, the wheel changes focus, + and - the diameter, a switches\n\
                       speckle averaging, p shows the target image of --scene, s saves a PNG, i shows a line and a map, h all keys, escape closes.\n\
                       Ends with 0 when it is closed and on ctrl-C, with 2 if it cannot be shown, with 3 if the desktop is lost.")]
     Preview(Box<crate::preview::Preview>),
@@ -82,16 +81,16 @@ pub enum Command {
                       an application in another process (docs/live-input.md). Without --tracker holograms are shown as they were solved, and live\n\
                       content is refined for the whole eyebox.\n\
                       Ends with 0 at the end, after --duration, and on ctrl-C. Ends with 2 if it cannot be shown, with 3 if the display is lost, with\n\
-                      130 at once on a second ctrl-C. The display keeps the idle picture: the phase 0, or with show.sync the sync picture."
+                      130 at once on a second ctrl-C. The display keeps the idle picture, which is the phase 0, or with show.sync the sync picture."
     )]
     Show(Box<crate::show::Show>),
-    /// Write what a display receives: video frames with levels or bit-planes, as PNG
+    /// Write the video frames that a display receives, with levels or bit planes, as PNG
     #[command(
         after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \
-                      eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames are in the order in which they are shown. A .npy is (sub-frame, row, column) or (color, sub-frame, row, column), float,\nradians. `eyebox convert frames phases.npy` is the way back. Display files: docs/displays.md"
+                      eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames are in the order in which they are shown. A .npy is (sub-frame, row, column) or (color, sub-frame, row, column), float,\nradians. `eyebox convert frames phases.npy` converts back. docs/displays.md describes display files."
     )]
     Encode(Box<Encode>),
-    /// Print what a file is: a scene as it is read, a hologram, a sequence, a recording, a display
+    /// Print the contents of a scene as it is read, a hologram, a sequence, a recording or a display
     #[command(
         after_help = "Examples:\n  eyebox info lightfield/ -o views.png\n  eyebox info lightfield/ --order flip-rows --json\n  eyebox info still-life.zarr\n  eyebox info session.hid"
     )]
@@ -104,16 +103,16 @@ pub enum Command {
     /// Measure holograms, methods, pupil steering and settings
     #[command(subcommand)]
     Eval(Eval),
-    /// Displays: presets, files, monitors, calibration
+    /// List, check and calibrate displays
     #[command(subcommand)]
     Display(Display),
-    /// Eye trackers: samples, recordings, calibration
+    /// Watch, record and calibrate eye trackers
     #[command(subcommand)]
     Tracker(Tracker),
-    /// Engines and devices that compute
+    /// List and test engines and devices
     #[command(subcommand)]
     Device(Device),
-    /// Time the steps of a solve, and each kernel, beside another program in the same run
+    /// Time the steps of a solve and each kernel, in turn with another program
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
     )]
@@ -121,7 +120,7 @@ pub enum Command {
     /// Send frames of scenes to a display that shows live content, as an application would
     #[command(after_help = "Examples:\n  eyebox feed builtin:still-life --name demo --rate 30 --move=camera=-2..2\n  \
                       eyebox feed builtin:plane --name demo --move=depth=-1..1 --count 300 --json\n  \
-                      eyebox feed frames/ --name demo --rate 24\n\nThe display takes them as live:NAME: docs/live-input.md. --display gives its optics. Ends when the display does.")]
+                      eyebox feed frames/ --name demo --rate 24\n\nThe display takes them as live:NAME (docs/live-input.md). --display gives its optics. Ends when the display does.")]
     Feed(Box<crate::feed::Feed>),
     /// Print the completions of a shell
     #[command(
@@ -145,7 +144,7 @@ mod tests {
         for (path, sub) in crate::headings::leaves(&command) {
             let help = sub.get_after_help().unwrap_or_else(|| panic!("an example of {path}")).to_string();
             assert!(help.contains(&format!("eyebox {path}")), "{help}");
-            // Its examples have options that it takes.
+            // The examples use only options that the command has.
             let examples = help.lines().filter_map(|line| line.trim().strip_prefix(&format!("eyebox {path} ")));
             for word in examples.flat_map(str::split_whitespace) {
                 let Some(option) = word.strip_prefix("--").and_then(|word| word.split('=').next()) else { continue };

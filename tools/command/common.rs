@@ -1,4 +1,4 @@
-//! What commands share: display, scene, engine, names of files.
+//! Functions that commands share for displays, scenes, engines and names of files.
 
 use crate::Failure;
 use crate::groups::{DeviceArgs, DisplayArgs, EngineArgs, EngineName, SceneArgs};
@@ -20,8 +20,8 @@ use eyebox::low_level::session::EngineSource;
 use eyebox::low_level::solve::{Flow, PupilRange, Settings, StartTable};
 use std::path::{Path, PathBuf};
 
-/// Fits first phases of these colors of a display into the cache, so that no solve waits for them. Ctrl-C ends the fit, and the next
-/// solve continues it.
+/// Fits first phases of these colors of a display into the cache, so that no solve waits for them. Ctrl-C ends the fit,
+/// and the next solve continues it.
 pub fn prepare_first_phases(display: &Display, colors: &[Color], quiet: bool) -> Result<(), Failure> {
     let bar = JobBar::new(quiet);
     let mut observe = |share| bar.show("fitting first phases, once for this display", share) == Flow::Continue;
@@ -35,12 +35,12 @@ pub fn prepare_first_phases(display: &Display, colors: &[Color], quiet: bool) ->
     Ok(())
 }
 
-/// The display, resized if asked, and checked for what is most likely a mistake.
+/// Loads the display, resizes it if requested, and checks it for likely mistakes.
 pub fn display(args: &DisplayArgs) -> Result<Display, Failure> {
     display_of_size(args.display.as_deref().unwrap_or("paper"), args.size, args.force)
 }
 
-/// Prints how old the model of each color of a display is.
+/// Prints the age of the model of each color of a display.
 pub fn say_model_age(display: &Display) {
     for color in display.wavelengths.iter().map(|w| w.color) {
         if let Some(age) = ModelAge::of(display, color) {
@@ -49,7 +49,7 @@ pub fn say_model_age(display: &Display) {
     }
 }
 
-/// A display by its name, the same way.
+/// Loads a display by its name, with the same resize and check.
 pub fn display_of_size(name: &str, size: Option<[usize; 2]>, force: bool) -> Result<Display, Failure> {
     let mut display = Display::load(name)?;
     if let Some([height, width]) = size {
@@ -59,8 +59,8 @@ pub fn display_of_size(name: &str, size: Option<[usize; 2]>, force: bool) -> Res
     Ok(display)
 }
 
-/// The display that a hologram is sent to: the one that is chosen, or that it was solved for, cut to the hologram's size as it
-/// was then, unless another size is given.
+/// Returns the display that a hologram is sent to. It is the display of this name, or the one that the hologram was
+/// solved for, in the hologram's size. A given size replaces its size.
 pub fn display_of(
     name: Option<&str>,
     size: Option<[usize; 2]>,
@@ -94,18 +94,18 @@ pub fn check_output(file: &Path, ending: &str) -> Result<(), Failure> {
     Ok(eyebox::low_level::files::check_place(file)?)
 }
 
-/// Refuses what is most likely a mistake, unless it is said to be meant.
+/// Refuses a likely mistake, unless `force` accepts it.
 pub fn usual(force: bool, checked: Result<(), OpticsError>) -> Result<(), Failure> {
     match checked {
         Err(OpticsError::Unusual { .. } | OpticsError::OutsideEyebox { .. }) if force => Ok(()),
         Err(e @ (OpticsError::Unusual { .. } | OpticsError::OutsideEyebox { .. })) => {
-            Err(Failure::Arguments(Reason::of(&e).reworded(|text| format!("{text}; --force takes it as it is"))))
+            Err(Failure::Arguments(Reason::of(&e).reworded(|text| format!("{text}. --force accepts it as it is"))))
         }
         checked => Ok(checked?),
     }
 }
 
-/// A pupil as it is given, before a display of this focal length (meters), checked as [`usual`] says.
+/// Returns a given pupil before a display of this focal length (meters), checked as [`usual`] does.
 pub fn pupil(
     given: &GivenPupil,
     focal_length: f64,
@@ -117,12 +117,12 @@ pub fn pupil(
     Ok(pupil)
 }
 
-/// The same before what a hologram was made for.
+/// Returns a given pupil before the display of a hologram, with the same check.
 pub fn pupil_of(given: &GivenPupil, hologram: &Hologram, force: bool) -> Result<Pupil, Failure> {
     pupil(given, hologram.focal_length, |pupil| hologram.check_pupil(pupil), force)
 }
 
-/// The colors asked for, that the display has.
+/// Returns the requested colors, which the display must have.
 pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failure> {
     match args.color.one() {
         None => Ok(display.wavelengths.iter().map(|w| w.color).collect()),
@@ -133,7 +133,7 @@ pub fn colors(args: &DisplayArgs, display: &Display) -> Result<Vec<Color>, Failu
     }
 }
 
-/// What is asked of a scene with this map, if any.
+/// Returns the request for a scene with the first of these depth maps, if there is one.
 pub fn request<'a>(
     args: &'a SceneArgs,
     maps: &'a [PathBuf],
@@ -144,52 +144,52 @@ pub fn request<'a>(
     args.options.reading(display.focal_length).request(display, colors, depth_map, false)
 }
 
-/// The depth map of the one scene.
+/// Returns the depth map of the one scene.
 pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
     Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.options.depth_map)?)
 }
 
-/// The scene, fitted to the display.
+/// Loads the scene and fits it to the display.
 pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
     let maps = maps_of(args)?;
     Ok(scene::load(&args.scene, &request(args, &maps, display, colors))?)
 }
 
-/// What the scene is as it is read, whatever its order, and the scene.
+/// Loads the scene as it is read, whatever its order, with a report about it.
 pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<(Inspection, LightField), Failure> {
     let maps = maps_of(args)?;
     Ok(scene::inspect(&args.scene, &request(args, &maps, display, colors))?)
 }
 
-/// The scene for a far field larger than memory, color by color, as what an eye sees is compared with it.
+/// Loads the scene for a far field larger than memory, color by color. Reconstructions are compared with it.
 pub fn scene_around(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Vec<Views>, Failure> {
     let maps = maps_of(args)?;
     Ok(Views::of_colors(&args.scene, &request(args, &maps, display, colors), TilesRequest::default().picture)?)
 }
 
-/// The depths that matter.
+/// Returns the depth range of the scene, meters.
 pub fn depths(args: &SceneArgs, field: &LightField, display: &Display) -> Result<[f64; 2], Failure> {
     Ok(field.depths(display, args.options.depth_before(display))?)
 }
 
-/// Pupil diameters as asked, checked as [`usual`] says, or from 2 mm to most of the eyebox.
+/// Returns the requested pupil diameters, meters, checked as [`usual`] does. The default is 2 mm to most of the eyebox.
 pub fn diameters(asked: Option<[f64; 2]>, display: &Display, force: bool) -> Result<[f64; 2], Failure> {
     let Some(asked) = asked else { return Ok(PupilRange::usual_diameter(display.eyebox_min())) };
     usual(force, check_usual_diameters(asked, display.eyebox_min()))?;
     Ok(asked)
 }
 
-/// The engine asked for.
+/// Opens the requested engine.
 pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
     Ok(opener(args)?()?)
 }
 
-/// What makes the engine asked for, as often as it is called, on one device.
+/// Returns a function that opens the requested engine at each call, always on one device.
 pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
     Ok(Engines::new(args, &Options::default())?.opener())
 }
 
-/// The engines asked for, all on one device if they are on one.
+/// The requested engines, all on one device if they use a device.
 #[derive(Clone)]
 pub struct Engines {
     backend: Backend,
@@ -209,52 +209,50 @@ impl Engines {
         Ok(Self { backend: Backend::open(choice, &options)?, from })
     }
 
-    /// One more.
+    /// Opens one more engine.
     pub fn open(&self) -> Result<Box<dyn Engine>, EngineError> {
         self.from.map_or_else(|| self.backend.engine(), |kernel| self.backend.engine_from(kernel))
     }
 
-    /// The same, as often as it is called.
+    /// Returns a function that opens an engine at each call.
     pub fn opener(&self) -> Opener {
         let engines = self.clone();
         Box::new(move || engines.open())
     }
 
-    /// Where a session takes them from.
+    /// Returns the source of engines for a session.
     pub fn source(&self) -> EngineSource {
         if self.from.is_some() { self.opener().into() } else { self.backend.clone().into() }
     }
 
-    /// Their device.
+    /// Returns the device of the engines.
     pub fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
         self.backend.gpu()
     }
 
-    /// What opens them, for live content's views.
+    /// Returns the backend that opens them, which decodes the views of live content.
     #[cfg(target_os = "linux")]
     pub fn backend(&self) -> &Backend {
         &self.backend
     }
 }
 
-/// A device that shows pictures: the one asked for, or the best one, a software one if there is no other.
+/// Opens a device that shows pictures. It is the requested device, or the best one, or a software device if there is no
+/// other.
 pub fn display_gpu(args: &DeviceArgs, validation: bool) -> Result<Gpu, Failure> {
     let device = args.device.clone();
     Ok(Gpu::open(&Options { device, allow_cpu: true, present: true, validation, ..Options::default() })?)
 }
 
-/// Where a result goes.
+/// The file format of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Form {
-    /// NumPy array.
     Npy,
-    /// Picture.
     Png,
-    /// Hologram.
     Zarr,
 }
 
-/// The form that a file's name asks for, among those allowed; says no before anything is computed.
+/// Returns the format of a file's ending, if it is among the allowed ones. Commands check it before they compute.
 pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
     let extension = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let found = match extension.as_str() {
@@ -275,14 +273,15 @@ pub fn form(out: &Path, allowed: &[Form]) -> Result<Form, Failure> {
     match out.parent().filter(|p| !p.as_os_str().is_empty()) {
         Some(folder) if !folder.is_dir() => Err(Failure::Arguments(reason!(
             "no-such-folder",
-            "{}: there is no such folder to write into: make it, or give another place",
+            "{}: no such folder to write into. Create it, or give another place",
             folder.display()
         ))),
         _ => Ok(form),
     }
 }
 
-/// Writes one plane per color: `.npy` as it is, `.png` with each plane times its exposure, encoded as sRGB.
+/// Writes one plane per color. A `.npy` has the values as they are. A `.png` has each plane times its exposure, encoded
+/// as sRGB.
 pub fn write_image(
     out: &Path,
     form: Form,
@@ -303,7 +302,7 @@ pub fn write_image(
         files::write_png(out, height, width, &[one])?;
         return Ok(());
     }
-    // Colors without a name are red, green, blue in their order; a missing one is black.
+    // Colors without a name are red, green, blue in their order. A missing color is black.
     let black = vec![0.0; height * width];
     let mut rgb: [&[f32]; 3] = [&black; 3];
     for (i, (plane, color)) in light.iter().zip(colors).enumerate() {
@@ -313,12 +312,12 @@ pub fn write_image(
     Ok(())
 }
 
-/// Largest resident set so far, as Linux tells it.
+/// Returns the largest resident set so far, MiB, as Linux reports it.
 pub fn peak_memory_mib() -> Option<u64> {
     memory_kib("VmHWM").map(|kib| kib / 1024)
 }
 
-/// A line of this process's status that is an amount of memory: `VmRSS`, `VmHWM`.
+/// Returns an amount of memory from this process's status, KiB, by its name, such as `VmRSS` or `VmHWM`.
 pub fn memory_kib(name: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'))?;

@@ -1,4 +1,4 @@
-//! `eyebox convert`: phases between holograms, arrays, gray pictures and video frames.
+//! `eyebox convert` converts phases between holograms, arrays, gray pictures and video frames.
 
 use crate::Failure;
 use crate::args::{EngineArgs, SceneArgs, SceneOptions};
@@ -13,37 +13,31 @@ use eyebox::low_level::reason;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// `eyebox convert`
+/// The arguments of `eyebox convert`.
 #[derive(Args)]
 pub struct Convert {
-    /// NAME.zarr; phases: NAME.npy or a folder of PNGs; or video frames: the folder of encode
+    /// NAME.zarr, phases (NAME.npy or a folder of PNGs), or video frames (the folder of encode)
     #[arg(value_name = "IN")]
     pub file: PathBuf,
     /// NAME.zarr (a hologram), NAME.npy (float32 radians), or a folder for one 8-bit gray PNG per color and sub-frame
     #[arg(value_name = "OUT")]
     pub out: PathBuf,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// What is not finished
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
-    /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
-    /// Video frames
     #[command(flatten)]
     pub encoded: EncodedArgs,
-    /// Scene of phases that become a hologram: its name is written into the hologram, and it decides the exposures
+    /// Scene of phases that become a hologram. The hologram stores its name, and it determines the exposures
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// How the scene is read
     #[command(flatten)]
     pub options: SceneOptions,
-    /// Exposure of phases that become a hologram [default: with --scene, what fits it best, otherwise not known]
+    /// Exposure of phases that become a hologram [default: the best fit with --scene, otherwise not known]
     #[arg(help_heading = "Bare phases", long, value_parser = positive, conflicts_with = "scene")]
     pub exposure: Option<f64>,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output
@@ -51,7 +45,7 @@ pub struct Convert {
     pub json: bool,
 }
 
-/// Converts.
+/// Converts the input to the format of the output.
 pub fn run(args: &Convert) -> Result<(), Failure> {
     let is_hologram = args.out.extension().is_some_and(|end| end.eq_ignore_ascii_case("zarr"));
     if is_hologram {
@@ -99,7 +93,7 @@ fn export(args: &Convert, hologram: &Hologram) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints what was written.
+/// Prints a report of the output.
 fn report(args: &Convert, hologram: &Hologram, about: &str) {
     let out = args.out.display().to_string();
     if !args.json {
@@ -116,7 +110,7 @@ fn report(args: &Convert, hologram: &Hologram, about: &str) {
     print_report(json!({ "out": out, "size": size, "frames": hologram.frames, "colors": colors }));
 }
 
-/// Writes a hologram.
+/// Writes the input as a hologram.
 fn import(args: &Convert) -> Result<(), Failure> {
     common::form(&args.out, &[Form::Zarr])?;
     args.options.check(args.scene.as_ref())?;

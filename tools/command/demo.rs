@@ -1,4 +1,4 @@
-//! `eyebox demo`: from a scene to what an eye sees, in one labelled picture.
+//! `eyebox demo` solves a scene and draws what an eye sees of it in one labeled picture.
 
 use crate::Failure;
 use crate::args::Demo;
@@ -28,23 +28,24 @@ const SCENE: &str = "builtin:still-life";
 const HOLOGRAM: &str = "still-life.zarr";
 const REFINED: &str = "refined.zarr";
 const PICTURE: &str = "demo.png";
-/// Files of the demo.
+/// The files that the demo writes.
 const MADE: [&str; 3] = [HOLOGRAM, REFINED, PICTURE];
-/// The pupil of the picture: x, y and diameter, mm, focused on the display.
+/// The pupil of the picture as x, y, diameter and depth, mm. It is focused on the display.
 const PUPIL: [f64; 4] = [3.0, 1.0, 5.0, 0.0];
-/// Steps for the whole eyebox, and for the pupil. On two cores, all takes less than a minute with 512 x 512 pixels.
+/// Steps for the whole eyebox, and for the pupil. On two cores, the demo takes less than a minute with 512 x 512
+/// pixels.
 const STEPS: [usize; 2] = [16, 16];
-/// Pixels of a panel's side, at least.
+/// Smallest side of a panel, pixels.
 const PANEL: usize = 512;
-/// Rows below a panel, for its label.
+/// Rows of pixels below a panel for its label.
 const LABEL: usize = 26;
 
-/// Solves the still life, refines it for a pupil, and writes a picture of both beside the target image.
+/// Solves the still life, refines it for a pupil, and writes a picture of both next to the target image.
 pub fn run(args: &Demo) -> Result<(), Failure> {
     let start = Instant::now();
     let [size, columns] = args.size;
     if size != columns || !(16..=4096).contains(&size) {
-        let text = "a demo is a square of 16 to 4096 pixels a side";
+        let text = "a demo is a square with sides of 16 to 4096 pixels";
         return Err(Failure::Arguments(reason!("size", "--size {size}x{columns}: {text}")));
     }
     let mut own = ManagedDir::open(&args.out, &MADE, args.overwrite.overwrite)?;
@@ -150,7 +151,7 @@ fn panel(planes: &[Plane], exposures: &[f64], colors: &[Color], label: &str) -> 
     picture
 }
 
-/// Puts pictures of one height beside each other.
+/// Puts pictures of one height next to each other.
 fn beside(panels: &[Picture]) -> Picture {
     let rows = panels.iter().map(|panel| panel.size[0]).max().unwrap_or(0);
     let columns: usize = panels.iter().map(|panel| panel.size[1]).sum();
@@ -167,7 +168,7 @@ fn beside(panels: &[Picture]) -> Picture {
     all
 }
 
-/// Writes the picture.
+/// Writes the picture as PNG.
 fn save(own: &mut ManagedDir, picture: &Picture) -> Result<(), Failure> {
     let mut png = Vec::new();
     let [rows, columns] = picture.size;

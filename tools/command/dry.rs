@@ -1,4 +1,4 @@
-//! `eyebox bench --dry-run`: what steps ask of a device, recorded and not run, and what devices would make of them.
+//! `eyebox bench --dry-run` records steps without running them and estimates their time on known devices.
 
 use crate::Failure;
 use crate::args::Bench;
@@ -9,13 +9,13 @@ use eyebox::low_level::plan::DEVICES;
 use eyebox::low_level::solve::{DryRun, Problem, RefineSettings, Settings};
 use serde_json::{Value, json};
 
-/// How well the place of an eye is known, meters.
+/// Standard deviation of the place of an eye, meters.
 const SPREAD: f64 = 0.3e-3;
 
-/// Records steps of a solve, or of a refinement for a pupil where one is given.
+/// Records steps of a solve, or of a refinement if a pupil is given.
 pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Failure> {
     let device = args.solve.engine.device.device.clone();
-    // Nothing runs, so that any device records what a GPU would get.
+    // Any device records the commands that a GPU would receive, because none of them runs.
     let plan_as = if device.is_none() { Some(DeviceKind::Discrete) } else { None };
     let gpu = Gpu::open(&Options { device, allow_cpu: true, record_only: true, plan_as, ..Options::default() })?;
     let count = args.solve.settings.steps.unwrap_or(8).max(2);
@@ -36,7 +36,7 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
     Ok(())
 }
 
-/// Numbers of a step: of the first one, and the mean of the later half.
+/// A named count of the first step, and its mean over the later half of the steps.
 type Row = (&'static str, u64, f64);
 
 fn rows(dry_run: &DryRun) -> [Row; 12] {
@@ -74,7 +74,7 @@ fn print(dry_run: &DryRun) {
     for (kernel, dispatches, bytes) in last {
         println!("{:24} {dispatches:14} {:14.1}", kernel.name(), bytes as f64 / 1e6);
     }
-    println!("\nModelled, with the host's time beside (within 20 % on the H200, the only one measured):");
+    println!("\nModeled, while the host works at the same time (within 20 % on the H200, the only one measured):");
     println!(
         "{:24} {:>10} {:>11} {:>10} {:>12} {:>10}",
         "ms a step", "memory", "arithmetic", "stages", "submissions", "in all"
@@ -94,7 +94,7 @@ fn print(dry_run: &DryRun) {
     }
 }
 
-/// What the longest dispatch and the longest submission of any step would take on the slowest device.
+/// Returns the times of the longest dispatch and the longest submission of any step on the slowest device, ms.
 fn longest_ms(dry_run: &DryRun) -> [f64; 2] {
     let slowest = DEVICES[DEVICES.len() - 1];
     dry_run.steps.iter().fold([0.0; 2], |most, step| {

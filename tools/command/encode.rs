@@ -1,4 +1,4 @@
-//! `eyebox encode`: what a display receives, as pictures.
+//! `eyebox encode` writes the video frames that a display receives as pictures.
 
 use crate::Failure;
 use crate::args::{DisplayArgs, Encode, EngineName};
@@ -19,7 +19,7 @@ struct Input {
     size: [usize; 2],
     colors: Vec<(Color, Vec<f32>)>,
     notes: Vec<String>,
-    /// What the phases are of, without them.
+    /// The hologram without its phases.
     hologram: Hologram,
 }
 
@@ -31,11 +31,11 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     if encoder.hologram_size() != input.size {
         let ([h, w], [eh, ew]) = (input.size, encoder.hologram_size());
         let (name, turned) = (&display.name, if display.encoding.rotation_deg % 180 == 0 { "" } else { ", turned," });
-        // What --size would have to say, of an SLM that shows the hologram turned.
+        // --size is the size of the SLM, which may show the hologram turned.
         let [sh, sw] = if turned.is_empty() { [h, w] } else { [w, h] };
         return Err(Failure::Arguments(reason!(
             "size",
-            "{}: it is {h}x{w} pixels, and the display '{name}'{turned} takes {eh}x{ew}: give --size {sh}x{sw}, or the \
+            "{}: {h}x{w} pixels, but the display '{name}'{turned} takes {eh}x{ew}. Give --size {sh}x{sw}, or the \
              display that it was made for",
             args.hologram.display()
         )));
@@ -67,7 +67,7 @@ pub fn run(args: &Encode) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The hologram's colors that were asked for, each with its name.
+/// Loads the requested colors of the hologram, each with its name, and the display.
 fn load(args: &Encode) -> Result<(Input, Display), Failure> {
     let display = Phases::are_at(&args.hologram).then(|| common::display(&args.display)).transpose()?;
     let opening = args.unit.opening(display.as_ref(), args.display.color.one());
@@ -90,7 +90,7 @@ fn load(args: &Encode) -> Result<(Input, Display), Failure> {
     Ok((Input { frames, size, colors, notes, hologram }, display))
 }
 
-/// Where the display is not the one that the hologram was made for.
+/// Returns a note for each difference between the display and the one that the hologram was made for.
 fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
     let mut notes = Vec::new();
     if hologram.geometry != display.geometry {
@@ -111,7 +111,7 @@ fn differences(hologram: &Hologram, display: &Display) -> Vec<String> {
     notes
 }
 
-/// What each frame holds.
+/// Returns the report with the content of each frame.
 fn report(args: &Encode, encoder: &Encoder, frames: &VideoFrames, notes: &[&String]) -> Value {
     json!({
         "folder": args.out.display().to_string(),

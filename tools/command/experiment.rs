@@ -1,4 +1,4 @@
-//! `--settings` and `--set`: what belongs to an experiment, and not to one call.
+//! `--settings` and `--set` read the settings that belong to an experiment, and not to one call.
 
 use crate::Failure;
 use crate::table;
@@ -17,13 +17,13 @@ use std::sync::OnceLock;
 /// Settings of an experiment, in every command that solves or refines.
 #[derive(Args, Clone, Default)]
 pub struct ExperimentArgs {
-    /// Settings file in TOML (docs/settings.md); - prints the settings of this call and computes nothing
+    /// Settings file in TOML (docs/settings.md). With -, print the settings of this call and compute nothing
     #[arg(help_heading = "Settings", long, value_name = "FILE")]
     pub settings: Option<PathBuf>,
     /// One setting, such as optimizer=adam or refine.pupils=4
     #[arg(help_heading = "Settings", long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// The settings, once they are read.
+    /// The settings after they were read.
     #[arg(skip)]
     read: OnceLock<GivenSettings>,
 }

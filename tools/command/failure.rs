@@ -1,4 +1,4 @@
-//! What can go wrong in a command: one line each.
+//! The failures of a command, each of which prints one line.
 
 use crate::talk;
 use eyebox::Error;
@@ -9,21 +9,21 @@ use eyebox_live_input::LiveError;
 use serde::Serialize;
 use std::process::ExitCode;
 
-/// Why a command failed.
+/// The failure of a command.
 #[derive(Debug, thiserror::Error, Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum Failure {
     /// An error of the library.
     #[error(transparent)]
     Library(Error),
-    /// A film.
+    /// An error of a film.
     #[error(transparent)]
     Film(FilmError),
-    /// A display that takes frames.
+    /// An error of the connection to a display that takes frames.
     #[error(transparent)]
     #[serde(serialize_with = "eyebox::low_level::error::as_text")]
     Live(LiveError),
-    /// The display was lost while it was played to.
+    /// The display was lost while it was in use.
     #[error("{0}")]
     Lost(Reason),
     /// The arguments contradict each other.
@@ -35,7 +35,6 @@ pub enum Failure {
     Setting {
         /// The table and the key.
         setting: String,
-        /// The problem.
         reason: Reason,
     },
 }
@@ -47,7 +46,7 @@ impl<E: Into<Error>> From<E> for Failure {
 }
 
 impl Failure {
-    /// The exit code.
+    /// Returns the exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Lost(_) => 3,
@@ -63,7 +62,7 @@ pub fn print(failure: &Failure) -> ExitCode {
     ExitCode::from(failure.exit_code())
 }
 
-/// Fields and arguments of the library that a sentence may name and the command's options say: all but a few have the same name.
+/// Fields and arguments of the library that have an option of the same name. [`in_options`] has the few others.
 const FIELDS: [&str; 26] = [
     "at",
     "clock",
@@ -93,7 +92,7 @@ const FIELDS: [&str; 26] = [
     "wavelength",
 ];
 
-/// A sentence of the library in the words of the command: its fields are options here.
+/// Returns a sentence of the library with the options of the command instead of its fields.
 pub fn in_options(sentence: &str) -> String {
     let others = [
         ("`depth`=", "--depth="),

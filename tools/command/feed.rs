@@ -1,4 +1,4 @@
-//! `eyebox feed`.
+//! `eyebox feed` sends frames of scenes to a display that shows live content.
 
 use crate::Failure;
 use crate::common;
@@ -16,35 +16,35 @@ use eyebox_live_input::{Application, Content, FrameInfo, Kind, LiveError, Offer,
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// `eyebox feed`
+/// The arguments of `eyebox feed`.
 #[derive(Args)]
 pub struct Feed {
-    /// Scenes that follow each other: built-in ones, light-field folders, or one folder of such folders
+    /// Scenes that follow each other (built-in ones, light-field folders, or one folder of such folders)
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<String>,
-    /// The display's name: it takes frames as live:NAME
+    /// Name of the display, which takes frames as live:NAME
     #[arg(help_heading = "Display", long)]
     pub name: String,
-    /// Holograms per second: frames of scenes
+    /// Holograms per second, one for each frame of a scene
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
     pub rate: Rate,
-    /// A parameter of the one built-in scene that goes from one value to the other and back: camera=-2..2 moves the camera,
-    /// shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1 builtin:plane in depth
+    /// Parameter of the one built-in scene that goes from one value to the other and back. camera=-2..2 moves the
+    /// camera, shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1
+    /// builtin:plane in depth
     #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path)]
     pub r#move: Option<ParameterPath>,
     /// Frames from one end of the path to the other
     #[arg(help_heading = "Steps", long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub move_frames: u32,
-    /// Give the views that the display asks for, around the pupil: of built-in scenes
+    /// Send the views of built-in scenes around the pupil that the display requests
     #[arg(help_heading = "Scene", long)]
     pub per_pupil: bool,
-    /// Keep the frames on the display's device, where it has one, and give them there: their samples never pass through the host
+    /// Keep the frames on the display's device, if it has one, so that they do not pass through the host
     #[arg(help_heading = "Scene", long)]
     pub on_device: bool,
     /// Number of frames [default: until the display ends]
     #[arg(help_heading = "Quality", long, value_name = "N")]
     pub count: Option<u64>,
-    /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
     /// One JSON object on standard output
@@ -52,28 +52,28 @@ pub struct Feed {
     pub json: bool,
 }
 
-/// A parameter and its ends.
+/// A parameter and its two end values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterPath {
     key: String,
     ends: [f64; 2],
 }
 
-/// There is none elsewhere.
+/// Other systems have no writer.
 #[cfg(not(target_os = "linux"))]
 type Writer = std::convert::Infallible;
 
-/// How long the display has to answer.
+/// Time limit for an answer of the display.
 #[cfg(target_os = "linux")]
 const ANSWER: Duration = Duration::from_secs(10);
-/// The most that frames may take, bytes: they are made before the first is given.
+/// Limit of the memory of frames, bytes. All frames are made before the first is sent.
 const MOST: u64 = 4 << 30;
 
 fn path(text: &str) -> Result<ParameterPath, String> {
     let read = || {
         let (key, ends) = text.split_once('=')?;
         let (a, b) = ends.split_once("..")?;
-        // The others are shares of the picture.
+        // The other parameters are shares of the picture.
         let is_length = ["camera", "depth"].contains(&key);
         let number = |text: &str| if is_length { MM.read(text).ok() } else { text.parse().ok() };
         let ends = [number(a)?, number(b)?];
@@ -82,24 +82,24 @@ fn path(text: &str) -> Result<ParameterPath, String> {
     read().ok_or_else(|| "a path is KEY=A..B, such as camera=-2..2".into())
 }
 
-/// What was asked and given.
+/// The counts of requests and frames.
 #[derive(Default, Serialize)]
 struct Account {
-    /// Requests that were seen.
+    /// Requests that were received.
     asked: u64,
-    /// Frames that were given.
+    /// Frames that were sent.
     given: u64,
-    /// Those of them that stayed on a device.
+    /// Frames that stayed on a device.
     on_device: u64,
-    /// Frames that were given more than one period late.
+    /// Frames that were sent more than one period late.
     late: u64,
     /// Seconds from the first frame to the last.
     seconds: f64,
-    /// What ended it.
+    /// The reason for the end.
     ended: &'static str,
 }
 
-/// Gives frames to a display.
+/// Sends frames to a display.
 pub fn run(args: &Feed) -> Result<(), Failure> {
     signals::catch_interrupt();
     let sources = sources(args)?;
@@ -118,7 +118,8 @@ pub fn run(args: &Feed) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What gives frames on the display's device; none where it has none to share, which is said.
+/// Opens a writer of frames on the display's device. If the display has no device to share, prints a note and returns
+/// None.
 #[cfg(target_os = "linux")]
 fn device_of(application: &mut Application) -> Result<Option<Writer>, Failure> {
     use eyebox::low_level::gpu::{DeviceIds, Gpu, Options, SharedLayout};
@@ -152,13 +153,13 @@ fn device_of(_application: &mut Application) -> Result<Option<Writer>, Failure> 
     Ok(None)
 }
 
-/// The scenes, one a frame; they begin again after the last.
+/// Returns the scenes, one per frame. They begin again after the last.
 fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
     let one = || args.scenes.first().filter(|_| args.scenes.len() == 1);
     if let Some(ParameterPath { key, ends: [a, b] }) = &args.r#move {
         let built_in = one().filter(|s| s.starts_with("builtin:"));
         let scene = built_in.ok_or_else(|| {
-            Failure::Arguments(reason!("path-of-many", "--move moves one built-in scene: give one alone"))
+            Failure::Arguments(reason!("path-of-many", "--move moves one built-in scene. Give one alone"))
         })?;
         let mark = if scene.contains('?') { '&' } else { '?' };
         let at = |step: u32| a + (b - a) * f64::from(step) / f64::from(args.move_frames - 1);
@@ -171,11 +172,11 @@ fn sources(args: &Feed) -> Result<Vec<String>, Failure> {
     }
 }
 
-/// A frame.
+/// A frame that is ready to be sent.
 enum Ready {
-    /// Its views are those of the scene, the same for every pupil.
+    /// The views of the scene, which are the same for every pupil.
     Made { info: Box<FrameInfo>, samples: Vec<u8> },
-    /// A built-in scene, whose views are made where they are asked for.
+    /// A built-in scene, whose views are rendered for each request.
     Stage(Vec<Stage>),
 }
 
@@ -197,7 +198,11 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
     let views = offer.views[0].min(offer.views[1]) as usize;
     let bytes = sources.len() as u64 * (offer.pixels() * offer.channels() * views * views * 4) as u64;
     if bytes > MOST {
-        return Err(asked(format!("{} frames take {} MiB, of 4096: fewer --steps", sources.len(), bytes >> 20)));
+        return Err(asked(format!(
+            "{} frames take {} MiB, of 4096. Give fewer scenes or --move-frames",
+            sources.len(),
+            bytes >> 20
+        )));
     }
     if args.per_pupil {
         let [rows, columns] = size;
@@ -221,9 +226,7 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
         if [field.height, field.width] != offer.size.map(|n| n as usize) {
             let [rows, columns] = offer.size;
             let found = format!("{} x {}", field.height, field.width);
-            return Err(asked(format!(
-                "the display takes {rows} x {columns}, and {source} is {found}: --size decides"
-            )));
+            return Err(asked(format!("the display takes {rows} x {columns}, but {source} is {found}. Set --size")));
         }
         let grid = field.grid.map(|n| n as u32);
         let content = Content::Views { grid, pitch_mm: field.cell(&display) * 1e3 };
@@ -233,7 +236,7 @@ fn load(args: &Feed, sources: &[String], offer: &Offer) -> Result<Vec<Ready>, Fa
     sources.iter().map(ready).collect()
 }
 
-/// (view, row, column, color), float32, of views color by color.
+/// Returns views that are stored color by color as float32 bytes in the order (view, row, column, color).
 fn interleaved(planes: &[Vec<Vec<f32>>]) -> Vec<u8> {
     let views = planes.first().map_or(0, Vec::len);
     let pixels = planes.first().and_then(|views| views.first()).map_or(0, Vec::len);
@@ -241,7 +244,7 @@ fn interleaved(planes: &[Vec<Vec<f32>>]) -> Vec<u8> {
     places.flat_map(|(view, pixel)| planes.iter().flat_map(move |c| c[view][pixel].to_le_bytes())).collect()
 }
 
-/// The views that are asked for.
+/// Renders the requested views.
 fn around(stages: &[Stage], wanted: &Wanted) -> (FrameInfo, Vec<u8>) {
     let [rows, columns] = wanted.views;
     let grid = ViewGrid { rows: rows as usize, columns: columns as usize, cell: wanted.pitch_mm * 1e-3 };
@@ -254,7 +257,7 @@ fn around(stages: &[Stage], wanted: &Wanted) -> (FrameInfo, Vec<u8>) {
     (info, interleaved(&planes))
 }
 
-/// Gives a frame on the device, where it is kept at `place` unless it `changes`.
+/// Sends a frame on the device. The device keeps it at `place` unless it `changes`.
 #[cfg(target_os = "linux")]
 fn give_there(
     application: &mut Application,
@@ -292,7 +295,7 @@ fn give(
     frames: &[Ready],
     mut writer: Option<Writer>,
 ) -> Result<Account, Failure> {
-    // Frames that are on the device, by their place among all; those that are made anew take the place of one.
+    // The places of frames on the device, by the number of the frame. Frames that are rendered again share one place.
     let mut kept: Vec<Option<usize>> = vec![None; frames.len().max(1)];
     let start = Instant::now();
     let mut account = Account { ended: "all given", ..Account::default() };
@@ -323,7 +326,7 @@ fn give(
                 info = **its;
                 samples
             }
-            // Nobody has asked for anything yet.
+            // The display has sent no request yet.
             (Ready::Stage(_), None) => {
                 std::thread::sleep(Duration::from_millis(1));
                 continue;

@@ -1,4 +1,4 @@
-//! `eyebox completions` and `eyebox man`: what shells and manuals want to know of the command line.
+//! `eyebox completions` prints completions for shells, and `eyebox man` writes the pages of the manual.
 
 use crate::Failure;
 use clap::{Args, Command};
@@ -7,23 +7,23 @@ use eyebox::low_level::reason;
 use eyebox_lab::writable;
 use std::path::PathBuf;
 
-/// `eyebox completions`
+/// The arguments of `eyebox completions`.
 #[derive(Args)]
 pub struct Completions {
-    /// The shell
+    /// Shell that completes the commands
     #[arg(value_enum)]
     pub shell: clap_complete::Shell,
 }
 
-/// `eyebox man`
+/// The arguments of `eyebox man`.
 #[derive(Args)]
 pub struct Man {
-    /// Output folder of the pages: eyebox.1, and eyebox-COMMAND.1 for each command
+    /// Output folder of the pages (eyebox.1, and eyebox-COMMAND.1 for each command)
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
 }
 
-/// Prints what the shell completes by, of this command line.
+/// Prints the completions of this command line for the shell.
 pub fn completions(args: &Completions, mut command: Command) -> Result<(), Failure> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "eyebox", &mut text);

@@ -1,4 +1,6 @@
-//! Groups of arguments that commands share: the engine, the display, the scene. Millimeters in, meters out.
+//! Groups of arguments that commands share, such as the engine, the display and the scene.
+//!
+//! Options are in millimeters, and the values of the library in meters.
 
 use crate::Failure;
 use crate::values::{MIN, MM, Names, S, depths, iris, not_negative_in, one_of, positive_in, prescription, size};
@@ -12,7 +14,7 @@ use eyebox::low_level::reconstruction::{InputOptions, SceneReading, SolveInput};
 use eyebox::low_level::scene::{Near, Order, ViewSynthesis};
 use std::path::{Path, PathBuf};
 
-/// Which engine computes.
+/// The engine that computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EngineName {
     /// A real GPU if there is one, otherwise the CPU.
@@ -21,11 +23,11 @@ pub enum EngineName {
     Cpu,
     /// Vulkan, including a software device.
     Vulkan,
-    /// The list of kernels on the CPU up to this one, and on Vulkan from it on.
+    /// The kernels before this one on the CPU, and the others on Vulkan.
     VulkanFrom(Kernel),
 }
 
-/// Reads an engine.
+/// Reads the name of an engine.
 fn engine(text: &str) -> Result<EngineName, String> {
     match text.split_once(':') {
         None if text == "auto" => Ok(EngineName::Auto),
@@ -38,28 +40,27 @@ fn engine(text: &str) -> Result<EngineName, String> {
     }
 }
 
-/// Which colors.
+/// The colors of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Colors {
-    /// The longest wavelength
+    /// Color of the longest wavelength
     Red,
-    /// The middle one
+    /// Color of the middle wavelength
     Green,
-    /// The shortest
+    /// Color of the shortest wavelength
     Blue,
-    /// All that the display has
+    /// All colors of the display
     All,
 }
 
 /// The engine, in every command that computes.
 #[derive(Args)]
 pub struct EngineArgs {
-    /// Engine: auto, cpu, vulkan or vulkan-from:KERNEL. With auto, a real GPU computes if there is one, otherwise the
+    /// Engine (auto, cpu, vulkan or vulkan-from:KERNEL). With auto, a real GPU computes if there is one, otherwise the
     /// CPU. With vulkan, a software device counts, too. With vulkan-from:KERNEL, the kernels before KERNEL run on the
     /// CPU [default: auto]
     #[arg(help_heading = "Engine", long, value_parser = engine, default_value = "auto", hide_default_value = true, value_name = "ENGINE")]
     pub engine: EngineName,
-    /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
 }
@@ -67,19 +68,19 @@ pub struct EngineArgs {
 /// The Vulkan device, in every command that uses one.
 #[derive(Args)]
 pub struct DeviceArgs {
-    /// The Vulkan device: its number or a part of its name, as eyebox device list shows them [default: the best one]
+    /// Vulkan device by its number or a part of its name (eyebox device list) [default: the best one]
     #[arg(help_heading = "Engine", long, value_name = "N|NAME")]
     pub device: Option<String>,
 }
 
 impl DeviceArgs {
-    /// The engine asked for: who names a device wants Vulkan.
+    /// Returns the requested engine. A named device selects Vulkan.
     pub fn engine(&self, asked: EngineName) -> Result<EngineName, Failure> {
         match (&self.device, asked) {
             (Some(_), EngineName::Auto) => Ok(EngineName::Vulkan),
             (Some(device), EngineName::Cpu) => Err(Failure::Arguments(reason!(
                 "device-of-cpu",
-                "--device {device} is a device for Vulkan, and --engine cpu uses none: leave out one of them"
+                "--device {device} is a device for Vulkan, and --engine cpu uses none. Leave out one of them"
             ))),
             _ => Ok(asked),
         }
@@ -89,35 +90,35 @@ impl DeviceArgs {
 /// The display, in every command that needs one.
 #[derive(Args, Clone)]
 pub struct DisplayArgs {
-    /// Display: a preset (eyebox display list), or a TOML file [default: the one that a hologram was solved for, else
+    /// Display preset (eyebox display list) or TOML file [default: the one that a hologram was solved for, otherwise
     /// paper]
     #[arg(help_heading = "Display", long, value_name = "PRESET|FILE")]
     pub display: Option<String>,
     /// Resolution instead of the display's own, rows x columns, N for a square, or a name such as 1080p
     #[arg(help_heading = "Display", long, value_name = "HxW", value_parser = size)]
     pub size: Option<[usize; 2]>,
-    /// Color: red, green, blue or all
+    /// Color (red, green, blue or all)
     #[arg(help_heading = "Display", long, value_enum, default_value = "all")]
     pub color: Colors,
-    /// Take sizes, wavelengths and pupils that look like a mistake, and a scene that the hologram was not made of
+    /// Accept sizes, wavelengths and pupils that look like a mistake, and a scene that the hologram was not made of
     #[arg(help_heading = "Display", long)]
     pub force: bool,
 }
 
-/// The eye that looks, in every command that computes what an eye sees.
+/// The eye, in every command that computes what it sees.
 #[derive(Args, Clone)]
 pub struct EyeArgs {
-    /// Prescription of the eye that looks, in dioptres and degrees, such as "-2 -0.5 30"; or none for a perfect eye [default:
-    /// what the hologram was solved for, or the display file says]
+    /// Prescription of the eye in dioptres and degrees, such as "-2 -0.5 30", or none for a perfect eye [default: the
+    /// eye that the hologram was solved for, or the eye of the display file]
     #[arg(help_heading = "Eye", long, value_name = "S C AXIS|none", value_parser = prescription)]
     pub prescription: Option<Prescription>,
-    /// The eye that looks as a TOML file: sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
+    /// TOML file of the eye with sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm
     #[arg(help_heading = "Eye", long, value_name = "FILE", conflicts_with = "prescription")]
     pub eye_file: Option<PathBuf>,
 }
 
 impl EyeArgs {
-    /// The eye that was given, if one was.
+    /// Returns the given eye, if there is one.
     pub fn given(&self) -> Result<Option<Prescription>, Failure> {
         if let Some(file) = &self.eye_file {
             return Ok(Some(Prescription::load(file)?));
@@ -125,7 +126,7 @@ impl EyeArgs {
         Ok(self.prescription.clone())
     }
 
-    /// Puts it in the place of another, if one was given.
+    /// Replaces an eye by the given one, if there is one.
     pub fn replace(&self, eye: &mut Option<Prescription>) -> Result<(), Failure> {
         if let Some(given) = self.given()? {
             *eye = Some(given).filter(|eye| !eye.is_perfect());
@@ -134,7 +135,7 @@ impl EyeArgs {
     }
 }
 
-/// What is in the pupil.
+/// The obstructions of a pupil by their names.
 const OBSTRUCTIONS: Names<Obstruction, 4> = [
     (Obstruction::Lashes.name(), "Six lashes of 0.2 mm", Obstruction::Lashes),
     (Obstruction::Floaters.name(), "Twelve dots of 0.1 to 0.4 mm", Obstruction::Floaters),
@@ -142,7 +143,7 @@ const OBSTRUCTIONS: Names<Obstruction, 4> = [
     (Obstruction::Scratches.name(), "Eight scratches of a lens, 0.05 mm wide", Obstruction::Scratches),
 ];
 
-/// What is in the pupil of the eye that looks, in commands that show or judge what it sees.
+/// The obstruction of the pupil, in commands that show or judge what an eye sees.
 #[derive(Args, Clone, Copy)]
 pub struct ObstructedArgs {
     /// Opaque marks in the eye's pupil
@@ -150,32 +151,32 @@ pub struct ObstructedArgs {
     pub obstructed: Option<Obstruction>,
 }
 
-/// Which values of a depth map are near.
+/// The near values of a depth map by their names.
 const NEAR: Names<Near, 4> = [
-    ("bright", "Bright pixels of a picture; every value counts", Near::Bright),
-    ("dark", "Dark pixels of a picture; every value counts", Near::Dark),
+    ("bright", "Bright pixels of a picture (every value counts)", Near::Bright),
+    ("dark", "Dark pixels of a picture (every value counts)", Near::Dark),
     ("large", "Large values, as in disparities", Near::Large),
-    ("small", "Small values, as in distances; 0 is unknown", Near::Small),
+    ("small", "Small values, as in distances (0 is unknown)", Near::Small),
 ];
 
-/// Of which views photographs are made.
+/// The views that target images are made of, by their names.
 const PHOTOGRAPHS: Names<ViewSynthesis, 4> = [
     (
         "auto",
-        "Its own where they are close; else of layers, or interpolated, as the views themselves tell",
+        "Its own views if they are close, otherwise layers or interpolated views, chosen from the views",
         ViewSynthesis::Auto,
     ),
-    ("cells", "Its own, however far apart", ViewSynthesis::Cells),
-    ("layers", "As many as are needed, of Fourier disparity layers", ViewSynthesis::Layers),
-    ("between", "As many as are needed, interpolated with what is hidden", ViewSynthesis::Between),
+    ("cells", "Its own views, however far apart", ViewSynthesis::Cells),
+    ("layers", "As many views as are needed, from Fourier disparity layers", ViewSynthesis::Layers),
+    ("between", "As many views as are needed, interpolated with hidden content", ViewSynthesis::Between),
 ];
 
 /// The scene, in every command that takes one.
 #[derive(Args, Clone)]
 pub struct SceneArgs {
-    /// A folder of views, an array (.npy, .npz) or picture of all of them (FILE?grid=9x9), a picture with --depth-map, or builtin:NAME
+    /// A folder of views, an array (.npy, .npz) or picture of all of them (FILE?grid=9x9), a picture with --depth-map,
+    /// or builtin:NAME
     pub scene: String,
-    /// How it is read
     #[command(flatten)]
     pub options: SceneOptions,
 }
@@ -183,35 +184,36 @@ pub struct SceneArgs {
 /// How a scene is read, in every command that loads one.
 #[derive(Args, Clone, Default, PartialEq)]
 pub struct SceneOptions {
-    /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy): of several, one for each, or the folder of their maps
+    /// Depth or disparity map of a picture (PNG, EXR, PFM or .npy). Several pictures take one map each, or the folder
+    /// of their maps
     #[arg(help_heading = "Scene", long, value_name = "FILE|FOLDER")]
     pub depth_map: Vec<PathBuf>,
-    /// Which values of the depth map are near [default: bright in 8 bits, else by the file's name]
+    /// Near values of the depth map [default: bright in 8 bits, otherwise by the file's name]
     #[arg(help_heading = "Scene", long, value_parser = one_of(&NEAR), value_name = "WHICH")]
     pub near: Option<Near>,
-    /// Distance of neighboring views in the pupil plane, mm [default: what the scene says, else eyebox / views]
+    /// Distance of neighboring views in the pupil plane, mm [default: of the scene, otherwise eyebox / views]
     #[arg(help_heading = "Scene", long, value_name = "MM", value_parser = positive_in(MM))]
     pub view_pitch: Option<f64>,
-    /// Views per axis of scenes that are rendered or reprojected [default: 9, or what the depths of a depth map need; of a hologram's
-    /// scene what the hologram was solved with]
+    /// Views per axis of scenes that are rendered or reprojected [default: 9, or the number that a depth map needs, or
+    /// the number that the hologram was solved with]
     #[arg(help_heading = "Scene", long, value_name = "N")]
     pub views: Option<usize>,
-    /// Depths that matter, mm, or dioptres as in -0.02D..0.02D [default: what the scene says]; of a depth map, the depths
-    /// that its values reach
+    /// Depth range in mm, or dioptres as in -0.02D..0.02D. The values of a depth map span this range [default: of the
+    /// scene]
     #[arg(help_heading = "Scene", long, value_name = "MIN..MAX", value_parser = depths)]
     pub depth: Option<[Depth; 2]>,
-    /// How the views of a folder really stand: as-named, or transpose, flip-rows, flip-columns with commas between [default:
-    /// what its lightfield.toml says; else as named, refused where the pictures clearly show another]
+    /// Order of the views of a folder, which is as-named, or transpose, flip-rows and flip-columns with commas between
+    /// [default: of its lightfield.toml, otherwise as named, and refused if the pictures clearly show another order]
     #[arg(help_heading = "Scene", long, value_name = "ORDER")]
     pub order: Option<Order>,
-    /// Of which views of a folder photographs are made [default: auto; of a hologram's scene
-    /// what the hologram was solved with]
+    /// Views of a folder that target images are made of [default: auto, or the choice that the hologram was solved
+    /// with]
     #[arg(help_heading = "Scene", long, value_parser = one_of(&PHOTOGRAPHS), value_name = "WHICH")]
     pub photographs: Option<ViewSynthesis>,
 }
 
-/// Finds the scene of the hologram in `file`: `scene`, or the one that it was solved from. `force` takes a scene that the hologram was
-/// not made of.
+/// Opens the scene of the hologram in `file`, which is `scene` or the one that it was solved from. `force` accepts a
+/// scene that the hologram was not made of.
 pub fn scene_of(
     file: &Path,
     hologram: &Hologram,
@@ -236,25 +238,24 @@ pub fn scene_of(
 pub struct OwnSceneArgs {
     /// A folder of views, an array, a picture, or builtin:NAME [default: the scene that the hologram was solved from]
     pub scene: Option<String>,
-    /// How it is read
     #[command(flatten)]
     pub options: SceneOptions,
 }
 
 impl SceneArgs {
-    /// A scene that is read so.
+    /// Returns the arguments of a scene that is read with these options.
     pub fn new(scene: &str, options: &SceneOptions) -> Self {
         Self { scene: scene.into(), options: options.clone() }
     }
 }
 
 impl SceneOptions {
-    /// The depths that matter, meters.
+    /// Returns the given depth range before a display, meters.
     pub fn depth_before(&self, display: &Display) -> Option<[f64; 2]> {
         self.depth.map(|both| both.map(|depth| depth.metres(display.focal_length)))
     }
 
-    /// The same for the library, before a display of this focal length, meters.
+    /// Returns the options for the library, before a display of this focal length, meters.
     pub fn reading(&self, focal_length: f64) -> SceneReading {
         SceneReading {
             views: self.views,
@@ -267,12 +268,12 @@ impl SceneOptions {
         }
     }
 
-    /// Refuses them where there is no scene that they could be of.
+    /// Refuses the options if there is no scene that they could apply to.
     pub fn check(&self, scene: Option<&String>) -> Result<(), Failure> {
         if scene.is_some() || *self == Self::default() {
             return Ok(());
         }
-        let line = "--depth-map, --near, --view-pitch, --views, --depth, --order and --photographs say how a scene is read: give --scene";
+        let line = "--depth-map, --near, --view-pitch, --views, --depth, --order and --photographs are for reading a scene. Give --scene";
         Err(Failure::Arguments(Reason::new("scene-options-without-scene", line)))
     }
 }
@@ -297,7 +298,7 @@ pub struct CameraSettings {
     pub settle: f64,
 }
 
-/// Files of others where a report goes.
+/// The option that replaces files in the folder of a report.
 #[derive(Args, Clone, Copy)]
 pub struct OverwriteArgs {
     /// Replace files in the folder that eyebox did not write, or that were changed since

@@ -1,4 +1,4 @@
-//! The command line as people read it: options under headings if a command has many.
+//! The command line with its options under headings if a command has many.
 
 use clap::{Command, CommandFactory};
 
@@ -34,7 +34,7 @@ pub fn leaves(command: &Command) -> Vec<(String, &Command)> {
 }
 
 fn with_headings(sub: Command) -> Command {
-    // A negative number is the value of its option, which refuses it: no unknown option.
+    // A negative number is a value that its option refuses, and not an unknown option.
     let takes_none = |option: &clap::Arg| option.is_positional() || !option.get_action().takes_values();
     let sub = sub.mut_args(|option| if takes_none(&option) { option } else { option.allow_negative_numbers(true) });
     if sub.get_opts().count() < MIN_OPTIONS_WITH_HEADINGS {

@@ -1,4 +1,4 @@
-//! What the library says while it works, on standard error: a line each.
+//! Prints the events of the library on standard error, one line each.
 
 use crate::failure::in_options;
 use std::io::{self, Stderr, Write};
@@ -6,8 +6,8 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 
-/// Shows what a user wants to know (a file that was cut off, a device that was lost); with `verbose` of 1 how things are done
-/// as well, of 2 all. `RUST_LOG`, where it is set and makes sense, decides alone.
+/// Starts to print events that concern the user, such as a file that was cut off or a lost device. `verbose` 1 adds how
+/// things are done, and 2 adds everything. A valid `RUST_LOG` replaces this choice.
 pub fn listen(verbose: u8) {
     let level = match verbose {
         0 => LevelFilter::INFO,
@@ -19,7 +19,7 @@ pub fn listen(verbose: u8) {
     let targets = stated.and_then(Result::ok).unwrap_or_else(|| Targets::new().with_target("eyebox", level));
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| InOptions(std::io::stderr()))
-        // Nobody is left to be told that nobody listens.
+        // If standard error is closed, nobody could read an error about it.
         .log_internal_errors(false)
         .with_ansi(false)
         .with_level(verbose > 0)
@@ -27,11 +27,11 @@ pub fn listen(verbose: u8) {
         .without_time();
     tracing_subscriber::registry().with(lines.with_filter(targets)).init();
     if let Some(wrong) = wrong {
-        tracing::warn!("RUST_LOG is not understood ({wrong}): give targets and levels, such as eyebox=debug");
+        tracing::warn!("RUST_LOG: not understood ({wrong}). Give targets and levels, such as eyebox=debug");
     }
 }
 
-/// Standard error, with the fields of the library as options of the command. Each line comes in one piece.
+/// Standard error, with the fields of the library as options of the command. Each line is written in one piece.
 struct InOptions(Stderr);
 
 impl Write for InOptions {

@@ -1,11 +1,12 @@
-//! The `eyebox` command: `demo`, `solve`, `refine`, `render`, `preview`, `show`, `encode`, `info`, `convert`, `eval`, `display`, `tracker`,
-//! `device`, `bench`, `feed`, `completions`, `man`.
+//! The `eyebox` command reads arguments, calls the library, and prints results.
 //!
-//! This crate reads arguments, calls the library, and prints results. Anything that another program may call belongs in the library.
-//! An error is one line on standard error with exit code 2 (3 if a display was lost), and no partial file stays behind. Long work ends
-//! well on ctrl-C, and at once, with 130, on a second one.
+//! The commands are `demo`, `solve`, `refine`, `render`, `preview`, `show`, `encode`, `info`, `convert`, `eval`,
+//! `display`, `tracker`, `device`, `bench`, `feed`, `completions` and `man`. Functions that another program may call
+//! belong in the library.
+//! An error is one line on standard error with exit code 2 (3 if a display was lost), and no partial file remains. Long
+//! work stops cleanly on the first ctrl-C. The second ctrl-C ends it at once with exit code 130.
 
-// Before all that print.
+// Before all modules that print, because its macros replace the standard ones.
 #[macro_use]
 mod talk;
 

@@ -1,4 +1,4 @@
-//! Which terms of a display's model a solve is for: all, some, or those that are worth their time.
+//! Chooses the terms of a display's model for a solve, which are all, some, or the ones worth their time.
 
 use crate::Failure;
 use crate::request::SolveRequest;
@@ -8,7 +8,7 @@ use eyebox::low_level::quality::{ColorJob, ModelWorth};
 use eyebox::low_level::solve::{Levels, Settings};
 use std::time::Duration;
 
-/// What measuring what a color's terms are worth may take.
+/// Time limit for a measurement of the gains of a color's terms.
 const LIMIT: Duration = Duration::from_secs(12);
 
 impl SolveRequest<'_> {
@@ -64,7 +64,7 @@ impl SolveRequest<'_> {
     }
 }
 
-/// What the terms are worth, in one line.
+/// Returns the gains of the terms in one line.
 pub fn in_words(worth: &ModelWorth) -> String {
     let decibels = |(term, lost): &(&str, f64)| match lost.is_nan() {
         true => format!("{term} not measured"),
@@ -74,7 +74,7 @@ pub fn in_words(worth: &ModelWorth) -> String {
     let kept = worth.kept();
     let out: Vec<&str> = worth.lost_db.iter().map(|(term, _)| *term).filter(|term| !kept.contains(term)).collect();
     let out = if out.is_empty() {
-        "all of them show".into()
+        "all of them matter".into()
     } else {
         format!("--model-terms auto leaves out {}", out.join(", "))
     };
@@ -83,10 +83,10 @@ pub fn in_words(worth: &ModelWorth) -> String {
     let subpixels = worth
         .subpixels_db
         .zip(worth.subpixels())
-        .map_or(String::new(), |(gain, count)| format!("; 2 x 2 sub-pixels {gain:+.2} dB, {count} will do"));
+        .map_or(String::new(), |(gain, count)| format!(", 2 x 2 sub-pixels {gain:+.2} dB, {count} suffice"));
     format!(
-        "{}: without a term it loses, dB: {}{subpixels} (solved for {height} x {width} pixels in {} steps each, looked at \
-         through all terms: {all} with all); {out}",
+        "{}: loss without each term in dB: {}{subpixels} (solved for {height} x {width} pixels in {} steps each, seen \
+         through all terms, {all} with all); {out}",
         worth.color,
         terms.join(", "),
         worth.steps

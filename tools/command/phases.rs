@@ -1,4 +1,4 @@
-//! Bare phases on the command line: what they do not say of themselves.
+//! Options for the optics and the unit of bare phases, which their files do not have.
 
 use crate::Failure;
 use crate::common;
@@ -13,7 +13,7 @@ use eyebox::low_level::optics::{Color, Display, Geometry, Optics};
 use eyebox::low_level::reason;
 use std::path::Path;
 
-/// Where an SLM stands, by name.
+/// The place of an SLM by its name.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum GeometryName {
     /// Behind a 4f relay
@@ -22,25 +22,22 @@ pub enum GeometryName {
     FarField,
 }
 
-/// What numbers of bare phases are, where a display is given anyway.
+/// The unit of bare phases, in commands that have a display anyway.
 #[derive(Args, Clone, Copy)]
 pub struct PhaseUnitArgs {
-    /// Unit of bare phases: rad, turns, deg, or the number of levels per turn [default: rad for .npy if the values
+    /// Unit of bare phases (rad, turns, deg, or the number of levels per turn) [default: rad for .npy if the values
     /// fit, 256 for pictures]
     #[arg(help_heading = "Bare phases", long, value_name = "UNIT", value_parser = phase_unit)]
     pub phase_unit: Option<PhaseUnit>,
 }
 
-/// What bare phases do not say of themselves.
+/// The display, the unit and the optics of bare phases.
 #[derive(Args)]
 pub struct PhaseArgs {
-    /// The display that they are for
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// What their numbers are
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
-    /// Their optics
     #[command(flatten)]
     pub optics: BareOpticsArgs,
 }
@@ -69,50 +66,50 @@ impl BareOpticsArgs {
     }
 }
 
-/// Which hologram of a sequence is taken.
+/// The choice of one hologram of a sequence.
 #[derive(Args, Clone, Copy)]
 pub struct AtArgs {
-    /// Which hologram of a sequence, from 0
+    /// Number of the hologram in a sequence, from 0
     #[arg(help_heading = "Output", long, value_name = "N")]
     pub at: Option<u64>,
 }
 
-/// What is made of a hologram that is not finished.
+/// The option for holograms that are not finished.
 #[derive(Args, Clone, Copy)]
 pub struct UnfinishedArgs {
-    /// Take a sequence, or a hologram in tiles, that is still being made as it is
+    /// Accept a sequence, or a hologram in tiles, that is not finished
     #[arg(help_heading = "Scene", long)]
     pub unfinished: bool,
 }
 
 impl UnfinishedArgs {
-    /// What failed; the flag that decides is named where it is about that.
+    /// Returns the failure for an error. It names the option if the hologram is unfinished.
     pub fn failure(self, error: HologramError) -> Failure {
         match error {
             HologramError::Unfinished { .. } => {
-                Failure::Arguments(reason!("unfinished", "{error}, or take it as it is with --unfinished"))
+                Failure::Arguments(reason!("unfinished", "{error}, or accept it as it is with --unfinished"))
             }
             other => other.into(),
         }
     }
 }
 
-/// Says how far a hologram is that is not finished; it is looked at all the same.
+/// Prints how much of an unfinished hologram is done. The command uses it all the same.
 pub fn tell_unfinished(file: &Path) -> Result<Option<Unfinished>, Failure> {
     let unfinished = Unfinished::at(file)?;
     if let Some(how_far) = unfinished {
-        eprintln!("{}: it is unfinished: {how_far}", file.display());
+        eprintln!("{}: unfinished: {how_far}", file.display());
     }
     Ok(unfinished)
 }
 
-/// Video frames in the place of a hologram.
+/// The options for video frames instead of a hologram.
 #[derive(Args)]
 pub struct EncodedArgs {
-    /// Input is video frames: PNGs of any origin, for --display. The folder of `encode` needs no option
+    /// Read PNGs of any origin as video frames for --display. The folder of `encode` needs no option
     #[arg(help_heading = "Video frames", long)]
     pub encoded: bool,
-    /// With video frames: keep gratings, corrections, turns, or all, as the SLM shows them, instead of undoing them
+    /// Keep gratings, corrections, turns, or all in video frames as the SLM shows them, instead of undoing them
     #[arg(help_heading = "Video frames", long, value_name = "PARTS", num_args = 0..=1, require_equals = true, default_missing_value = "all", value_parser = as_shown)]
     pub as_shown: Option<AsShown>,
 }
@@ -123,14 +120,15 @@ impl EncodedArgs {
         self.encoded || is_encoded(file)
     }
 
-    /// What `file` shows: video frames are decoded, everything else is opened as `phases` say, and how far it is is told.
+    /// Opens the phases in `file`. Video frames are decoded. Other files are opened with the options in `phases`, and a
+    /// line states how much of an unfinished one is done.
     pub fn source(&self, phases: &PhaseArgs, file: &Path, at: Option<u64>) -> Result<PhaseSource<'static>, Failure> {
         let wrong = |reason: Reason| Err(Failure::Arguments(reason.within(file.display())));
         if !self.are_at(file) {
             if self.as_shown.is_some() {
                 return wrong(reason!(
                     "as-shown-of-phases",
-                    "--as-shown is for video frames: give --encoded if it holds some"
+                    "--as-shown is for video frames. Give --encoded if it holds some"
                 ));
             }
             tell_unfinished(file)?;
@@ -148,14 +146,14 @@ impl EncodedArgs {
 }
 
 impl PhaseArgs {
-    /// How `file` is opened: a hologram holds its own optics, and none may be given.
+    /// Returns how `file` is opened. A hologram holds its own optics, so none may be given.
     pub fn opening(&self, file: &Path, at: Option<u64>) -> Result<Opening, Failure> {
         let what = file.display();
         let is_display_given = self.display.display.is_some() || self.display.size.is_some();
         if (is_display_given || self.optics.is_given()) && !Phases::are_at(file) {
             return Err(Failure::Arguments(reason!(
                 "own-optics",
-                "{what} holds its own optics: leave out --display, --size, --pitch, --wavelength and --focal-length"
+                "{what} holds its own optics. Leave out --display, --size, --pitch, --wavelength and --focal-length"
             )));
         }
         if self.display.size.is_some() && self.display.display.is_none() {
@@ -199,7 +197,7 @@ impl PhaseArgs {
 }
 
 impl PhaseUnitArgs {
-    /// How phases for a display are opened that the command has anyway.
+    /// Returns how phases are opened for a display that the command has anyway.
     pub fn opening(self, display: Option<&Display>, color: Option<Color>) -> Opening {
         Opening {
             at: None,
@@ -210,7 +208,7 @@ impl PhaseUnitArgs {
         }
     }
 
-    /// The same; a display that nobody chose is none.
+    /// Returns the same for the chosen display, or without a display if none is chosen.
     pub fn chosen(self, args: &DisplayArgs) -> Result<Opening, Failure> {
         let display = args.display.is_some().then(|| common::display(args)).transpose()?;
         Ok(self.opening(display.as_ref(), args.color.one()))

@@ -1,4 +1,4 @@
-//! The progress bar, the lines in its place where there is no terminal; and whether ctrl-C was pressed.
+//! Shows the progress of a job as a bar, or as lines if there is no terminal, and checks for ctrl-C.
 
 pub use crate::signals::{catch_interrupt, interrupted, let_interrupt};
 use eyebox::low_level::solve::{Flow, Progress, ValidationScore};
@@ -9,25 +9,25 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// From one line to the next where standard error is no terminal.
+/// Time from one line to the next if standard error is no terminal.
 pub const EVERY: Duration = Duration::from_secs(10);
 
-/// What a job is at, and how much of it was done at first and is done now, 0 to 1.
+/// The present part of a job, with the shares that were done at first and are done now, 0 to 1.
 struct Reached {
     what: String,
     first: f64,
     share: f64,
 }
 
-/// A line now and then, while it is there, of how far a job is: for logs and pipes, which have no bars. A thread says them,
-/// however long the job is silent.
+/// Prints a line about a job at intervals, for logs and pipes, which have no bars. A thread prints them, so they come
+/// even while the job reports nothing.
 struct Lines {
     reached: Arc<Mutex<Reached>>,
     thread: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Lines {
-    /// Says a line `every` so often by `say`.
+    /// Starts a thread that passes a line to `say` at each interval `every`.
     fn new(first: f64, every: Duration, mut say: impl FnMut(String) + Send + 'static) -> Self {
         let reached = Arc::new(Mutex::new(Reached { what: String::new(), first, share: first }));
         let (theirs, begun) = (Arc::clone(&reached), Instant::now());
@@ -37,11 +37,11 @@ impl Lines {
                 say(line(&theirs.lock().unwrap_or_else(PoisonError::into_inner), begun.elapsed()));
             }
         });
-        // Without a thread nothing is said: the job goes on.
+        // Without a thread nothing is printed, and the job continues.
         Self { reached, thread: thread.ok().map(|thread| (end, thread)) }
     }
 
-    /// On standard error, unless it is a terminal: bars are for that.
+    /// Prints the lines on standard error, unless it is a terminal, which shows bars.
     fn on_stderr(first: f64) -> Option<Self> {
         (!std::io::stderr().is_terminal()).then(|| Self::new(first, EVERY, |line| eprintln!("{line}")))
     }
@@ -61,7 +61,7 @@ impl Drop for Lines {
     }
 }
 
-/// How far a job is after so long, and what is left at the same pace.
+/// Returns a line with the progress of a job after a time, and the time left at the same pace.
 fn line(reached: &Reached, passed: Duration) -> String {
     let Reached { what, first, share } = reached;
     let seconds = passed.as_secs_f64();
@@ -73,7 +73,7 @@ fn line(reached: &Reached, passed: Duration) -> String {
     }
 }
 
-/// Seconds, as people say them.
+/// Returns seconds as text in a unit that suits their size.
 fn time(seconds: f64) -> String {
     match seconds.round() as u64 {
         s @ 0..=119 => format!("{s} s"),
@@ -82,7 +82,7 @@ fn time(seconds: f64) -> String {
     }
 }
 
-/// A bar for one color's solve; where there is no terminal, lines.
+/// A bar for the solve of one color, or lines if there is no terminal.
 pub struct Bar {
     bar: Option<ProgressBar>,
     lines: Option<Lines>,
@@ -91,7 +91,7 @@ pub struct Bar {
 }
 
 impl Bar {
-    /// `label` says what is solved, in so many `unit`s, of which some may be `done`.
+    /// Creates a bar for `label`, which takes `count` units, of which `done` are done already.
     pub fn new(label: String, count: usize, done: u64, unit: &str, quiet: bool) -> Self {
         let lines = Lines::on_stderr(done as f64 / count.max(1) as f64);
         let about = [label.clone(), unit.to_string()];
@@ -109,12 +109,12 @@ impl Bar {
         Self { bar: Some(bar), lines, about, count }
     }
 
-    /// After a step. Until there is a validation, this step's own pupils stand for it.
+    /// Shows a step. Until there is a validation, the PSNR is over the pupils of the step.
     pub fn show(&self, progress: &Progress) -> Flow {
         match (progress.pilot, progress.validation.map(ValidationScore::quality)) {
             _ if progress.fitting.is_some() => {
                 let share = 100.0 * progress.fitting.unwrap_or_default();
-                self.say(0, &format!("first phases fitted, once for this display: {share:.0} %"));
+                self.say(0, &format!("first phases fitted once for this display, {share:.0} %"));
             }
             (Some([taken, all]), _) => self.say(0, &format!("exposure chosen in {taken} of {all} steps")),
             (None, None) => self.at(progress.step, -10.0 * progress.loss.log10()),
@@ -124,7 +124,7 @@ impl Bar {
         if interrupted() { Flow::Stop } else { Flow::Continue }
     }
 
-    /// So many are done, and it is so good, dB.
+    /// Shows the number of units that are done, and the PSNR in dB.
     pub fn at(&self, done: usize, psnr: f64) {
         self.say(done, &format!("{psnr:.1} dB"));
     }
@@ -140,14 +140,14 @@ impl Bar {
         }
     }
 
-    /// The bar stays as it is.
+    /// Leaves the bar on the terminal as it is.
     pub fn leave(self) {
         if let Some(bar) = self.bar {
             bar.abandon();
         }
     }
 
-    /// The last line stays.
+    /// Leaves the bar on the terminal with this message.
     pub fn finish(self, message: String) {
         if let Some(bar) = self.bar {
             bar.abandon_with_message(message);
@@ -155,20 +155,20 @@ impl Bar {
     }
 }
 
-/// A bar over a whole job of many parts: what is being done, and the time that is left; where there is no terminal, lines.
+/// A bar for a whole job of many parts, with the present part and the time left, or lines if there is no terminal.
 pub struct JobBar {
     bar: Option<ProgressBar>,
     lines: Option<Lines>,
 }
 
 impl JobBar {
-    /// No bar is shown where it is to be `quiet`.
+    /// Creates a bar, which is invisible if `quiet` is set.
     pub fn new(quiet: bool) -> Self {
         let bar = (!quiet).then(|| {
             let bar = ProgressBar::new(1000);
             let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {eta:>4} left  {msg}");
             bar.set_style(style.expect("a sound template"));
-            // It ticks by a thread of its own, and without one when something is done.
+            // The bar ticks on a thread of its own. Without that thread it moves only when a part reports.
             if std::thread::Builder::new().spawn(|| ()).is_ok() {
                 bar.enable_steady_tick(Duration::from_millis(250));
             }
@@ -177,7 +177,7 @@ impl JobBar {
         Self { bar, lines: Lines::on_stderr(0.0) }
     }
 
-    /// Shows what is being done, and the share that is done; stops where ctrl-C was pressed.
+    /// Shows the present part and the share that is done. Returns `Flow::Stop` if ctrl-C was pressed.
     pub fn show(&self, what: &str, share: f64) -> Flow {
         if let Some(bar) = &self.bar {
             bar.set_message(what.to_string());
@@ -189,7 +189,7 @@ impl JobBar {
         if interrupted() { Flow::Stop } else { Flow::Continue }
     }
 
-    /// The bar goes; what follows says what came of it.
+    /// Removes the bar, because the output that follows has the result.
     pub fn finish(self) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
@@ -220,10 +220,10 @@ mod tests {
         let (say, said) = channel();
         let lines = Lines::new(0.0, Duration::from_millis(1), move |line| drop(say.send(line)));
         lines.at("green".into(), 0.5);
-        // However slow the machine is, one comes that knows; after the end, none.
+        // Lines before the share is set do not have it. Even on a slow machine, a later line has it.
         while !said.recv().expect("a line").contains("50 % after 0 s, about 0 s left: green") {}
         drop(lines);
-        // Comes to its end because what said lines is gone.
+        // The channel ends because the thread that sent lines has ended.
         said.iter().for_each(drop);
     }
 }

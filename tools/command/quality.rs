@@ -1,4 +1,4 @@
-//! `--quality`: settings for a quality or a time, as measured on this device or built in.
+//! `--quality` chooses settings for a quality or a time, measured on this device or built in.
 
 use crate::Failure;
 use crate::values::{MS, Wrong, positive_in};
@@ -11,11 +11,11 @@ use eyebox::low_level::reason;
 use eyebox::low_level::solve::Settings;
 use eyebox_lab::tuning::{Measured, within};
 
-/// How much time quality may take, in every command that solves.
+/// The quality or the time of a solve, in every command that solves.
 #[derive(Args, Clone, Copy)]
 pub struct QualityArgs {
-    /// Quality: fast, balanced, accurate, or the time of a solve, such as 20ms. `eyebox eval tune` measures settings
-    /// on this device, otherwise built-in settings apply. Single settings win. The time is for all colors and grows
+    /// Quality (fast, balanced, accurate) or time of a solve, such as 20ms. Settings that `eyebox eval tune` measured
+    /// on this device apply, otherwise built-in settings. Single settings win. The time is for all colors and grows
     /// with pixels x log2(pixels) and sub-frames
     #[arg(help_heading = "Quality", long, value_parser = asked, value_name = "NAME|MS")]
     pub quality: Option<AskedQuality>,
@@ -24,13 +24,12 @@ pub struct QualityArgs {
 /// A quality by its name, or by the time of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AskedQuality {
-    /// A name.
     Named(Quality),
     /// The time of a solve of all colors, ms.
     Within(f64),
 }
 
-/// Reads a quality.
+/// Reads a quality or a time.
 fn asked(text: &str) -> Result<AskedQuality, Wrong> {
     match QUALITIES.into_iter().find(|quality| quality.name() == text) {
         Some(quality) => Ok(AskedQuality::Named(quality)),
@@ -46,9 +45,8 @@ const QUALITIES: [Quality; 3] = [Quality::Fast, Quality::Balanced, Quality::Accu
 
 /// Settings of a requested quality, with their description.
 pub struct Chosen {
-    /// The settings.
     pub settings: Settings,
-    /// Where they are from.
+    /// The settings and their origin in words.
     pub about: String,
 }
 
@@ -59,8 +57,8 @@ impl QualityArgs {
         Ok(Self { quality: self.quality.or(named) })
     }
 
-    /// Returns the settings of the requested quality, if one is requested. `size` and `frames` are those of the solve, `colors` is
-    /// the number of colors that share its time.
+    /// Returns the settings of the requested quality, if one is requested. `size` and `frames` belong to the solve, and
+    /// `colors` is the number of colors that share its time.
     pub fn choose(
         &self,
         engine: &dyn Engine,
@@ -84,9 +82,10 @@ impl QualityArgs {
             AskedQuality::Named(quality) => {
                 let (settings, from) = match &measured {
                     Some(m) => (m.of(quality).recipe.clone(), expected(m, m.of(quality).milliseconds)),
-                    None => {
-                        (Settings::of(quality), "built in; `eyebox eval tune SCENE -o DIR` measures this device".into())
-                    }
+                    None => (
+                        Settings::of(quality),
+                        "built in, while `eyebox eval tune SCENE -o DIR` measures this device".into(),
+                    ),
                 };
                 let about = format!("{}: {settings} ({from})", quality.name());
                 return Ok(Some(Chosen { settings, about }));
@@ -95,7 +94,7 @@ impl QualityArgs {
         let Some(measured) = measured else {
             return Err(Failure::Arguments(reason!(
                 "nothing-measured",
-                "--quality {limit}ms: nothing was measured on {device}: run `eyebox eval tune SCENE -o DIR` first, or stop by the clock with --duration"
+                "--quality {limit}ms: nothing was measured on {device}. Run `eyebox eval tune SCENE -o DIR` first, or limit the time with --duration"
             )));
         };
         let scale = measured.scale(size, frames);

@@ -1,4 +1,4 @@
-//! `eyebox refine`: a hologram refined for where the eye is, and what each step gains.
+//! `eyebox refine` refines a hologram for a pupil and prints the gain of each step.
 
 use crate::Failure;
 use crate::args::{EngineArgs, EyeArgs, OwnSceneArgs, scene_of};
@@ -25,42 +25,36 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// `eyebox refine`
+/// The arguments of `eyebox refine`.
 #[derive(Args)]
 pub struct Refine {
-    /// NAME.zarr, solved for the whole eyebox; or phases: NAME.npy or a folder of PNGs
+    /// NAME.zarr, solved for the whole eyebox, or phases (NAME.npy or a folder of PNGs)
     pub hologram: PathBuf,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Scene
     #[command(flatten)]
     pub scene: OwnSceneArgs,
-    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    /// Pupil as x,y,diameter,focus in mm, or the focus in dioptres (0.5D)
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
     pub pupil: GivenPupil,
-    /// Standard deviation of where it is, mm
+    /// Standard deviation of the place of the pupil, mm
     #[arg(help_heading = "Pupils", long, value_name = "MM", default_value_t = 0.25, value_parser = not_negative_in(MM))]
     pub spread: f64,
-    /// Pupil diameters, mm [default: half a millimetre about the pupil's]
+    /// Pupil diameters, mm [default: half a millimeter around the pupil's]
     #[arg(help_heading = "Pupils", long, value_name = "MIN..MAX", value_parser = diameters)]
     pub pupil_diameter: Option<[f64; 2]>,
-    /// Steps
+    /// Steps of the refinement
     #[arg(help_heading = "Steps", long, default_value_t = 16, value_name = "N")]
     pub steps: usize,
-    /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// How the phases follow
     #[command(flatten)]
     pub experiment: ExperimentArgs,
-    /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
-    /// Output: NAME.zarr of the refined hologram
+    /// Output file NAME.zarr of the refined hologram
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: Option<PathBuf>,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output
@@ -68,32 +62,32 @@ pub struct Refine {
     pub json: bool,
 }
 
-/// Pupils anywhere in the eyebox through which a row is measured.
+/// Number of pupils anywhere in the eyebox through which a row is measured.
 const WIDE_PUPILS: usize = 12;
 
-/// PSNR after some steps, dB; `None` if the target is black.
+/// The PSNRs after some steps, dB. They are None if the target image is black.
 #[derive(Debug, Clone, Copy)]
 struct Row {
     steps: usize,
     ms: f64,
-    /// At the pupil, as `eyebox eval score` finds it.
+    /// PSNR at the pupil, as `eyebox eval score` measures it.
     eye: Option<f64>,
-    /// The mean over the whole eyebox, or all of the piece that was refined, at one exposure.
+    /// Mean PSNR over the whole eyebox, or over the whole refined piece, at one exposure.
     wide: Option<f64>,
 }
 
 /// The rows of each color, the engine's name, and the best states.
 type Refinement = (Vec<Vec<Row>>, String, Vec<Best>);
 
-/// The best state of one color, or of all together: its step, and its PSNR at the pupil.
+/// The step and the PSNR at the pupil of the best state, for one color or for all together.
 type Best = (usize, Option<f64>);
 
-/// What [`Row::wide`] is about: as JSON's key, and in words.
+/// Names of [`Row::wide`] for the whole eyebox, as a key of JSON and in words.
 const EYEBOX: [&str; 2] = ["eyebox_db", "over the eyebox dB"];
-/// Of a hologram in tiles.
+/// Names of [`Row::wide`] for a hologram in tiles.
 const PIECE: [&str; 2] = ["piece_db", "over the piece dB"];
 
-/// Refines, and says what came of it.
+/// Refines the hologram and prints the report.
 pub fn run(args: &Refine) -> Result<(), Failure> {
     let steering = args.experiment.refinement()?;
     if args.experiment.printed(&[])? {
@@ -103,7 +97,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         common::form(out, &[Form::Zarr])?;
     }
     if Tiles::is_tiled(&args.hologram) {
-        // It holds its own optics.
+        // A hologram in tiles holds its own optics.
         args.phases.opening(&args.hologram, args.which.at)?;
         return tiled((args, steering));
     }
@@ -134,7 +128,7 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Refines each color's own phases: what each step gained, color by color, and the engine's name.
+/// Refines the phases of each color. Returns the rows color by color and the engine's name.
 fn apart(
     (args, steering): (&Refine, RefineSettings),
     hologram: &mut Hologram,
@@ -160,7 +154,7 @@ fn apart(
     Ok((all, described, bests))
 }
 
-/// Refines the drives that all colors share, in the light of their lasers as it is: the same.
+/// Refines the drives that all colors share. The powers of the lasers stay as they are.
 fn together(
     (args, steering): (&Refine, RefineSettings),
     hologram: &mut Hologram,
@@ -173,7 +167,7 @@ fn together(
     let (Some(first), Some(parts)) = (problems.first(), hologram.joint_parts(problems.clone())) else {
         return Err(Failure::Arguments(reason!(
             "colors-of-lasers",
-            "{}: its colors are not those of its lasers",
+            "{}: its colors and its lasers differ",
             args.hologram.display()
         )));
     };
@@ -185,7 +179,7 @@ fn together(
         described = engine.describe();
         Ok(engine)
     })?;
-    // At the exposures of the hologram as it was: lasers stay as they are.
+    // The exposures are from the hologram before the refinement, because lasers stay as they are.
     let exposed = |color| Ok(Sums::fit_exposure(&refiner.look(color, &anywhere)?)?);
     let exposures = (0..problems.len()).map(exposed).collect::<Result<Vec<f64>, Failure>>()?;
     refiner.aim(*aim)?;
@@ -194,7 +188,7 @@ fn together(
     Ok((all, described, vec![(best.step, best.psnr)]))
 }
 
-/// The same for a hologram in tiles: those around the eye are read, refined as a far field of their own, and put into a
+/// Refines a hologram in tiles. The tiles around the eye are read, refined as a far field of their own, and put into a
 /// copy.
 fn tiled((args, steering): (&Refine, RefineSettings)) -> Result<(), Failure> {
     let tiles = Tiles::open(&args.hologram)?;
@@ -210,7 +204,7 @@ fn tiled((args, steering): (&Refine, RefineSettings)) -> Result<(), Failure> {
         let file = args.hologram.display();
         return Err(Failure::Arguments(reason!(
             "unfinished",
-            "{file}: it is still being solved: repeat its command, and refine it then"
+            "{file}: it is still being solved. Repeat its command, and refine it then"
         )));
     }
     tell_unfinished(&args.hologram)?;
@@ -251,7 +245,7 @@ fn tiled((args, steering): (&Refine, RefineSettings)) -> Result<(), Failure> {
 }
 
 impl Refine {
-    /// Where the eye is believed to be.
+    /// Returns the distribution of the pupil.
     fn aim(&self, focal_length: f64) -> PupilDistribution {
         let Pupil { x, y, diameter, depth } = self.pupil.before(focal_length);
         let half = 0.5e-3f64.min(diameter / 2.0);
@@ -265,17 +259,17 @@ fn refined(aim: PupilDistribution, steering: RefineSettings, best: &[Best]) -> R
     Refined { aim, steering, steps: best.iter().map(|(step, _)| *step).max().unwrap_or(0) }
 }
 
-/// One color, refined.
+/// The refinement of one color.
 struct RefinedColor {
     rows: Vec<Row>,
     best: BestState,
-    /// The engine's name.
+    /// The name of the engine.
     engine: String,
-    /// The display's switchable sources that light it, by their places.
+    /// The indices of the display's switchable sources that light the color.
     sources: Vec<usize>,
 }
 
-/// Refines one color. `anywhere` is around the middle of what is refined.
+/// Refines one color. `anywhere` is around the middle of the refined eyebox or piece.
 fn steps(
     (args, steering): (&Refine, RefineSettings),
     problem: Problem,
@@ -288,17 +282,18 @@ fn steps(
     let described = engine.describe();
     let everywhere = wide_pupils(anywhere, &problem, steering.seed);
     let mut refiner = Refiner::new(problem, phases, exposure, steering, engine)?;
-    // The eyebox is compared at the exposure of the hologram as it was, in the light that it was made for: lasers stay as they are.
+    // The eyebox is compared at the exposure of the hologram before the refinement, in the light that it was made for,
+    // because lasers stay as they are.
     let exposure = Sums::fit_exposure(&refiner.look(&everywhere)?)?;
     refiner.aim(aim)?;
-    // Where other sources are lit now, anywhere is in their eyeboxes.
+    // If other sources are lit now, the pupils are in the eyeboxes of those sources.
     let anywhere = wide_pupils(anywhere, refiner.problem(), steering.seed);
     let (mut rows, best) = follow(args, &mut refiner, (&anywhere, &[exposure]), "for this color")?;
     Ok(RefinedColor { rows: rows.remove(0), best, engine: described, sources: refiner.sources().to_vec() })
 }
 
-/// Takes the steps until ctrl-C, and measures after 1, 2, 4, 8, ... of them and the last: rows of each color, and the best state.
-/// `wide` are pupils anywhere in the eyebox, with each color's exposure.
+/// Takes the steps until ctrl-C, and measures after 1, 2, 4, 8, ... of them and the last. Returns the rows of each
+/// color, and the best state. `wide` has pupils anywhere in the eyebox and each color's exposure.
 fn follow(
     args: &Refine,
     refined: &mut dyn Refinable,
@@ -330,7 +325,7 @@ fn follow(
             flow
         })?;
         goes_on &= loss.is_finite();
-        // A step of each color.
+        // The time is per color, because each step refines every color.
         ms += seconds * 1e3 / wide.1.len() as f64;
         taken += count;
     }
@@ -339,13 +334,14 @@ fn follow(
     Ok((rows, best))
 }
 
-/// Mean of the PSNRs that there are.
+/// Returns the mean of the known PSNRs.
 fn mean(each: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let known: Vec<f64> = each.flatten().collect();
     (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
 }
 
-/// Says what each step gained, over all colors; `place`: the piece that was refined, and of what.
+/// Prints the gain of each step over all colors. `place` has the refined piece of a hologram in tiles, and the progress
+/// of an unfinished one.
 fn report(
     (args, steering): (&Refine, RefineSettings),
     (all, best): (&[Vec<Row>], &[Best]),
@@ -354,7 +350,7 @@ fn report(
     [key, words]: [&str; 2],
     place: &Value,
 ) {
-    // Colors, side by side: an interruption may have left some with fewer rows.
+    // After an interruption some colors may have fewer rows.
     let count = all.iter().map(Vec::len).min().unwrap_or(0);
     let f = about.focal_length;
     let focus = args.pupil.before(f).depth;
@@ -405,7 +401,7 @@ fn report(
     }
 }
 
-/// Pupils of another seed than the refinement's, anywhere that the problem's light goes.
+/// Returns pupils of another seed than the refinement's, anywhere in the light of the problem.
 fn wide_pupils(anywhere: PupilRange, problem: &Problem, seed: u64) -> Vec<Pupil> {
     let center = problem.optics.center();
     let sampler = Sampler::new(anywhere, Sequence::Sobol, !seed ^ 0x616e_7977);

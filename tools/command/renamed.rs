@@ -1,4 +1,4 @@
-//! Names of earlier versions: an old command or option is refused with the name that it has now.
+//! Refuses commands and options of earlier versions with the names that they have now.
 
 use crate::args::TilesSettings;
 use crate::eval::compare::args::CompareSettings;
@@ -86,7 +86,7 @@ pub fn command(name: &str) -> Option<String> {
     Some(format!("it is `eyebox {now}` now"))
 }
 
-/// Options that became settings of a solve. The setting has the same name, but for `--speckle`.
+/// Options that became settings of a solve. The setting has the same name, except for `--speckle`.
 const OF_SOLVES: [&str; 15] = [
     "diameters",
     "efficiency",
@@ -105,7 +105,7 @@ const OF_SOLVES: [&str; 15] = [
     "window",
 ];
 
-/// Options that became settings of refinements. The setting has the same name, but for numbers of the strategy.
+/// Options that became settings of refinements. The setting has the same name, except for numbers of the strategy.
 const OF_REFINEMENTS: [&str; 14] = [
     "adam-rate",
     "elsewhere",

@@ -1,4 +1,4 @@
-//! The request for a solve that its arguments make. `solve`, `plan` and `bench` pass it on, and not the arguments.
+//! Makes the request for a solve from its arguments. `solve`, its dry run and `bench` pass on the request alone.
 
 use crate::args::{CameraArgs, EngineArgs, SceneArgs, SettingsArgs, Solve, TilesSettings};
 use crate::common;
@@ -17,7 +17,7 @@ use eyebox::low_level::tiled::MemoryLimit;
 use eyebox::low_level::{memory, reason};
 use std::path::Path;
 
-/// A request for a solve: scenes, display, settings, engine and output.
+/// A request for a solve, with scenes, display, settings, engine and output.
 pub struct SolveRequest<'a> {
     /// The display, with the prescription of the eye.
     pub display: Display,
@@ -88,7 +88,7 @@ impl<'a> SolveRequest<'a> {
         })
     }
 
-    /// Prints the settings if they are asked for. Returns whether it did.
+    /// Prints the settings if they are requested. Returns whether it did.
     pub fn printed(&self) -> Result<bool, Failure> {
         let is_printed = self.options.experiment.is_printed();
         if is_printed {
@@ -105,8 +105,8 @@ impl<'a> SolveRequest<'a> {
         self.scenes.len() == 1 && self.tiles.is_none()
     }
 
-    /// Returns the settings and a note about them. Quality and deadline replace the defaults, and given settings replace both. The
-    /// depth range is zero unless it is given, because the scene is not loaded yet.
+    /// Returns the settings and a note about them. Quality and deadline replace the defaults, and given settings
+    /// replace both. The depth range is zero unless it is given, because the scene is not loaded yet.
     pub fn settings(&self, engine: &dyn Engine) -> Result<(Settings, Option<String>), Failure> {
         let (base, given) = (self.base(&self.display)?, &self.given);
         if self.tiles.is_some() {
@@ -165,7 +165,8 @@ impl<'a> SolveRequest<'a> {
 }
 
 impl SolveRequest<'_> {
-    /// Returns the request for a solve region by region if memory is limited or too small for the hologram. Sequences have none.
+    /// Returns the request for a solve region by region if memory is limited or too small for the hologram. Sequences
+    /// have none.
     fn tiles(&self, args: &Solve) -> Result<Option<TilesRequest>, Failure> {
         if self.scenes.len() > 1 {
             return Ok(None);
@@ -182,7 +183,7 @@ impl SolveRequest<'_> {
             if (own.passes.is_some() || own.picture.is_some()) && !is_printed {
                 return Err(Failure::Arguments(reason!(
                     "not-in-tiles",
-                    "tiles.passes and tiles.picture are for far fields with --memory: this is solved all at once"
+                    "tiles.passes and tiles.picture are for far fields with --memory. This hologram is solved all at once"
                 )));
             }
             return Ok(None);
@@ -200,7 +201,7 @@ impl SolveRequest<'_> {
         if let Some((_, name)) = other.iter().find(|other| other.0) {
             return Err(Failure::Arguments(reason!(
                 "in-tiles",
-                "{name} is not for a hologram that is solved region by region: leave it out, or take a smaller display"
+                "{name} is not for a hologram that is solved region by region. Leave it out, or take a smaller display"
             )));
         }
         let default = TilesRequest::default();
@@ -212,11 +213,11 @@ impl SolveRequest<'_> {
     }
 }
 
-/// Puts the options over the settings of the file.
+/// Returns the settings of the file, replaced by the given options.
 fn given(options: &SettingsArgs) -> Result<GivenSettings, Failure> {
     let mut given = options.experiment.given()?.clone();
     if given.has("contrast") && options.frames.is_some() {
-        let text = "contrast and --frames both decide the number of sub-frames: leave out one of them";
+        let text = "contrast and --frames both decide the number of sub-frames. Leave out one of them";
         return Err(Failure::Arguments(reason!("frames-and-contrast", "{text}")));
     }
     given.insert("frames", options.frames);

@@ -1,4 +1,6 @@
-//! `--help` on one screen, with the commands in groups and the usual options of a command. `eyebox help` shows everything.
+//! Prints `--help` on one screen, with the commands in groups and the usual options of a command.
+//!
+//! `eyebox help` shows all options.
 
 use crate::headings;
 use clap::builder::StyledStr;
@@ -53,7 +55,7 @@ const OF_COMMANDS: [(&str, &[&str]); 10] = [
     ("solve", &["camera", "dry-run", "duration", "frames", "memory", "method", "rate", "seed", "steps"]),
 ];
 
-/// Number of options up to which a command shows all of them.
+/// The largest number of options of which a command shows all.
 const MOST: usize = 18;
 /// Width of a line of help that is not cut, columns.
 const LINE: usize = 64;

@@ -1,4 +1,4 @@
-//! Signals: ctrl-C, and its kin.
+//! Handles ctrl-C and the other signals that request an end.
 
 use eyebox::low_level::files::asked_to_end;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -6,31 +6,31 @@ use signal_hook::flag;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Exit code of a process that ctrl-C ends, as a shell has it.
+/// Exit code of a process that ctrl-C ends, as in a shell.
 const INTERRUPTED: i32 = 130;
-/// Of one that failed.
+/// Exit code of a process that failed.
 #[cfg(unix)]
 const FAILED: i32 = 2;
 
-/// Whether what runs catches ctrl-C.
+/// True while the running work catches ctrl-C.
 static CAUGHT: AtomicBool = AtomicBool::new(false);
 
-/// How often what runs asked whether ctrl-C was pressed.
+/// Number of times that the running work checked whether ctrl-C was pressed.
 static ASKED: AtomicU64 = AtomicU64::new(0);
-/// Whoever presses ctrl-C gets a line when what runs has not asked for so long.
+/// A press of ctrl-C prints a line if the running work does not check for it during this time.
 #[cfg(unix)]
 const SILENCE: std::time::Duration = std::time::Duration::from_millis(300);
 
-/// From now on ctrl-C, SIGTERM and a terminal that goes away (SIGHUP; not under nohup, which has it ignored) ask what runs to
-/// stop with what it has; the second one ends the process at once.
+/// From now on ctrl-C, SIGTERM and a terminal that goes away (SIGHUP) request that the running work stops with its
+/// result so far. The second signal ends the process at once. Under nohup, SIGHUP stays ignored.
 pub fn catch_interrupt() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
         let signals = signals();
         let arrived: Vec<(i32, Arc<AtomicBool>)> = signals.into_iter().map(|signal| (signal, Arc::default())).collect();
         let caught = |signal, own: &Arc<AtomicBool>| {
-            // Handlers run in this order. Two threads may run those of two signals at the same time: each is set before
-            // the others are read, so that one of the two finds the other.
+            // Handlers run in this order. Two threads may run the handlers of two signals at the same time. Each flag
+            // is set before the others are read, so that one of the two threads finds the other flag.
             flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(own))?;
             flag::register(signal, Arc::clone(own))?;
             for (_, other) in arrived.iter().filter(|(other, _)| *other != signal) {
@@ -47,31 +47,32 @@ pub fn catch_interrupt() {
     });
 }
 
-/// From now on ctrl-C and its kin end the process at once again, without drafts of files: nothing that runs is worth waiting for.
+/// From now on the signals end the process at once again and remove temporary files, because the running work is not
+/// worth waiting for.
 pub fn let_interrupt() {
     CAUGHT.store(false, Ordering::SeqCst);
 }
 
-/// What does not catch ctrl-C and its kin ends by them at once, as any program does, but leaves no draft of a file.
+/// Work that does not catch the signals ends at once, as any program does, but leaves no temporary file.
 #[cfg(unix)]
 pub fn end_without_drafts() {
     use signal_hook::iterator::Signals;
     use signal_hook::low_level::emulate_default_handler;
-    // A shell has ctrl-C ignored by what it runs in the background.
+    // A shell makes programs in the background ignore ctrl-C.
     let heard: Vec<i32> = signals().into_iter().filter(|signal| !is_ignored(*signal)).collect();
     let Ok(mut arriving) = Signals::new(&heard) else { return };
     let wait = move || {
         for signal in arriving.forever() {
             if CAUGHT.load(Ordering::SeqCst) {
                 if is_silent(&ASKED, || std::thread::sleep(SILENCE)) {
-                    eprintln!("eyebox: it ends after the work that is under way; press ctrl-C again to end it at once");
+                    eprintln!("eyebox: stopping after the present work. Press ctrl-C again to stop at once");
                 }
                 continue;
             }
             eyebox::low_level::files::end_without_drafts(|| drop(emulate_default_handler(signal)));
         }
     };
-    // A thread that does little: the least stack that there is.
+    // The thread does little, so it has a small stack.
     let thread = std::thread::Builder::new().name("signals".into()).stack_size(64 << 10);
     if thread.spawn(wait).is_err() {
         let uncaught = Arc::new(AtomicBool::new(true));
@@ -81,7 +82,7 @@ pub fn end_without_drafts() {
     }
 }
 
-/// Whether what runs did not ask during a pause.
+/// Returns whether the running work did not check during a pause.
 #[cfg(unix)]
 fn is_silent(asked: &AtomicU64, pause: impl FnOnce()) -> bool {
     let before = asked.load(Ordering::SeqCst);
@@ -89,13 +90,13 @@ fn is_silent(asked: &AtomicU64, pause: impl FnOnce()) -> bool {
     asked.load(Ordering::SeqCst) == before
 }
 
-/// Whether ctrl-C was pressed.
+/// Returns whether ctrl-C was pressed.
 pub fn interrupted() -> bool {
     ASKED.fetch_add(1, Ordering::SeqCst);
     asked_to_end().load(Ordering::SeqCst)
 }
 
-/// Those that ask a program to end; not SIGHUP under nohup.
+/// Returns the signals that request the end of a program, without SIGHUP under nohup.
 #[cfg(unix)]
 fn signals() -> Vec<i32> {
     use signal_hook::consts::SIGHUP;
@@ -107,7 +108,7 @@ fn signals() -> Vec<i32> {
     vec![SIGINT, SIGTERM]
 }
 
-/// Whether whoever started this process had it ignore a signal.
+/// Returns whether this process was started with a signal ignored.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -116,8 +117,8 @@ fn is_ignored(signal: i32) -> bool {
     matches!(ignored, Some(Ok(mask)) if mask >> (signal - 1) & 1 == 1)
 }
 
-/// A file that grows over the limit that the process has is an error like any other, and not the end. Memory that runs out
-/// though it was promised ends the process, after the line that says so, as errors do.
+/// Turns a file that grows over the limit of the process into an ordinary error. If memory runs out that the system had
+/// granted, the process prints its line and ends with the exit code of errors.
 pub fn outlive_limits() {
     #[cfg(unix)]
     {

@@ -1,4 +1,4 @@
-//! `eyebox solve`.
+//! `eyebox solve` solves scenes, writes the holograms and prints the report.
 
 mod camera;
 mod progress;
@@ -20,7 +20,7 @@ pub use progress::SolveProgress;
 use serde_json::{Value, json};
 use std::time::Instant;
 
-/// Solves, saves, and says what came of it.
+/// Solves the scenes, saves the holograms and prints the report.
 pub fn run(args: &Solve) -> Result<(), Failure> {
     if args.dry_run {
         return plan::run(args);
@@ -32,11 +32,11 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
         return Ok(());
     }
     common::form(report.out, if request.is_single() { &[Form::Zarr, Form::Npy] } else { &[Form::Zarr] })?;
-    // The camera before all that takes long.
+    // The camera opens before any work that takes long.
     let mut say = |line: &str| eprintln!("{line}");
     let mut output = None;
     let camera = camera::open(&request, &mut output, &mut say)?;
-    // The engine first: where there is none, nothing needs to be loaded.
+    // The engine opens first, because nothing needs to be loaded if there is none.
     let mut engine = common::engine(request.engine)?;
     request.choose_terms(engine.as_mut())?;
     engine.time_kernels(report.timings || report.json);
@@ -59,7 +59,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What each kernel took.
+/// Returns the calls and the time of each kernel.
 fn timings(engine: &dyn Engine) -> Vec<Value> {
     let one = |t: &eyebox::low_level::plan::Timing| json!({ "kernel": t.kernel.name(), "calls": t.calls, "ms": t.seconds * 1e3 });
     engine.timings().iter().map(one).collect()
@@ -148,7 +148,7 @@ fn say_sequence(
     if done < count {
         return Err(Failure::Arguments(reason!(
             "interrupted",
-            "interrupted: {out} has {done} of {count} holograms; the same command goes on with the next"
+            "interrupted: {out} has {done} of {count} holograms. The same command continues with the next"
         )));
     }
     if solved == 0 {
@@ -166,7 +166,7 @@ fn say_sequence(
 fn say_tiles(report: Report<'_>, solved: &SolvedTiles, job: &SceneJob, engine: &dyn Engine, start: Instant) {
     let (plan, peak, display, colors) = (&solved.plan, common::peak_memory_mib(), job.display, job.colors.len());
     let Some(scores) = &solved.scores else {
-        eprintln!("interrupted; the same command goes on from here");
+        eprintln!("interrupted; the same command continues from here");
         return;
     };
     let summary = scores.summary();
@@ -216,7 +216,7 @@ fn stop_name(stop: Stop) -> &'static str {
     }
 }
 
-/// What went wrong in a step that was not taken.
+/// Returns the fault of a step that was not taken, in words.
 fn fault(stop: Stop) -> String {
     let Stop::NotFinite { step, kernel } = stop else { return String::new() };
     let first = kernel.map_or("the phases".to_owned(), |k| format!("`{}`", k.name()));

@@ -1,4 +1,4 @@
-//! What is steered: a hologram with its scene, or a scene that is solved first.
+//! Loads the content that is refined, which is a hologram with its scene, or a scene that is solved first.
 
 use crate::args::{DisplayArgs, EngineArgs, EyeArgs, SceneArgs, SceneOptions, scene_of};
 use crate::common::{self, Engines};
@@ -21,67 +21,60 @@ use eyebox::low_level::session::{FarField, Field, LiveColor, MovingSequence, Sce
 use eyebox::low_level::solve::{Levels, Settings};
 use std::path::Path;
 
-/// What is steered, in every command that does.
+/// The content, in every command that refines for a tracked pupil.
 #[derive(Args)]
 pub struct SubjectArgs {
-    /// NAME.zarr, a hologram for the whole eyebox or a sequence of them; NAME.npy, phases with --scene; or a scene, which is solved
-    /// first
+    /// NAME.zarr (a hologram for the whole eyebox or a sequence of them), NAME.npy (phases with --scene), or a scene,
+    /// which is solved first
     pub what: String,
-    /// How
     #[command(flatten)]
     pub how: SubjectOptions,
 }
 
-/// How what is steered is read, or solved.
+/// The options for reading or solving the content.
 #[derive(Args)]
 pub struct SubjectOptions {
     /// Scene of a hologram [default: the one it was solved from]
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// How the scene is read
     #[command(flatten)]
     pub options: SceneOptions,
-    /// Display that is encoded for, and, with a scene, solved for; bare phases are for it
+    /// The display that the content is encoded for. Scenes are solved for it, and bare phases belong to it.
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
-    /// With a scene: quality of the hologram for the whole eyebox
+    /// The quality of the hologram for the whole eyebox, if the content is a scene.
     #[command(flatten)]
     pub quality: QualityArgs,
-    /// How it is solved and refined
     #[command(flatten)]
     pub experiment: ExperimentArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
 }
 
-/// It, loaded.
+/// The content after it was loaded.
 pub struct Steered {
     /// The hologram for the whole eyebox.
     pub hologram: Hologram,
-    /// Its colors.
     pub colors: Vec<Color>,
-    /// What is refined.
+    /// The problem and the phases of each color.
     pub parts: Vec<LiveColor>,
-    /// What follows it, where scenes change.
+    /// The scenes that follow, if the scene changes.
     pub scenes: Option<Box<dyn Scenes>>,
-    /// Of a far field in tiles, all of it.
+    /// The whole of a far field in tiles.
     pub field: Option<Field>,
-    /// To what the SLM receives.
+    /// The encoder to video frames for the SLM.
     pub encoder: Encoder,
-    /// What computes.
+    /// The name of the engine.
     pub engine: String,
-    /// How far the hologram is, where it is not finished.
+    /// The progress of a hologram that is not finished.
     pub unfinished: Option<Unfinished>,
 }
 
-/// Loads or solves it; a sequence that is `looped` begins again at its end. `at` takes one hologram of it.
+/// Loads or solves the content. A sequence that is `looped` begins again at its end. `at` chooses one hologram of it.
 pub fn load(
     what: &str,
     args: &SubjectOptions,
@@ -109,7 +102,7 @@ pub fn load(
         if at.is_some() {
             return Err(Failure::Arguments(reason!(
                 "at-of-scene",
-                "{what} is a scene, and --at takes a hologram of a sequence: leave it out"
+                "{what} is a scene, and --at is for a sequence. Leave it out"
             )));
         }
         let (hologram, field, display) = solved(what, args, engines)?;
@@ -119,13 +112,13 @@ pub fn load(
     Steered::new(what, args, hologram, parts, engines, unfinished)
 }
 
-/// Whether a hologram or bare phases stand there, and no scene.
+/// Returns whether the path is a hologram or bare phases, and not a scene.
 pub fn is_hologram(path: &Path) -> bool {
     let phases = Phases::are_named_at(path) && (!path.is_file() || scene::may_be_phases(path));
     phases || (!Phases::are_at(path) && !path.join("views").exists())
 }
 
-/// A scene's hologram for the whole eyebox, solved by `--quality`; the scene, and the display.
+/// Solves a scene for the whole eyebox with `--quality`. Returns the hologram, the scene and the display.
 pub fn solved(
     what: &str,
     args: &SubjectOptions,
@@ -138,7 +131,7 @@ pub fn solved(
     Ok((hologram, field, display))
 }
 
-/// The same for a display and on an engine; `frames`: sub-frames, if not as many as usual.
+/// Solves a scene for a display on an engine. `frames` replaces the usual number of sub-frames.
 pub fn solved_on(
     what: &str,
     args: &SubjectOptions,
@@ -147,7 +140,7 @@ pub fn solved_on(
     engine: &mut dyn Engine,
 ) -> Result<(Hologram, LightField), Failure> {
     if args.scene.is_some() {
-        return Err(Failure::Arguments(reason!("scene-of-scene", "{what} is a scene already: leave out --scene")));
+        return Err(Failure::Arguments(reason!("scene-of-scene", "{what} is a scene already. Leave out --scene")));
     }
     let scene = SceneArgs::new(what, &args.options);
     let colors = common::colors(&args.display, display)?;
@@ -172,13 +165,13 @@ pub fn solved_on(
     Ok((hologram, field))
 }
 
-/// A sequence, each of whose holograms is refined for the scene that it names.
+/// Loads a sequence, each of whose holograms is refined for the scene that it names.
 fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -> Result<Steered, Failure> {
     let what = path.display().to_string();
     if args.scene.is_some() {
         return Err(Failure::Arguments(reason!(
             "scene-of-sequence",
-            "{what} is a sequence, whose holograms name their scenes: leave out --scene"
+            "{what} is a sequence, whose holograms name their scenes. Leave out --scene"
         )));
     }
     let unfinished = tell_unfinished(path)?;
@@ -198,10 +191,10 @@ fn moving(path: &Path, args: &SubjectOptions, looped: bool, engines: &Engines) -
     Ok(Steered { scenes: Some(Box::new(scenes)), ..steered })
 }
 
-/// As wide as a pupil usually is, meters: the first piece is for one in the middle.
+/// Diameter of a usual pupil, meters. The first piece is for such a pupil in the middle.
 const USUAL_PUPIL: f64 = 4e-3;
 
-/// A far field in tiles, whose piece around the eye is refined.
+/// Loads a far field in tiles, whose piece around the eye is refined.
 fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<Steered, Failure> {
     let what = path.display().to_string();
     // It holds its own optics.
@@ -217,7 +210,7 @@ fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<St
     let hologram = tiles.about().clone();
     let optics = score::display_of(path, &hologram)?;
     let views = scene_of(path, &hologram, args.scene.as_deref(), &args.options, args.display.force)?.around()?;
-    // Until it is known where the eye is: the middle.
+    // Until the place of the eye is known, the middle is refined.
     let middle = whole_eyebox(optics.eyebox_min(), [0.0; 2]);
     let usual = middle.diameter.map(|d| d.min(USUAL_PUPIL));
     let first = PupilDistribution { spread: 0.0, diameter: usual, ..middle };
@@ -248,7 +241,7 @@ impl Steered {
             let name = &shown.name;
             return Err(Failure::Arguments(reason!(
                 "size",
-                "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give --size, or another --display"
+                "{what}: {h}x{w} pixels, but the display '{name}' takes {eh}x{ew}. Give --size, or another --display"
             )));
         }
         let engine = engines.open()?.describe();

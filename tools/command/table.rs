@@ -1,4 +1,4 @@
-//! Tables of the settings whose keys are read as options are: with the same units, ranges and names.
+//! Reads the keys of settings tables as options, with the same units, ranges and names.
 
 use crate::Failure;
 use clap::error::ErrorKind;
@@ -8,12 +8,12 @@ use eyebox::low_level::produce::GivenSettings;
 use eyebox::low_level::reason;
 use serde_json::{Map, Value};
 
-/// The name of a table, and the options that its keys are.
+/// The name of a table, and the options for its keys.
 pub type TableOf = (&'static str, fn() -> Command);
 
 /// A table of the settings.
 pub trait Table: Args {
-    /// Returns the options that the keys are.
+    /// Returns the options for the keys.
     fn table() -> Command {
         Self::augment_args(Command::new("settings").no_binary_name(true).disable_help_flag(true))
     }
@@ -30,7 +30,7 @@ pub fn read<T: Args>(given: &GivenSettings, name: &'static str) -> Result<T, Fai
     T::from_arg_matches(&matches).map_err(|error| wrong_value(name, error))
 }
 
-/// Returns the values of a table as a file has them: those that are given and the defaults.
+/// Returns the given and the default values of a table as a file has them.
 pub fn effective(given: &GivenSettings, table: TableOf) -> Result<Map<String, Value>, Failure> {
     let matches = parsed(given, table)?;
     let mut all = Map::new();
@@ -51,7 +51,7 @@ pub fn effective(given: &GivenSettings, table: TableOf) -> Result<Map<String, Va
     Ok(all)
 }
 
-/// Returns the number, the truth or the text that a value of an option is.
+/// Returns the value of an option as a number, a boolean or a text.
 fn of_text(text: &str) -> Value {
     match serde_json::from_str(text) {
         Ok(value @ (Value::Bool(_) | Value::Number(_))) => value,
@@ -81,7 +81,7 @@ fn parsed(given: &GivenSettings, (name, table): TableOf) -> Result<ArgMatches, F
                 None => return Err(wrong_value(&setting, "expected a number or a text")),
             },
         };
-        // One key after the other, so that an error names the right one.
+        // Keys are parsed one after the other, so that an error names the right one.
         command.clone().try_get_matches_from([&word]).map_err(|error| wrong_value(&setting, why(&error)))?;
         words.push(word);
     }

@@ -1,7 +1,7 @@
-//! The one place that prints. A reader that went away ends talking, never computing: what was being made is finished and
-//! written, and the exit code says how that went. So does a terminal that was closed.
+//! Prints all output, and continues the work if nobody reads it any more.
 //!
-//! The macros take the places of the standard ones, which panic where nobody reads.
+//! If the reader of a pipe has gone or the terminal was closed, printing ends. The work is finished and written, and
+//! the exit code has its result. The macros replace the standard ones, which panic if nobody reads.
 
 use eyebox::low_level::error::ErrorData;
 use serde_json::{Map, Value, json};
@@ -21,17 +21,17 @@ macro_rules! eprint {
     ($($text:tt)*) => { $crate::talk::write_note(format_args!($($text)*)) };
 }
 
-/// Version of the keys of reports.
+/// The version of the keys of reports.
 const SCHEMA_VERSION: u32 = 1;
-/// Environment variable that asks for errors as JSON.
+/// The environment variable that requests errors as JSON.
 const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 
-/// Whether nobody reads standard output any more.
+/// True after standard output was closed.
 static CLOSED: AtomicBool = AtomicBool::new(false);
-/// Whether something that was to be printed could not be.
+/// True after output was lost.
 static LOST: AtomicBool = AtomicBool::new(false);
 
-/// A line on standard output.
+/// Prints a line on standard output.
 pub fn print_line(text: Arguments<'_>) {
     if CLOSED.load(Relaxed) {
         return;
@@ -51,8 +51,8 @@ pub fn set_command(name: &str) {
     let _ = COMMAND.set(name.replace(' ', "-"));
 }
 
-/// Prints the report of a command as one JSON object. Its first key, `schema`, has the command and the version of its keys. The version
-/// rises when a key goes or changes its meaning; new keys do not change it.
+/// Prints the report of a command as one JSON object. Its first key, `schema`, has the command and the version of its
+/// keys. The version rises when a key is removed or changes its meaning. New keys do not change it.
 pub fn print_report(report: Value) {
     let schema = format!("{}/{SCHEMA_VERSION}", COMMAND.get().map_or("eyebox", String::as_str));
     let mut all = Map::from_iter([("schema".to_owned(), Value::from(schema))]);
@@ -63,12 +63,12 @@ pub fn print_report(report: Value) {
     print_line(format_args!("{}", Value::Object(all)));
 }
 
-/// A line on standard error; nothing where nobody reads it.
+/// Prints a line on standard error, and ignores an error of that.
 pub fn note(text: Arguments<'_>) {
     write_note(format_args!("{text}\n"));
 }
 
-/// Part of a line on standard error.
+/// Prints a part of a line on standard error.
 pub fn write_note(text: Arguments<'_>) {
     let _ = io::stderr().write_fmt(text);
 }
@@ -85,12 +85,13 @@ pub fn print_error(message: &str, data: &ErrorData) {
     }
 }
 
-/// Standard output takes no more. That a reader ended is what the user wanted; anything else is a loss, and is said.
+/// Ends printing on standard output. A closed pipe is no error, because the user ended the reader. Any other error is a
+/// loss of output and is printed.
 fn close(error: &io::Error) {
     CLOSED.store(true, Relaxed);
     if !is_broken_pipe(error) {
         let fields = [("reason".to_owned(), error.to_string().into())].into_iter().collect();
-        let message = format!("standard output cannot be written, what it was to say is lost: {error}");
+        let message = format!("standard output: cannot be written, and the output is lost: {error}");
         lose(&message, &ErrorData { code: "output/standard".into(), fields });
     }
 }
@@ -101,12 +102,12 @@ pub fn lose(message: &str, error: &ErrorData) {
     print_error(message, error);
 }
 
-/// Whether the reader of a pipe, or the terminal, has gone.
+/// Returns whether the reader of a pipe, or the terminal, has gone.
 pub fn is_broken_pipe(error: &io::Error) -> bool {
     error.kind() == io::ErrorKind::BrokenPipe || error.raw_os_error() == Some(5)
 }
 
-/// Writes out what is still held; whether everything that was to be said was.
+/// Writes the buffered output. Returns whether all output was printed.
 pub fn finish() -> bool {
     if let (false, Err(error)) = (CLOSED.load(Relaxed), io::stdout().flush()) {
         close(&error);

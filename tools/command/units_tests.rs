@@ -11,7 +11,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error as _;
 use std::fmt;
 
-/// Names of values, a value with other units than the plain one, the same with plain numbers, and one of another dimension.
+/// Names of values, a value with other units than the plain one, the same with plain numbers, and one of another
+/// dimension.
 const WITH_UNITS: [(&str, &str, &str, &str); 21] = [
     ("UM", "0.008mm", "8", "8D"),
     ("NM", "0.52um", "520", "520s"),
@@ -144,7 +145,7 @@ fn each_number_has_a_unit_or_is_known_to_have_none() {
     }
 }
 
-/// A name has one meaning in all commands: the same type, and a help text that begins in the same way.
+/// A name has one meaning in all commands, with the same type and a help text that begins in the same way.
 #[test]
 fn each_name_has_one_meaning_and_there_are_few() {
     let command = headings::command::<Cli>();

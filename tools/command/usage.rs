@@ -1,4 +1,4 @@
-//! Mistakes on the command line: one line each, with a remedy that works.
+//! Prints mistakes on the command line, one line each, with a remedy that works.
 
 use crate::commands::Cli;
 use crate::renamed;
@@ -13,8 +13,8 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Returns the arguments as clap takes them. `help --help` is `help help`, `help solve --help` is `help solve`, and `--depth -3..3`
-/// is `--depth=-3..3`.
+/// Returns the arguments as clap takes them. `help --help` is `help help`, `help solve --help` is `help solve`, and
+/// `--depth -3..3` is `--depth=-3..3`.
 pub fn arguments(mut given: Vec<OsString>, command: &Command) -> Vec<OsString> {
     let count = given.len();
     if given.get(1).is_some_and(|a| a == "help") {
@@ -35,8 +35,8 @@ pub fn arguments(mut given: Vec<OsString>, command: &Command) -> Vec<OsString> {
     join_negative_values(given, command)
 }
 
-/// Joins an option with a value that begins with a minus and a digit. clap would take the option that follows an option, too, if it
-/// were to take `-3..3` or `-1,0,4,1.5`.
+/// Joins an option with a value that begins with a minus and a digit. If clap accepted `-3..3` or `-1,0,4,1.5` as
+/// values, it would also accept a following option as a value.
 fn join_negative_values(given: Vec<OsString>, command: &Command) -> Vec<OsString> {
     let words: Vec<&str> = given.iter().skip(1).filter_map(|word| word.to_str()).collect();
     let Some((_, sub)) = named(command, &words) else { return given };
@@ -94,7 +94,8 @@ pub fn print(error: &Error) -> ExitCode {
     }
 }
 
-/// Returns a mistake as data, with its kind in clap's name, the argument and the value. A quantity adds its unit and the units that fit.
+/// Returns a mistake as data, with its kind in clap's name, the argument and the value. A quantity adds its unit and
+/// the units that fit.
 fn data(error: &Error) -> ErrorData {
     let kind = format!("{:?}", error.kind());
     let kind = kind.char_indices().fold(String::new(), |kind, (at, c)| match c {
@@ -127,17 +128,17 @@ fn data(error: &Error) -> ErrorData {
     ErrorData { code, fields }
 }
 
-/// Returns the error of the quantity that a value is refused for.
+/// Returns the error of the quantity for which a value is refused.
 fn quantity(error: &Error) -> Option<&QuantityError> {
     let first = error.source()?;
     first.downcast_ref().or_else(|| first.source()?.downcast_ref())
 }
 
-/// What is wrong, and what would be right.
+/// Returns a mistake and its remedy in one line.
 fn line(error: &Error) -> String {
     if error.kind() == ErrorKind::InvalidUtf8 {
         let wrong = std::env::args_os().find(|a| a.to_str().is_none()).unwrap_or_default();
-        return format!("{}: the name is not UTF-8: rename the file", wrong.display());
+        return format!("{}: the name is not UTF-8. Rename the file", wrong.display());
     }
     let (text, advice) = (error.to_string(), advice(error));
     // A similar name is no remedy if the new name is known.
@@ -146,12 +147,12 @@ fn line(error: &Error) -> String {
         .lines()
         .map(str::trim)
         .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more information"))
-        // What begins with a hyphen is a value of nothing here.
+        // No argument here takes a value that begins with a hyphen, so clap's tip for that does not work.
         .filter(|l| !l.is_empty() && !l.starts_with("tip: to pass '"))
         .filter(|l| !is_renamed || !l.starts_with("tip:"))
         .collect();
     let said = lines.join(" ").trim_start_matches("error: ").replace("tip: ", "; ").replace(" ; ", "; ");
-    // What the standard library says of a number is no remedy.
+    // The messages of the standard library about numbers contain no remedy.
     let said = ["invalid digit found in string", "cannot parse integer from empty string"]
         .iter()
         .fold(said, |said, what| said.replace(what, "expected a whole number, 0 or more"))
@@ -160,7 +161,8 @@ fn line(error: &Error) -> String {
     format!("{said}{advice} (see --help)")
 }
 
-/// What may be meant: a file whose name looks like options, or --out where a name of a display is expected.
+/// Returns a guess of the intended argument, such as a file whose name looks like options, or --out instead of
+/// --output.
 fn advice(error: &Error) -> String {
     let hyphened = |word: &OsString| word.to_str().is_some_and(|w| w.starts_with('-')) && Path::new(word).exists();
     if let Some(file) = std::env::args_os().skip(1).find(hyphened) {
@@ -206,7 +208,7 @@ mod tests {
             ("eyebox render h.zarr --pupil -1,0,4,1.5 -o x.png", "eyebox render h.zarr --pupil=-1,0,4,1.5 -o x.png"),
             ("eyebox solve a.png --depth -.5D..3 --json", "eyebox solve a.png --depth=-.5D..3 --json"),
             ("eyebox -v solve a --psnr -5dB", "eyebox -v solve a --psnr=-5dB"),
-            // The value of no option, of a switch, and what follows an option without its value.
+            // The value of no option, the value of a switch, and the argument after an option without its value.
             ("eyebox solve a -1 --json -3 -o -2", "eyebox solve a -1 --json -3 -o -2"),
             ("eyebox render h --pupil -o x.png", "eyebox render h --pupil -o x.png"),
             ("eyebox render --pupil --json", "eyebox render --pupil --json"),

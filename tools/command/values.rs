@@ -1,4 +1,4 @@
-//! Values on the command line: what people write, and what it means inside.
+//! Reads the values of the command line in the units of people into the units of the library.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use eyebox::low_level::encode::AsShown;
@@ -33,7 +33,7 @@ impl Error for WrongNumber {
     }
 }
 
-/// Reads numbers, each in its unit. `form` says what the list is.
+/// Reads numbers, each in its unit. `form` describes the whole list.
 pub fn numbers<const N: usize>(parts: Vec<&str>, units: [Unit; N], form: &'static str) -> Result<[f64; N], Wrong> {
     let count = parts.len();
     let parts: [&str; N] = parts.try_into().map_err(|_| format!("{count} values: {form}"))?;
@@ -64,16 +64,16 @@ fn in_range(value: f64, least: f64, most: f64, range: &str) -> Result<f64, Wrong
     if (least..=most).contains(&value) { Ok(value) } else { Err(range.into()) }
 }
 
-/// A pupil as it is given: its focus, in mm or dioptres, is a depth only before a display.
+/// A given pupil. Its focus, in mm or dioptres, becomes a depth only before a display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenPupil {
-    /// Focused at 0.
+    /// The pupil with its focus at 0.
     place: Pupil,
     focus: Depth,
 }
 
 impl GivenPupil {
-    /// The pupil before a display of this focal length (meters).
+    /// Returns the pupil before a display of this focal length (meters).
     pub fn before(&self, focal_length: f64) -> Pupil {
         Pupil { depth: self.focus.metres(focal_length), ..self.place }
     }
@@ -92,7 +92,7 @@ pub fn pupil(text: &str) -> Result<GivenPupil, Wrong> {
     Ok(GivenPupil { place, focus: focus.parse().map_err(|wrong| WrongNumber { wrong, form })? })
 }
 
-/// Sphere, cylinder and axis as opticians write them.
+/// Reads sphere, cylinder and axis as opticians write them.
 pub fn prescription(text: &str) -> Result<Prescription, Wrong> {
     let form = "expected S, or S C AXIS, in dioptres and degrees, such as \"-2\" or \"-2 -0.5 30\", or none";
     if text == "none" {
@@ -109,7 +109,7 @@ pub fn prescription(text: &str) -> Result<Prescription, Wrong> {
     Ok(eye)
 }
 
-/// Which terms of a display's model are solved for.
+/// The terms of a display's model that a solve uses.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TermsOfModel {
     All,
@@ -126,30 +126,30 @@ pub fn model_terms(text: &str) -> Result<TermsOfModel, String> {
     };
     match names.iter().find(|name| !DisplayModel::TERMS.contains(&name.as_str())) {
         Some(name) => {
-            Err(format!("'{name}' is no term: expected all, auto, none, or some of {}", DisplayModel::TERMS.join(",")))
+            Err(format!("no term '{name}': expected all, auto, none, or some of {}", DisplayModel::TERMS.join(",")))
         }
         None => Ok(TermsOfModel::These(names)),
     }
 }
 
-/// A depth: mm, or dioptres with a D behind.
+/// Reads a depth in mm, or in dioptres with a D at its end.
 pub fn depth(text: &str) -> Result<Depth, QuantityError> {
     text.parse()
 }
 
-/// Rows and columns of a picture.
+/// Reads the rows and columns of a picture.
 pub fn size(text: &str) -> Result<[usize; 2], QuantityError> {
     read_size(text)
 }
 
-/// An amount of memory, in bytes.
+/// Reads an amount of memory in bytes.
 pub fn memory(text: &str) -> Result<u64, Wrong> {
     let form = "expected an amount of memory, such as 4GiB or 512MiB";
     let bytes = B.read(text).map_err(|wrong| WrongNumber { wrong, form })?;
     in_range(bytes, 1.0, 1e18, form).map(|bytes| bytes as u64)
 }
 
-/// Diameters of pupils, meters, given in millimeters.
+/// Reads diameters of pupils in millimeters, and returns meters.
 pub fn diameters(text: &str) -> Result<[f64; 2], Wrong> {
     let form = "expected MIN..MAX in mm, such as 2..6.5";
     let [low, high] = numbers(text.split("..").collect(), [MM; 2], form)?;
@@ -160,7 +160,7 @@ pub fn diameters(text: &str) -> Result<[f64; 2], Wrong> {
     }
 }
 
-/// Two depths in either order, each in mm or dioptres.
+/// Reads two depths in either order, each in mm or dioptres.
 pub fn depths(text: &str) -> Result<[Depth; 2], Wrong> {
     let form = "expected MIN..MAX in mm, such as -3..3.5, or in dioptres, such as -0.02D..0.02D";
     let (first, last) = text.split_once("..").ok_or(form)?;
@@ -168,35 +168,36 @@ pub fn depths(text: &str) -> Result<[Depth; 2], Wrong> {
     Ok([read(first)?, read(last)?])
 }
 
-/// Most that a number can mean here, in whatever unit; its inverse is the least. Nothing computed of such is beyond floats.
+/// The largest accepted number in any unit. Its inverse is the smallest positive one. Results computed from such
+/// numbers stay in the range of floats.
 const MOST: f64 = 1e12;
 const POSITIVE: &str = "expected a positive number, 1e12 at most";
 const NOT_NEGATIVE: &str = "expected a number, 0 to 1e12";
 
-/// A positive number without a unit.
+/// Reads a positive number without a unit.
 pub fn positive(text: &str) -> Result<f64, Wrong> {
     in_range(text.parse().unwrap_or(f64::NAN), 1.0 / MOST, MOST, POSITIVE)
 }
 
-/// A power ratio.
+/// Reads a power ratio in decibels.
 pub fn decibels(text: &str) -> Result<f64, Wrong> {
     let form = "expected decibels, -100 to 1000, such as 30";
     in_range(DB.read(text).map_err(|wrong| WrongNumber { wrong, form })?, -100.0, 1000.0, form)
 }
 
-/// A temperature of a bench.
+/// Reads the temperature of a bench in degrees Celsius.
 pub fn celsius(text: &str) -> Result<f64, Wrong> {
     in_range(CELSIUS.read(text)?, -100.0, 200.0, "expected degrees Celsius, -100 to 200")
 }
 
-/// Where an iris stands: three numbers, the last one positive.
+/// Reads the place and the diameter of an iris in mm, which are three numbers with a positive last one.
 pub fn iris(text: &str) -> Result<[f64; 3], Wrong> {
     let form = "expected x, y and a positive diameter in mm, such as 0,0,6";
     let iris @ [.., diameter] = numbers(text.split(',').collect(), [MM; 3], form)?;
     if diameter > 0.0 { Ok(iris) } else { Err(form.into()) }
 }
 
-/// Directions, degrees to the right and down.
+/// Directions in degrees to the right and down.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Targets(pub Vec<[f64; 2]>);
 
@@ -215,7 +216,7 @@ pub fn targets(text: &str) -> Result<Targets, Wrong> {
     }
 }
 
-/// What numbers of bare phases are.
+/// Reads the unit of bare phases.
 pub fn phase_unit(text: &str) -> Result<PhaseUnit, String> {
     match text {
         "rad" => Ok(PhaseUnit::Radians),
@@ -223,11 +224,11 @@ pub fn phase_unit(text: &str) -> Result<PhaseUnit, String> {
         "deg" => Ok(PhaseUnit::Degrees),
         levels => positive(levels)
             .map(PhaseUnit::Levels)
-            .map_err(|_| "expected rad, turns, deg, or how many levels are a full turn, such as 256".into()),
+            .map_err(|_| "expected rad, turns, deg, or the number of levels per turn, such as 256".into()),
     }
 }
 
-/// Hertz, or a fraction.
+/// Reads a rate in hertz, or as a fraction.
 pub fn rate(text: &str) -> Result<Rate, Wrong> {
     if !text.contains('/') {
         HZ.read(text)?;
@@ -235,12 +236,12 @@ pub fn rate(text: &str) -> Result<Rate, Wrong> {
     Ok(Rate::parse(text)?)
 }
 
-/// The side of a mark.
+/// Reads the side of a mark in pixels.
 pub fn mark(text: &str) -> Result<usize, Wrong> {
     pixels(text, 0, 65536).map(|pixels| pixels as usize)
 }
 
-/// A distance on the SLM in whole pixels, one at least.
+/// Reads a distance on the SLM in whole pixels, at least one.
 pub fn whole_pixels(text: &str) -> Result<u32, Wrong> {
     pixels(text, 1, 1000)
 }
@@ -254,7 +255,7 @@ fn pixels(text: &str, least: u32, most: u32) -> Result<u32, Wrong> {
     in_range(pixels, f64::from(least), f64::from(most), &form).map(|pixels| pixels as u32)
 }
 
-/// A share, both ends included.
+/// Reads a share from 0 to 1.
 pub fn share(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if (0.0..=1.0).contains(&v) => Ok(v),
@@ -262,39 +263,39 @@ pub fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A number from 0 without a unit.
+/// Reads a number from 0 without a unit.
 pub fn not_negative(text: &str) -> Result<f64, Wrong> {
     in_range(text.parse().unwrap_or(f64::NAN), 0.0, MOST, NOT_NEGATIVE)
 }
 
-/// Parts of what an SLM shows, separated by commas.
+/// Reads the parts of a video frame that stay as the SLM shows them, separated by commas.
 pub fn as_shown(text: &str) -> Result<AsShown, String> {
     let mut left = AsShown::default();
     match text.split(',').find(|part| !left.leave(part.trim())) {
         None => Ok(left),
-        Some(wrong) => Err(format!("'{wrong}' is nothing to leave: there are {} and all", AsShown::PARTS.join(", "))),
+        Some(wrong) => Err(format!("no part '{wrong}': expected some of {}, or all", AsShown::PARTS.join(", "))),
     }
 }
 
-/// Names on the command line, what each means for people, and what it is.
+/// Names on the command line, each with its help and its value.
 pub type Names<T, const N: usize> = [(&'static str, &'static str, T); N];
 
-/// One of a few names.
+/// Returns a parser of one of a few names.
 pub fn one_of<T: Copy + Send + Sync, const N: usize>(names: &'static Names<T, N>) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(names.iter().map(|(name, about, _)| PossibleValue::new(*name).help(*about)))
         .map(|given| names.iter().find(|(name, ..)| *name == given).expect("one of the possible values").2)
 }
 
-/// Where an eye looks, radians, given in degrees.
+/// Reads the direction of a gaze in degrees, and returns radians.
 pub fn gaze(text: &str) -> Result<[f64; 2], Wrong> {
     let degrees = numbers(text.split(',').collect(), [DEG; 2], "expected X,Y in degrees, such as 3,-1.5")?;
     Ok(degrees.map(f64::to_radians))
 }
 
-/// A method by its name.
+/// Reads the name of a method.
 pub fn method(text: &str) -> Result<Method, String> {
     let names = || Method::ALL.map(Method::name).join(", ");
-    Method::by_name(text).ok_or_else(|| format!("no method is called so: there are {}", names()))
+    Method::by_name(text).ok_or_else(|| format!("no such method: expected one of {}", names()))
 }
 
 #[cfg(test)]

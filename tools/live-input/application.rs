@@ -1,4 +1,4 @@
-//! The application's side.
+//! Implements the application's side of live input.
 
 use crate::layout::{self, HELD, REQUEST, SLOT_HEADER};
 use crate::region::Region;
@@ -9,10 +9,10 @@ use std::path::Path;
 use std::sync::atomic::{Ordering, fence};
 use std::time::{Duration, Instant};
 
-/// How long a display has to answer: it does so when it next looks.
+/// The longest time in which a display must answer. It answers at its next look for frames.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A connection to a display. The display notices when it is dropped.
+/// A connection to a display. The display notices if it is dropped.
 #[derive(Debug)]
 pub struct Application {
     stream: UnixStream,
@@ -21,7 +21,7 @@ pub struct Application {
     newest: Option<usize>,
     frames: u64,
     seen: u64,
-    /// Whether the display shares memory of a device.
+    /// True if the display shares memory of a device.
     shares: bool,
 }
 
@@ -29,12 +29,13 @@ impl Application {
     /// Connects to the display that takes frames under this name.
     ///
     /// # Errors
-    /// No such display, one of another user, one that has an application, or one that does not answer for ten seconds.
+    /// Returns [`LiveError`] if no such display exists, it belongs to another user, it already has an application, or
+    /// it does not answer for ten seconds.
     pub fn connect(name: &str) -> Result<Self, LiveError> {
         Self::connect_in(&socket::folder(), name)
     }
 
-    /// The same in another folder, with the same errors.
+    /// Connects in the same way in another folder, with the same errors.
     pub fn connect_in(folder: &Path, name: &str) -> Result<Self, LiveError> {
         crate::supported()?;
         let stream = UnixStream::connect(socket::path_of(folder, name)?)
@@ -44,7 +45,7 @@ impl Application {
         stream.set_nonblocking(true).map_err(|error| LiveError::System { what: "a socket", error })?;
         let region = Region::received(fd, bytes)?;
         if bytes < 4096 {
-            return Err(LiveError::Damaged(format!("{bytes} bytes are no region")));
+            return Err(LiveError::Damaged(format!("{bytes} bytes are too few for a region")));
         }
         let offer = layout::read_offer(&region.load(0), bytes)?;
         Ok(Self { stream, region, offer, newest: None, frames: 0, seen: 0, shares: false })
@@ -55,23 +56,25 @@ impl Application {
         &self.region
     }
 
-    /// What the display takes.
+    /// Returns the offer of the display.
     pub fn offer(&self) -> &Offer {
         &self.offer
     }
 
-    /// The device whose memory the display would share, if it has one: for an application on the same device.
+    /// Returns the device whose memory the display can share, if it has one. An application on the same device can use
+    /// it.
     pub fn device(&self) -> Option<DeviceIds> {
         let offers = self.region.word(layout::SHARES).load(Ordering::Acquire) == 1;
         let words = self.region.load(layout::DEVICE);
         offers.then(|| DeviceIds::of(&words))
     }
 
-    /// Asks for memory of that device, and waits for it: what it is, and its file descriptor; none where the display gives none
-    /// after all. From then on frames may be [on the device](FrameInfo::on_device).
+    /// Requests memory of that device, and waits for it. Returns its description and its file descriptor, or `None` if
+    /// the display gives none after all. From then on frames may be [on the device](FrameInfo::on_device).
     ///
     /// # Errors
-    /// [`LiveError::Gone`] where the display is gone; [`LiveError::Damaged`] for memory that cannot be; no answer in time.
+    /// Returns [`LiveError::Gone`] if the display is gone, [`LiveError::Damaged`] for invalid memory, and
+    /// [`LiveError::System`] if no answer arrives in time.
     pub fn share(&mut self, patience: Duration) -> Result<Option<(DeviceMemory, OwnedFd)>, LiveError> {
         let until = Instant::now() + patience;
         self.region.word(layout::WANTED).store(1, Ordering::Release);
@@ -81,8 +84,7 @@ impl Application {
             if let Some(fd) = fd {
                 let words = self.region.load(layout::DEVICE);
                 let memory = DeviceMemory::of(&words, self.offer.slots, self.offer.slot_bytes() as u64);
-                let damaged =
-                    || LiveError::Damaged("the device's memory that it shares does not hold its slots".into());
+                let damaged = || LiveError::Damaged("the device's shared memory does not hold its slots".into());
                 self.shares = true;
                 return memory.map(|memory| Some((memory, fd))).ok_or_else(damaged);
             }
@@ -99,7 +101,7 @@ impl Application {
         }
     }
 
-    /// What it asks for now; none before it asked.
+    /// Returns the request of the display for now, or `None` before its first request.
     pub fn request(&self) -> Option<Request> {
         let sequence = self.region.word(REQUEST);
         for _ in 0..1000 {
@@ -114,10 +116,10 @@ impl Application {
         None
     }
 
-    /// Waits for a request that was not waited for before; false where none came in time.
+    /// Waits for a request that no earlier wait returned. Returns false if none arrived in time.
     ///
     /// # Errors
-    /// [`LiveError::Gone`] where the display is gone.
+    /// Returns [`LiveError::Gone`] if the display is gone.
     pub fn wait(&mut self, patience: Duration) -> Result<bool, LiveError> {
         let until = Instant::now() + patience;
         loop {
@@ -134,15 +136,15 @@ impl Application {
         }
     }
 
-    /// Whether the display is still there.
+    /// Returns true while the display is connected.
     pub fn is_connected(&self) -> bool {
         socket::listen(&self.stream)
     }
 
-    /// Begins a frame in a slot that the display does not look at. What a slot held stays in it until it is written.
+    /// Begins a frame in a slot that the display does not read. The slot keeps its old content until it is written.
     ///
     /// # Errors
-    /// [`LiveError::Frame`], for what the display would refuse.
+    /// Returns [`LiveError::Frame`] if the display would refuse the frame.
     pub fn begin(&mut self, info: &FrameInfo) -> Result<Slot<'_>, LiveError> {
         let words = layout::header_words(&self.offer, info, self.frames + 1);
         let info = layout::read_header(&words, &self.offer, self.shares)?;
@@ -152,7 +154,7 @@ impl Application {
         Ok(Slot { application: self, index, start, info })
     }
 
-    /// Makes the sequence of a free slot odd. Of three slots one is the newest and one may be held.
+    /// Makes the sequence of a free slot odd. With three slots, one is the newest and one may be held.
     fn take_slot(&mut self) -> usize {
         for index in (0..self.offer.slots as usize).cycle() {
             let held = |order| self.region.word(HELD).load(order) == index as u64 + 1;
@@ -161,7 +163,7 @@ impl Application {
             }
             let sequence = self.region.word(layout::slot_word(&self.offer, index));
             let before = sequence.load(Ordering::Relaxed);
-            // What was begun and never given is odd already.
+            // The sequence of a slot that was begun and never published is odd already.
             sequence.store(before | 1, Ordering::Relaxed);
             fence(Ordering::SeqCst);
             if !held(Ordering::SeqCst) || before % 2 == 1 {
@@ -172,10 +174,11 @@ impl Application {
         unreachable!("the slots go round")
     }
 
-    /// Gives a frame: its samples, and for colour and depth the dioptres. Returns its number.
+    /// Sends a frame with its samples, and with the dioptres for color and depth. Returns its number.
     ///
     /// # Errors
-    /// [`LiveError::Frame`] for what the display would refuse, or too few or many samples. Values are judged by the display.
+    /// Returns [`LiveError::Frame`] if the display would refuse the frame, or if the number of samples is wrong. The
+    /// display checks the values.
     pub fn send(&mut self, info: &FrameInfo, samples: &[u8], dioptres: &[f32]) -> Result<u64, LiveError> {
         let bytes = self.offer.samples(&info.content) * info.sample.bytes();
         let depths = if info.content == Content::ColorAndDepth { self.offer.pixels() } else { 0 };
@@ -199,7 +202,7 @@ impl Application {
     }
 }
 
-/// A frame that is being written. Dropped, it is none; its slot is used again.
+/// A frame that is being written. If it is dropped, it is discarded and its slot is used again.
 #[derive(Debug)]
 pub struct Slot<'a> {
     application: &'a mut Application,
@@ -209,10 +212,11 @@ pub struct Slot<'a> {
 }
 
 impl Slot<'_> {
-    /// Writes some of the samples.
+    /// Writes a part of the samples.
     ///
     /// # Panics
-    /// Where `at`, bytes from the first sample, is no multiple of 8, or the samples do not end within the frame.
+    /// Panics if `at`, in bytes from the first sample, is no multiple of 8, or if the samples do not end within the
+    /// frame.
     pub fn write(&mut self, at: usize, samples: &[u8]) {
         let room = self.application.offer.bytes(&self.info.content, self.info.sample)[0];
         assert!(
@@ -223,12 +227,13 @@ impl Slot<'_> {
         self.application.region.store_bytes(self.start + SLOT_HEADER + at / 8, samples);
     }
 
-    /// Which slot it is: the place of its samples [on the device](FrameInfo::on_device).
+    /// Returns the index of the slot, which is the place of its samples [on the device](FrameInfo::on_device).
     pub fn index(&self) -> usize {
         self.index
     }
 
-    /// Gives the frame, whose samples are all there: those on a device, too, whose queue was waited for. Returns its number.
+    /// Publishes the frame after all of its samples are written. If the samples are on a device, the application must
+    /// have waited for its queue. Returns the number of the frame.
     pub fn publish(self) -> u64 {
         let application = self.application;
         let sequence = application.region.word(self.start);

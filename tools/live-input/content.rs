@@ -1,43 +1,43 @@
-//! What a display takes and wants, and what a frame is.
+//! Defines offers and requests of a display, and the content of frames.
 
 use crate::{LiveError, MOST};
 
-/// What a frame is made of.
+/// The kinds of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Kind {
-    /// Views from a grid of places in the pupil plane.
+    /// Views from a grid of positions in the pupil plane.
     Views = 1,
-    /// A picture and how far each of its pixels is.
+    /// A picture and the distance of each of its pixels.
     ColorAndDepth = 2,
-    /// Pictures with opacity, one before the other.
+    /// Pictures with opacity, one in front of the other.
     Layers = 4,
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds of frames.
     pub const ALL: [Self; 3] = [Self::Views, Self::ColorAndDepth, Self::Layers];
 }
 
-/// How a sample is stored.
+/// The formats of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Sample {
-    /// 8 bits, 255 is full scale.
+    /// 8 bits, with 255 as full scale.
     U8 = 1,
-    /// 16 bits, 65535 is full scale.
+    /// 16 bits, with 65535 as full scale.
     U16 = 2,
-    /// Float of 16 bits, 1 is full scale.
+    /// A float of 16 bits, with 1 as full scale.
     F16 = 3,
-    /// Float of 32 bits, 1 is full scale.
+    /// A float of 32 bits, with 1 as full scale.
     F32 = 4,
 }
 
 impl Sample {
-    /// All of them.
+    /// All formats of samples.
     pub const ALL: [Self; 4] = [Self::U8, Self::U16, Self::F16, Self::F32];
 
-    /// Bytes of one.
+    /// Returns the number of bytes of a sample.
     pub const fn bytes(self) -> usize {
         match self {
             Self::U8 => 1,
@@ -47,17 +47,17 @@ impl Sample {
     }
 }
 
-/// How colour samples become light.
+/// The conversions from color samples to light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Transfer {
-    /// They are linear light.
+    /// The samples are linear light.
     Linear = 1,
-    /// By the sRGB curve; of whole numbers alone.
+    /// The samples follow the sRGB curve. Only integer samples may have it.
     Srgb = 2,
 }
 
-/// How far the layers of a frame are: dioptres, the farthest first.
+/// The distances of the layers of a frame in dioptres, with the farthest first.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dioptres {
     pub(crate) count: u32,
@@ -65,7 +65,7 @@ pub struct Dioptres {
 }
 
 impl Dioptres {
-    /// Of the first 64 of `values`; whether they are right is judged where a frame begins.
+    /// Takes the first 64 of `values`. They are checked at the begin of a frame.
     pub fn new(values: &[f32]) -> Self {
         let mut all = [0.0; MOST as usize];
         let count = values.len().min(all.len());
@@ -73,31 +73,31 @@ impl Dioptres {
         Self { count: count as u32, values: all }
     }
 
-    /// One for each layer.
+    /// Returns one value for each layer.
     pub fn as_slice(&self) -> &[f32] {
         &self.values[..self.count as usize]
     }
 }
 
-/// What a frame is made of, with what belongs to its kind.
+/// The content of a frame, with the values that belong to its kind.
 #[allow(clippy::large_enum_variant, reason = "layers keep their dioptres within, so that nothing is allocated")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Content {
-    /// (view row, view column, row, column, colour).
+    /// Views as (view row, view column, row, column, color).
     Views {
         /// Rows and columns of views.
         grid: [u32; 2],
-        /// Between neighbouring views in the pupil plane.
+        /// The distance of neighboring views in the pupil plane, in mm.
         pitch_mm: f64,
     },
-    /// (row, column, colour), and float32 dioptres of (row, column).
+    /// A picture as (row, column, color), and float32 dioptres as (row, column).
     ColorAndDepth,
-    /// (layer, row, column, colour and opacity), the farthest first.
+    /// Layers as (layer, row, column, color and opacity), with the farthest first.
     Layers(Dioptres),
 }
 
 impl Content {
-    /// Which kind it is.
+    /// Returns the kind of the content.
     pub fn kind(&self) -> Kind {
         match self {
             Self::Views { .. } => Kind::Views,
@@ -107,73 +107,73 @@ impl Content {
     }
 }
 
-/// All that a frame says of itself.
+/// The description of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameInfo {
-    /// What it is made of.
+    /// The content with its shape.
     pub content: Content,
-    /// How a sample is stored.
+    /// The format of a sample.
     pub sample: Sample,
-    /// How colour samples become light.
+    /// The conversion from color samples to light.
     pub transfer: Transfer,
-    /// The number of the request that it answers; 0 for none.
+    /// The number of the request that the frame answers, or 0 for none.
     pub request: u64,
-    /// The moment of the content that it shows, nanoseconds of `CLOCK_MONOTONIC`.
+    /// The time of the content that it shows, in nanoseconds of `CLOCK_MONOTONIC`.
     pub content_time_ns: i64,
-    /// Where the middle view, or the camera, stands in the pupil plane: x, y.
+    /// The position of the middle view, or of the camera, in the pupil plane as x, y in mm.
     pub center_mm: [f64; 2],
-    /// Whether its samples are in the device's memory that the display shares, in the slot of the same number; else they stand
-    /// behind the header. Of views alone.
+    /// True if the samples are in the slot of the same number in the device's memory that the display shares. Otherwise
+    /// they follow the header. Only views may be on the device.
     pub on_device: bool,
 }
 
 impl FrameInfo {
-    /// From the middle of the eyebox, in answer to no request, at the moment 0, with samples in the region.
+    /// Describes a frame from the middle of the eyebox that answers no request, for time 0, with samples in the region.
     pub fn new(content: Content, sample: Sample, transfer: Transfer) -> Self {
         Self { content, sample, transfer, request: 0, content_time_ns: 0, center_mm: [0.0; 2], on_device: false }
     }
 }
 
-/// What a display takes. It decides the size of the shared memory, whatever an application gives.
+/// The frames that a display accepts. It decides the size of the shared memory, whatever the application sends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Offer {
     /// Rows and columns of every picture.
     pub size: [u32; 2],
-    /// Red, green, blue: which of them.
+    /// True for each of red, green and blue that the display has.
     pub colors: [bool; 3],
-    /// The kinds that are taken.
+    /// The accepted kinds of frames.
     pub kinds: Vec<Kind>,
-    /// Most rows and columns of views.
+    /// The largest numbers of rows and columns of views.
     pub views: [u32; 2],
-    /// Most layers.
+    /// The largest number of layers.
     pub layers: u32,
-    /// How many frames the ring holds, 3 to 8.
+    /// The number of frames in the ring, 3 to 8.
     pub slots: u32,
-    /// Angle between neighbouring pixels, radians.
+    /// The angle between neighboring pixels, in radians.
     pub pixel_angle: f64,
-    /// Width and height of the eyebox.
+    /// The width and height of the eyebox, in mm.
     pub eyebox_mm: [f64; 2],
 }
 
-/// Bytes before the first slot; slots are multiples of it apart.
+/// The bytes before the first slot. The distance of slots is a multiple of it.
 pub(crate) const PAGE: usize = 4096;
-/// Bytes of a slot before its samples.
+/// The bytes of a slot before its samples.
 pub(crate) const HEADER: usize = 512;
-/// The largest region, bytes.
+/// The largest region, in bytes.
 const REGION: u64 = 16 << 30;
 
 impl Offer {
-    /// How many colours.
+    /// Returns the number of colors.
     pub fn channels(&self) -> usize {
         self.colors.iter().filter(|c| **c).count()
     }
 
-    /// Pixels of a picture.
+    /// Returns the number of pixels of a picture.
     pub fn pixels(&self) -> usize {
         self.size[0] as usize * self.size[1] as usize
     }
 
-    /// Samples of colour and opacity of a frame of this content.
+    /// Returns the number of samples of color and opacity of a frame of this content.
     pub(crate) fn samples(&self, content: &Content) -> usize {
         let per_pixel = match content {
             Content::Views { grid, .. } => grid[0] as usize * grid[1] as usize * self.channels(),
@@ -183,7 +183,7 @@ impl Offer {
         self.pixels() * per_pixel
     }
 
-    /// Bytes of samples of a frame, where its depth begins among them.
+    /// Returns the bytes of a frame's samples, and the offset of its depth among them.
     pub(crate) fn bytes(&self, content: &Content, sample: Sample) -> [usize; 2] {
         let colors = self.samples(content) * sample.bytes();
         match content {
@@ -195,7 +195,7 @@ impl Offer {
         }
     }
 
-    /// The largest frame of each kind that is taken.
+    /// Lists the largest accepted frame of each kind.
     pub(crate) fn largest(&self) -> impl Iterator<Item = Content> + '_ {
         self.kinds.iter().map(|kind| match kind {
             Kind::Views => Content::Views { grid: self.views, pitch_mm: 1.0 },
@@ -204,23 +204,25 @@ impl Offer {
         })
     }
 
-    /// Bytes of samples that a slot holds.
+    /// Returns the bytes of samples that a slot holds.
     pub(crate) fn slot_bytes(&self) -> usize {
         self.largest().map(|content| self.bytes(&content, Sample::F32)[0]).max().unwrap_or(0).next_multiple_of(64)
     }
 
-    /// Bytes from one slot to the next.
+    /// Returns the bytes from one slot to the next.
     pub(crate) fn slot_stride(&self) -> usize {
         (HEADER + self.slot_bytes()).next_multiple_of(PAGE)
     }
 
-    /// Bytes of a whole region.
+    /// Returns the bytes of a complete region.
     pub(crate) fn region_bytes(&self) -> u64 {
         (PAGE + self.slots as usize * self.slot_stride()) as u64
     }
 
+    /// Checks all values of the offer.
+    ///
     /// # Errors
-    /// [`LiveError::Offer`], with what is right.
+    /// Returns [`LiveError::Offer`] with the accepted values.
     pub(crate) fn check(&self) -> Result<(), LiveError> {
         let wrong = |what, found: String, must| Err(LiveError::Offer { what, found, must });
         let between = |values: &[u32], most| values.iter().all(|v| (1..=most).contains(v));
@@ -228,7 +230,7 @@ impl Offer {
             return wrong("the size", format!("{:?}", self.size), "1 to 65536 rows and columns");
         }
         if self.channels() == 0 {
-            return wrong("the list of colours", "empty".into(), "one to three of red, green and blue");
+            return wrong("the list of colors", "empty".into(), "one to three of red, green and blue");
         }
         if self.kinds.is_empty() {
             return wrong("the list of kinds", "empty".into(), "one to three of them");
@@ -244,58 +246,58 @@ impl Offer {
             let found = format!("{}, {:?}", self.pixel_angle, self.eyebox_mm);
             return wrong("the angle of a pixel, or the eyebox", found, "positive, finite numbers");
         }
-        // Factors of 2^32, 2^12, 4 and 4: nothing overflows.
+        // The factors are at most 2^32, 2^12, 4 and 4, so nothing overflows.
         let bytes = self.region_bytes();
         if bytes > REGION {
             return wrong(
                 "the shared memory",
                 format!("{bytes} bytes"),
-                "16 GiB at most: fewer views or layers, or smaller",
+                "at most 16 GiB, with fewer views, layers or pixels",
             );
         }
         Ok(())
     }
 }
 
-/// Where the pupil will be when the next set lights up.
+/// The expected pupil at the time when the next set is lit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pupil {
-    /// Its middle: x, y.
+    /// The center as x, y in mm.
     pub center_mm: [f64; 2],
-    /// Its diameter.
+    /// The diameter of the pupil in mm.
     pub diameter_mm: f64,
-    /// Where it is focused, dioptres.
+    /// The focus of the eye in dioptres.
     pub focus_dioptres: f64,
-    /// How fast it moves: x, y, millimetres a second.
+    /// The velocity as x, y in millimeters per second.
     pub velocity_mm_s: [f64; 2],
-    /// Whether an eye tracker says so.
+    /// True if the values come from an eye tracker.
     pub tracked: bool,
 }
 
-/// Which content a display would like.
+/// The content that suits a display best.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wanted {
-    /// Of which kind.
+    /// The kind of the content.
     pub kind: Kind,
     /// Rows and columns of views.
     pub views: [u32; 2],
-    /// Between neighbouring views.
+    /// The distance of neighboring views, in mm.
     pub pitch_mm: f64,
-    /// Where the middle view, or the camera, should stand: x, y.
+    /// The position for the middle view, or for the camera, as x, y in mm.
     pub center_mm: [f64; 2],
 }
 
-/// What a display asks for. Times are nanoseconds of `CLOCK_MONOTONIC`.
+/// A request of a display. Times are in nanoseconds of `CLOCK_MONOTONIC`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Request {
-    /// Counted by [`Display::ask`](crate::Display::ask) from 1.
+    /// The number of the request, which [`Display::ask`](crate::Display::ask) counts from 1.
     pub number: u64,
-    /// When the next set will be lit.
+    /// The time at which the next set is lit.
     pub lit_ns: i64,
-    /// From one set to the next.
+    /// The time from one set to the next.
     pub period_ns: u64,
-    /// Where the pupil will be then.
+    /// The expected pupil at that time.
     pub pupil: Pupil,
-    /// Which content would fit.
+    /// The content that suits the display best.
     pub wanted: Wanted,
 }

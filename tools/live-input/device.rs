@@ -1,38 +1,38 @@
-//! Views that never come to the host's memory: whoever takes them in its place, and memory of a device that a display shares.
+//! Defines the interface for views that bypass the host's memory, and the device memory that a display shares.
 
 use crate::layout::{halves, pair};
 use crate::{FrameFault, FrameInfo};
 use std::os::fd::OwnedFd;
 
-/// Which device and which driver has the memory: `deviceUUID` and `driverUUID` of Vulkan. An application on another device, or
-/// behind another driver, goes on with the region.
+/// The device and the driver that have the memory, as `deviceUUID` and `driverUUID` of Vulkan. An application on
+/// another device, or with another driver, uses the region instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceIds {
-    /// Of the device.
+    /// The UUID of the device.
     pub device: [u8; 16],
-    /// Of its driver.
+    /// The UUID of its driver.
     pub driver: [u8; 16],
 }
 
-/// Memory of a device in slots, as many as the region has: exported by Vulkan as an opaque file descriptor
-/// (`VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT`), with one buffer at its beginning. Lengths are bytes.
+/// Memory of a device with as many slots as the region. Vulkan exports it as an opaque file descriptor
+/// (`VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT`), with one buffer at its beginning. Lengths are in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceMemory {
-    /// Which device's.
+    /// The device that has the memory.
     pub ids: DeviceIds,
-    /// Of the memory: `allocationSize`.
+    /// The length of the memory, as `allocationSize`.
     pub memory_bytes: u64,
-    /// Of the buffer.
+    /// The length of the buffer.
     pub buffer_bytes: u64,
-    /// From one slot to the next.
+    /// The distance from one slot to the next.
     pub slot_stride: u64,
-    /// `memoryTypeIndex`.
+    /// The `memoryTypeIndex` of the memory.
     pub memory_type: u32,
-    /// `VkBufferUsageFlags` of the buffer.
+    /// The `VkBufferUsageFlags` of the buffer.
     pub usage: u32,
 }
 
-/// Words of it in the region.
+/// The number of its words in the region.
 pub(crate) const WORDS: usize = 8;
 
 impl DeviceIds {
@@ -53,7 +53,7 @@ impl DeviceMemory {
         [a, b, c, d, self.memory_bytes, self.buffer_bytes, self.slot_stride, pair(self.memory_type, self.usage)]
     }
 
-    /// What these words say, if `slots` slots of `room` bytes lie in it.
+    /// Reads the memory from these words, if it holds `slots` slots of `room` bytes.
     pub(crate) fn of(words: &[u64; WORDS], slots: u32, room: u64) -> Option<Self> {
         let [memory_type, usage] = halves(words[7]);
         let [memory_bytes, buffer_bytes, slot_stride] = [words[4], words[5], words[6]];
@@ -65,38 +65,39 @@ impl DeviceMemory {
     }
 }
 
-/// Decodes views elsewhere than in the host's memory, as on a device.
+/// Decodes views outside the host's memory, such as on a device.
 pub trait ViewTaker {
-    /// Takes the samples of views, which were copied and are filled to a multiple of 4 bytes; their values are judged here, and
-    /// `info` was. None where it does not take them after all: the host decodes them.
+    /// Takes the samples of views, which were copied and are padded to a multiple of 4 bytes. The implementation checks
+    /// their values, and `info` is checked already. Returns `None` if it does not take them after all. Then the host
+    /// decodes them.
     fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>>;
 
-    /// The device whose memory an application may write into, if there is one. Where there is none any more, an application that
-    /// has such memory is hung up on.
+    /// Returns the device whose memory an application may write into, if there is one. If the device disappears, an
+    /// application that has such memory is disconnected.
     fn device(&self) -> Option<DeviceIds> {
         None
     }
 
-    /// Memory of that device for the application that is there: so many slots with room for so many bytes each. None where there is
-    /// too little of it.
+    /// Returns memory of that device for the connected application, with this number of slots and this room in bytes
+    /// for each. Returns `None` if there is too little memory.
     fn share(&mut self, _slots: u32, _room: u64) -> Option<(DeviceMemory, OwnedFd)> {
         None
     }
 
-    /// Takes the samples of views that are in this slot of the device's memory: copied when this returns. Their values are judged
-    /// here, and `info` was; `bytes` is how many they are.
+    /// Takes the samples of views in this slot of the device's memory, and copies them before it returns. The
+    /// implementation checks their values, and `info` is checked already. `bytes` is their length.
     ///
     /// # Errors
-    /// What is no light; a device that failed.
+    /// Returns [`FrameFault`] if a value is no light or the device failed.
     fn take_shared(&mut self, _slot: usize, _bytes: u64, _info: &FrameInfo) -> Result<(), FrameFault> {
         Err(FrameFault::Device)
     }
 
-    /// The application is gone: nobody writes into what it was given.
+    /// Is called when the application is gone and no longer writes into its memory.
     fn unshare(&mut self) {}
 }
 
-/// Takes nothing.
+/// A taker that accepts no views.
 pub(crate) struct Nobody;
 
 impl ViewTaker for Nobody {
@@ -105,8 +106,8 @@ impl ViewTaker for Nobody {
     }
 }
 
-/// Whether nobody can cut what a descriptor gives: a device's own memory cannot be cut at all, and memory of the host, which
-/// devices in software share, is sealed here.
+/// Returns true if no process can shrink the memory of a descriptor. A device's own memory cannot shrink. Memory of the
+/// host, which software devices share, is sealed here.
 pub(crate) fn is_fixed(fd: &OwnedFd) -> bool {
     use rustix::fs::SealFlags;
     let fixed = SealFlags::SHRINK;

@@ -1,4 +1,4 @@
-//! The display's side.
+//! Implements the display's side of live input.
 
 use crate::device::{self, Nobody};
 use crate::layout::{self, HELD, Header, REQUEST, SLOT_HEADER, STEP};
@@ -14,12 +14,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{Ordering, fence};
 use std::time::Duration;
 
-/// How often a frame that changes while it is copied is tried.
+/// The number of copies that are tried of a frame that changes during the copy.
 const TRIES: u32 = 4;
-/// How many that want to connect are answered at a time.
+/// The number of callers that are answered at a time.
 const CALLERS: u32 = 4;
 
-/// A frame in linear light, 1 = full scale: whole, and every number of it judged.
+/// A complete frame in linear light with 1 as full scale, whose values are all checked.
 #[derive(Debug, Clone)]
 pub struct Frame {
     number: u64,
@@ -31,7 +31,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// One with room for whatever the offer allows.
+    /// Makes a frame with room for all content of the offer.
     fn new(offer: &Offer) -> Self {
         let light = offer.largest().map(|content| offer.samples(&content)).max().unwrap_or(0);
         let depth = offer.largest().any(|content| content == Content::ColorAndDepth);
@@ -45,60 +45,60 @@ impl Frame {
         }
     }
 
-    /// The application's number of it; 0 before the first.
+    /// Returns the application's number of the frame, or 0 before the first.
     pub fn number(&self) -> u64 {
         self.number
     }
 
-    /// What it says of itself.
+    /// Returns the description of the frame.
     pub fn info(&self) -> &FrameInfo {
         &self.info
     }
 
-    /// (view, row, column) or (layer, row, column) of a channel: the offer's colours in the order red, green, blue, and for
-    /// layers their opacity behind them. Empty where there is no such channel.
+    /// Returns (view, row, column) or (layer, row, column) of a channel. Channels are the offer's colors in the order
+    /// red, green, blue, followed by opacity for layers. The slice is empty if there is no such channel.
     pub fn channel(&self, channel: usize) -> &[f32] {
         let length = self.light.len() / self.channels;
         self.light.get(channel * length..(channel + 1) * length).unwrap_or(&[])
     }
 
-    /// Whether a [`ViewTaker`] has its light: there is none here.
+    /// Returns true if a [`ViewTaker`] has the light, so that it is not here.
     pub fn is_taken(&self) -> bool {
         self.is_taken
     }
 
-    /// (row, column): how far each pixel is, dioptres. Empty unless the content is colour and depth.
+    /// Returns the distance of each pixel in dioptres, as (row, column). Empty unless the content is color and depth.
     pub fn dioptres(&self) -> &[f32] {
         &self.dioptres
     }
 }
 
-/// What there was to take.
+/// The result of a look for frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Latest {
-    /// A frame that is newer than any before.
+    /// The frame is newer than all before.
     New,
-    /// `application late`: it gave nothing new.
+    /// The application sent nothing new (`application late`).
     Late,
-    /// `application gone`, or not there yet.
+    /// No application is connected, or it is gone (`application gone`).
     Gone,
-    /// The newest was refused.
+    /// The newest frame was refused.
     Refused(FrameFault),
 }
 
-/// What became of an application's frames and of applications so far.
+/// The numbers of frames and applications until now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Applications that were taken in.
+    /// Applications that were accepted.
     pub applications: u64,
-    /// Those that were not, because there was one or they were another user's.
+    /// Applications that were refused, because there was one or they belonged to another user.
     pub turned_away: u64,
-    /// Frames that were taken.
+    /// Frames that were accepted.
     pub frames: u64,
     /// Frames that were refused.
     pub refused: u64,
-    /// Copies that were thrown away because the slot changed meanwhile.
+    /// Copies that were discarded because the slot changed during the copy.
     pub torn: u64,
 }
 
@@ -106,45 +106,46 @@ pub struct Counts {
 struct Connection {
     stream: UnixStream,
     region: Region,
-    /// The newest frame that was taken.
+    /// The number of the newest accepted frame.
     last: u64,
-    /// Of each slot the sequence that was refused: it is so once.
+    /// The refused sequence of each slot, so that each frame is refused only once.
     refused: [u64; 8],
-    /// Whether it has memory of a device.
+    /// True if the application has memory of a device.
     shares: bool,
 }
 
-/// Takes frames under a name. Ends with its socket removed.
+/// Takes frames under a name. The socket is removed when the display is dropped.
 #[derive(Debug)]
 pub struct Display {
     offer: Offer,
     path: PathBuf,
     listener: UnixListener,
-    /// Held for as long as there is the socket.
+    /// The lock that is held while the socket exists.
     _lock: File,
-    /// For the next application.
+    /// The region for the next application.
     prepared: Option<Region>,
     connection: Option<Connection>,
     request: Option<Request>,
     requests: u64,
-    /// A slot's samples as they were stored.
+    /// The samples of a slot as they were stored.
     raw: Vec<u8>,
-    /// What is decoded into, so that a fault in the middle leaves the caller's frame alone.
+    /// The target of decoding. A fault in the middle therefore does not change the caller's frame.
     spare: Frame,
     curve: Curve,
     counts: Counts,
 }
 
 impl Display {
-    /// Takes frames under this name.
+    /// Opens a display that takes frames under this name.
     ///
     /// # Errors
-    /// A wrong name or offer, a folder that is not safe, another display of this name, too little memory.
+    /// Returns [`LiveError`] for an invalid name or offer, an unsafe folder, another display with this name, or too
+    /// little memory.
     pub fn open(name: &str, offer: Offer) -> Result<Self, LiveError> {
         Self::open_in(&socket::folder(), name, offer)
     }
 
-    /// The same in another folder, with the same errors.
+    /// Opens a display in the same way in another folder, with the same errors.
     pub fn open_in(folder: &Path, name: &str, offer: Offer) -> Result<Self, LiveError> {
         crate::supported()?;
         offer.check()?;
@@ -157,7 +158,7 @@ impl Display {
             TryLockError::WouldBlock => LiveError::Taken(name.into()),
             TryLockError::Error(error) => LiveError::System { what: "the lock of a live input", error },
         })?;
-        // Whoever has the lock may remove what a dead one left.
+        // The owner of the lock may remove the socket of a dead display.
         let _ = std::fs::remove_file(&path);
         let listener = UnixListener::bind(&path).map_err(system("the socket of a live input"))?;
         listener.set_nonblocking(true).map_err(system("the socket of a live input"))?;
@@ -178,27 +179,28 @@ impl Display {
         })
     }
 
-    /// What it takes.
+    /// Returns the offer of the display.
     pub fn offer(&self) -> &Offer {
         &self.offer
     }
 
-    /// A frame with room for everything, for [`latest`](Self::latest).
+    /// Returns a frame with room for all content, for [`latest`](Self::latest).
     pub fn frame(&self) -> Frame {
         Frame::new(&self.offer)
     }
 
-    /// What became of frames and applications so far.
+    /// Returns the numbers of frames and applications until now.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// Whether there is an application.
+    /// Returns true if an application is connected.
     pub fn is_connected(&self) -> bool {
         self.connection.is_some()
     }
 
-    /// Says what will be lit when, and what would fit; returns the number of the request. Its own number is not looked at.
+    /// Publishes a request with the time of the next set and the content that suits. Returns the number of the request.
+    /// Its own number is ignored.
     pub fn ask(&mut self, request: &Request) -> u64 {
         self.requests += 1;
         self.request = Some(Request { number: self.requests, ..*request });
@@ -211,7 +213,8 @@ impl Display {
 
     fn write_request(&self, region: &Region) {
         let Some(request) = &self.request else { return };
-        // From what is known here: the application may have written anything into the sequence.
+        // The sequence is computed from values here, because the application may have written any value into the
+        // region.
         let sequence = region.word(REQUEST);
         sequence.store(2 * self.requests - 1, Ordering::Relaxed);
         fence(Ordering::Release);
@@ -219,8 +222,8 @@ impl Display {
         sequence.store(2 * self.requests, Ordering::Release);
     }
 
-    /// Waits until an application connects, gives a frame or goes, which [`latest`](Self::latest) then finds; false where nothing
-    /// happened in time.
+    /// Waits until an application connects, sends a frame or leaves, which [`latest`](Self::latest) then finds. Returns
+    /// false if nothing happened in time.
     pub fn wait(&self, patience: Duration) -> bool {
         let connection = self.connection.as_ref();
         let mut fds = vec![self.listener.as_fd()];
@@ -228,19 +231,19 @@ impl Display {
         socket::wait(&fds, patience)
     }
 
-    /// Puts the newest whole frame into `frame` if it is newer than the last; else `frame` stays as it is. Takes in and lets go
-    /// applications. Waits for nobody, and allocates nothing, given a frame of [`frame`](Self::frame), unless an application comes
-    /// or goes.
+    /// Puts the newest complete frame into `frame` if it is newer than the last. Otherwise `frame` does not change. The
+    /// method also accepts and disconnects applications. It never waits. For a frame of [`frame`](Self::frame), it
+    /// allocates memory only if an application connects or leaves.
     pub fn latest(&mut self, frame: &mut Frame) -> Latest {
         self.latest_with(frame, &mut Nobody, &mut || {})
     }
 
-    /// The same; the samples of views go to `taker`.
+    /// Works as [`latest`](Self::latest), but sends the samples of views to `taker`.
     pub fn latest_to(&mut self, frame: &mut Frame, taker: &mut dyn ViewTaker) -> Latest {
         self.latest_with(frame, taker, &mut || {})
     }
 
-    /// The same; a test has something happen in the middle of each copy.
+    /// Works in the same way. A test can run code in the middle of each copy.
     pub(crate) fn latest_with(
         &mut self,
         frame: &mut Frame,
@@ -256,7 +259,7 @@ impl Display {
             return Latest::Gone;
         }
         self.share(&mut connection, taker);
-        // Before it is looked for frames: what it gave before it went is taken.
+        // This check comes before the look for frames, so that the last frame before the end is used.
         let closed = !socket::listen(&connection.stream);
         let found = match self.take(&mut connection, taker, middle) {
             Ok(true) => {
@@ -276,14 +279,14 @@ impl Display {
         } else if connection.shares {
             taker.unshare();
         }
-        // The next one waits until what this one left is taken.
+        // The next application waits until the last frame of this one is used.
         if !closed || found == Latest::Gone {
             self.answer_callers(taker);
         }
         found
     }
 
-    /// Gives memory of a device to an application that asks for it.
+    /// Gives memory of a device to an application that requests it.
     fn share(&self, connection: &mut Connection, taker: &mut dyn ViewTaker) {
         let Connection { stream, region, shares, .. } = connection;
         let offers = region.word(layout::SHARES);
@@ -322,7 +325,7 @@ impl Display {
         let turned = |reason: &str| socket::refuse(&stream, reason);
         socket::check_peer(&stream).map_err(|error| turned(&error.to_string()))?;
         if self.connection.is_some() {
-            turned("it has an application already: one at a time");
+            turned("it already has an application, and accepts one at a time");
             return Err(());
         }
         let bytes = self.offer.region_bytes();
@@ -344,7 +347,7 @@ impl Display {
         Ok(())
     }
 
-    /// Copies and decodes the newest whole frame into the spare one, if it is newer than the last.
+    /// Copies and decodes the newest complete frame into the spare one, if it is newer than the last.
     fn take(
         &mut self,
         connection: &mut Connection,
@@ -379,7 +382,7 @@ impl Display {
         Err(FrameFault::Torn)
     }
 
-    /// The slot of the newest frame that is newer than the last, and its sequence.
+    /// Returns the slot of the newest frame that is newer than the last, and its sequence.
     fn newest(&self, connection: &Connection) -> Option<(usize, u64)> {
         let slots = (0..self.offer.slots as usize).filter_map(|slot| {
             let start = layout::slot_word(&self.offer, slot);
@@ -391,7 +394,7 @@ impl Display {
         slots.max().map(|(_, slot, sequence)| (slot, sequence))
     }
 
-    /// Copies a slot; returns its frame's number and what it says. All is judged by the copy.
+    /// Copies a slot and returns the number and the description of its frame. All checks use the copy.
     fn copy(
         &mut self,
         connection: &Connection,
@@ -415,7 +418,7 @@ impl Display {
         Ok((found, info))
     }
 
-    /// The copied samples to the spare frame's light, or to whom takes them.
+    /// Decodes the copied samples into the spare frame, or passes them to the taker.
     fn decode(&mut self, number: u64, info: FrameInfo, taker: &mut dyn ViewTaker) -> Result<(), FrameFault> {
         let frame = &mut self.spare;
         let colors = self.offer.channels();
@@ -431,7 +434,7 @@ impl Display {
             frame.dioptres.clear();
             return Ok(());
         }
-        // Both have room for the largest.
+        // Both have room for the largest frame.
         frame.light.resize(self.offer.samples(&info.content), 0.0);
         frame.dioptres.resize(if bytes > depth { self.offer.pixels() } else { 0 }, 0.0);
         let stored = Stored { sample: info.sample, transfer: info.transfer, channels, colors };

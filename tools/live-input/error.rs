@@ -1,136 +1,137 @@
-//! What can go wrong, each in one line.
+//! Defines the errors of live input, each with a message of one line.
 
 use thiserror::Error;
 
-/// Begins each message about a frame.
+/// The beginning of each message about a frame.
 const REFUSED: &str = "the application's frame is refused: ";
 
-/// What is wrong with a frame. The frame before stays.
+/// Faults of a frame. The frame before stays.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FrameFault {
-    /// A number that is none of those that are right.
-    #[error("{refused}{what} {found}; it must be {}", range(*least, *most), refused = REFUSED)]
+    /// A number is outside its range.
+    #[error("{refused}{what} {found}, but it must be {}", range(*least, *most), refused = REFUSED)]
     Number {
-        /// Which one.
+        /// The name of the number.
         what: &'static str,
-        /// What it is.
+        /// The value that was found.
         found: u64,
-        /// The least that is right.
+        /// The smallest accepted value.
         least: u64,
-        /// The most that is right.
+        /// The largest accepted value.
         most: u64,
     },
-    /// A code that is none of those that there are, or that the display takes.
-    #[error("{refused}{what} {found}; it must be {must}", refused = REFUSED)]
+    /// A code is unknown, or is one that the display does not accept.
+    #[error("{refused}{what} {found}, but it must be {must}", refused = REFUSED)]
     Code {
-        /// Of what.
+        /// The name of the code.
         what: &'static str,
-        /// What it is.
+        /// The value that was found.
         found: u64,
-        /// What would be right.
+        /// The values that are accepted.
         must: &'static str,
     },
-    /// A length, a place or a distance.
-    #[error("{refused}{what} {found}; it must be {must}", refused = REFUSED)]
+    /// A length, a position or a distance is invalid.
+    #[error("{refused}{what} {found}, but it must be {must}", refused = REFUSED)]
     Length {
-        /// Of what.
+        /// The name of the length.
         what: &'static str,
-        /// What it is.
+        /// The value that was found.
         found: f64,
-        /// What would be right.
+        /// The values that are accepted.
         must: &'static str,
     },
-    /// A sample.
-    #[error("{refused}sample {index} of channel {channel} is {found}; it must be {must}", refused = REFUSED)]
+    /// A sample is outside its range.
+    #[error("{refused}sample {index} of channel {channel} is {found}, but it must be {must}", refused = REFUSED)]
     Value {
-        /// Which channel: colours, then opacity; for depths the first behind the colours.
+        /// The channel of the sample. Colors are first and opacity follows. Depths have the first number after the
+        /// colors.
         channel: usize,
-        /// Which of its samples.
+        /// The index of the sample in its channel.
         index: usize,
-        /// What it is.
+        /// The value that was found.
         found: f32,
-        /// What would be right.
+        /// The values that are accepted.
         must: &'static str,
     },
-    /// It changed each time while it was copied.
-    #[error("{refused}it was written while it was read; a slot that is held must not be written", refused = REFUSED)]
+    /// The frame changed during each copy.
+    #[error("{refused}it was written while it was read. Do not write a slot that is held.", refused = REFUSED)]
     Torn,
     /// The device that shares its memory failed.
-    #[error("{refused}the display's device failed: connect again, and share no memory of it", refused = REFUSED)]
+    #[error("{refused}the display's device failed. Connect again without its memory.", refused = REFUSED)]
     Device,
 }
 
-/// Describes the numbers that are right.
+/// Describes a range of accepted numbers.
 fn range(least: u64, most: u64) -> String {
     if least == most { least.to_string() } else { format!("{least} to {most}") }
 }
 
-/// What can go wrong between a display and an application.
+/// Errors between a display and an application.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum LiveError {
-    /// There is none on this system.
-    #[error("live input: only on little-endian Linux of 64 bits, whose shared memory can be sealed against being cut")]
+    /// Live input is not supported on this system.
+    #[error("live input: supported only on 64-bit little-endian Linux, where shared memory can be sealed")]
     Unsupported,
-    /// A name that cannot be.
+    /// The name is invalid.
     #[error("live:{0}: a name has 1 to 64 letters, digits, '.', '_' and '-', and does not begin with '.'")]
     Name(String),
-    /// The runtime folder cannot be trusted, or not made.
+    /// The runtime folder is not safe, or cannot be created.
     #[error("{path}: {reason}")]
     Folder {
-        /// Which.
+        /// The path of the folder.
         path: String,
-        /// Why.
+        /// The problem with the folder.
         reason: String,
     },
-    /// Another display listens there.
-    #[error("live:{0}: another display takes frames there: choose another name")]
+    /// Another display listens under this name.
+    #[error("live:{0}: another display takes frames there. Choose another name.")]
     Taken(String),
-    /// No display listens there.
-    #[error("live:{name}: no display takes frames there: {reason}")]
+    /// No display listens under this name.
+    #[error("live:{name}: no display takes frames there ({reason})")]
     NoDisplay {
-        /// The name.
+        /// The name of the live input.
         name: String,
-        /// What the system said.
+        /// The error of the system.
         reason: String,
     },
     /// The display refused the application.
     #[error("the display refused: {0}")]
     Refused(String),
-    /// The other side is another user's.
-    #[error("the other side belongs to user {uid}: only those of user {own} are taken")]
+    /// The other side belongs to another user.
+    #[error("the other side belongs to user {uid}, but only user {own} is accepted")]
     OtherUser {
-        /// Whose.
+        /// The user of the other side.
         uid: u32,
-        /// Ours.
+        /// The user of this process.
         own: u32,
     },
-    /// What the display sent is not what it should be.
-    #[error("what the display sent is damaged: {0}")]
+    /// The display sent invalid data.
+    #[error("the display sent damaged data: {0}")]
     Damaged(String),
-    /// What a display offers cannot be.
-    #[error("{what} of a live input is {found}; it must be {must}")]
+    /// The offer of a display is invalid.
+    #[error("live input: {what} is {found}, but it must be {must}")]
     Offer {
-        /// What of it.
+        /// The name of the property.
         what: &'static str,
-        /// What it is.
+        /// The value that was found.
         found: String,
-        /// What would be right.
+        /// The values that are accepted.
         must: &'static str,
     },
-    /// A frame that the display would refuse.
+    /// The display would refuse the frame.
     #[error("{0}")]
     Frame(#[from] FrameFault),
     /// The display is gone.
     #[error("the display is gone")]
     Gone,
-    /// The system refused.
+    /// The system reported an error.
     #[error("{what}: {error}")]
     System {
-        /// What it was asked for.
+        /// The subject of the system call.
         what: &'static str,
-        /// What it said.
+        /// The error of the system.
         #[source]
         error: std::io::Error,
     },

@@ -1,12 +1,15 @@
-/* Frames from an application to an eyebox display (docs/live-input.md). Linux, little-endian, 64 bits; C99 or C++ with GCC or Clang.
+/* Sends frames from an application to an eyebox display (docs/live-input.md).
+ *
+ * It needs Linux on a little-endian system of 64 bits, and C99 or C++ with GCC or Clang.
  *
  *     eyebox_live live;
  *     if (eyebox_live_connect(&live, "demo")) return fprintf(stderr, "%s\n", live.error), 1;
  *     while (eyebox_live_wait(&live, 1000) >= 0) { ... eyebox_live_begin, write, eyebox_live_publish ... }
  *     eyebox_live_close(&live);
  *
- * Functions are for one thread at a time. `error` says in one line why something was refused.
- * This is the format once more and no binding of the Rust crate, so that a program needs this file and a C compiler alone. */
+ * Only one thread at a time may call the functions. `error` has the reason of a refusal in one line.
+ * This file implements the format itself and is no binding of the Rust crate. A program therefore needs only this file
+ * and a C compiler. */
 #ifndef EYEBOX_LIVE_H
 #define EYEBOX_LIVE_H
 
@@ -33,7 +36,7 @@ enum { EYEBOX_LIVE_VIEWS = 1, EYEBOX_LIVE_COLOR_AND_DEPTH = 2, EYEBOX_LIVE_LAYER
 enum { EYEBOX_LIVE_U8 = 1, EYEBOX_LIVE_U16 = 2, EYEBOX_LIVE_F16 = 3, EYEBOX_LIVE_F32 = 4 };
 enum { EYEBOX_LIVE_LINEAR = 1, EYEBOX_LIVE_SRGB = 2 };
 
-/* What the display asks for; as it lies in memory. Times: ns of CLOCK_MONOTONIC. */
+/* A request of the display, in the layout of the shared memory. Times are in ns of CLOCK_MONOTONIC. */
 typedef struct {
     uint64_t number;
     int64_t lit_ns;
@@ -44,7 +47,7 @@ typedef struct {
     double pitch_mm, center_x_mm, center_y_mm;
 } eyebox_live_request_t;
 
-/* What a frame is. `dioptres` are those of the layers, the farthest first. */
+/* The description of a frame. `dioptres` has the distances of the layers, with the farthest first. */
 typedef struct {
     uint32_t kind, sample, transfer;
     uint32_t view_rows, view_columns, layers;
@@ -52,12 +55,13 @@ typedef struct {
     int64_t content_time_ns;
     double pitch_mm, center_x_mm, center_y_mm;
     float dioptres[64];
-    /* 1: the samples are in the display's device memory, at slot * slot_stride; see eyebox_live_share. Of views alone. */
+    /* If 1, the samples are in the display's device memory, at slot * slot_stride (see eyebox_live_share). Only views may
+     * be there. */
     uint32_t on_device;
 } eyebox_live_frame;
 
-/* Memory of the display's device, as it lies in the region: VkPhysicalDeviceIDProperties of the device, allocationSize,
- * VkBufferCreateInfo's size, bytes from slot to slot, memoryTypeIndex, VkBufferUsageFlags. */
+/* Memory of the display's device, in the layout of the region. It has VkPhysicalDeviceIDProperties of the device,
+ * allocationSize, VkBufferCreateInfo's size, bytes from slot to slot, memoryTypeIndex and VkBufferUsageFlags. */
 typedef struct {
     uint8_t device_uuid[16], driver_uuid[16];
     uint64_t memory_bytes, buffer_bytes, slot_stride;
@@ -65,11 +69,11 @@ typedef struct {
 } eyebox_live_memory;
 
 typedef struct {
-    /* What the display takes. */
+    /* The offer of the display. */
     uint32_t rows, columns, most_view_rows, most_view_columns, most_layers, kinds, colors, channels;
     double pixel_angle, eyebox_width_mm, eyebox_height_mm;
     char error[160];
-    /* Its own. */
+    /* Private members. */
     int socket;
     uint8_t *region;
     uint64_t length, first, stride, room, frames, seen;
@@ -95,7 +99,7 @@ static inline void eyebox_live_close(eyebox_live *live) {
     live->socket = -1;
 }
 
-/* The display's answer: the region, mapped and judged. */
+/* Receives the display's answer, and maps and checks the region. */
 static inline int eyebox_live_greeted(eyebox_live *live) {
     uint8_t message[128];
     union { struct cmsghdr header; uint8_t space[CMSG_SPACE(sizeof(int))]; } control;
@@ -124,7 +128,7 @@ static inline int eyebox_live_greeted(eyebox_live *live) {
     seals = fcntl(fd, 1034 /* F_GET_SEALS */);
     if (seals < 0 || (seals & 6) != 6 /* F_SEAL_SHRINK | F_SEAL_GROW */ || fstat(fd, &there) || (uint64_t)there.st_size != live->length || live->length < 4096) {
         close(fd);
-        return eyebox_live_failed(live, "the display's memory is not sealed, or not as long as it says", "");
+        return eyebox_live_failed(live, "the display's memory is not sealed, or has another length than announced", "");
     }
     void *map = mmap(NULL, live->length, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
     close(fd);
@@ -140,11 +144,11 @@ static inline int eyebox_live_greeted(eyebox_live *live) {
     int fits = live->slots >= 3 && live->slots <= 8 && live->first == 4096 && live->stride % 4096 == 0 && live->stride <= live->length &&
                live->room >= 64 && live->room <= live->stride && live->room + 512 <= live->stride && live->first + live->slots * live->stride == live->length;
     if (memcmp(r, "EYELIVE1", 8) || eyebox_live_u32(r + 8) != 1 || !fits || !live->channels || live->rows - 1 >= 65536 || live->columns - 1 >= 65536)
-        return eyebox_live_failed(live, "what the display sent is damaged", "its numbers do not fit each other");
+        return eyebox_live_failed(live, "the display sent damaged data", "its numbers do not fit each other");
     return 0;
 }
 
-/* Connects to the display that takes frames as live:`name`: 0, or -1 and `error`. */
+/* Connects to the display that takes frames as live:`name`. Returns 0, or -1 and sets `error`. */
 static inline int eyebox_live_connect(eyebox_live *live, const char *name) {
     const char *runtime = getenv("XDG_RUNTIME_DIR");
     struct sockaddr_un to;
@@ -172,7 +176,7 @@ static inline int eyebox_live_connect(eyebox_live *live, const char *name) {
     return -1;
 }
 
-/* What the display asks for now: 1, or 0 before it asked. */
+/* Reads the current request of the display. Returns 1, or 0 before the first request. */
 static inline int eyebox_live_request(const eyebox_live *live, eyebox_live_request_t *request) {
     uint64_t *sequence = eyebox_live_word(live, 192);
     for (int i = 0; i < 1000; i++) {
@@ -184,25 +188,26 @@ static inline int eyebox_live_request(const eyebox_live *live, eyebox_live_reque
     return 0;
 }
 
-/* Milliseconds of a clock that is never set. times() is what C99 has of one: it counts 10 ms. */
+/* Returns the milliseconds of a clock that is never set. C99 programs have times() for this. It counts in steps of
+ * 10 ms. */
 static inline int64_t eyebox_live_now_ms(void) {
     struct tms used;
     return (int64_t)times(&used) * 1000 / sysconf(_SC_CLK_TCK);
 }
 
-/* The end of a wait of `timeout_ms` that begins now, no sooner; -1, never, if it is below 0. */
+/* Returns the end of a wait of at least `timeout_ms` that begins now, or -1 for no end if it is below 0. */
 static inline int64_t eyebox_live_until(int timeout_ms) {
     return timeout_ms < 0 ? -1 : eyebox_live_now_ms() + timeout_ms + (timeout_ms ? 10 : 0);
 }
 
-/* Milliseconds left until then; -1, for ever, if it is below 0. */
+/* Returns the milliseconds until this end, or -1 for no end if it is below 0. */
 static inline int eyebox_live_left(int64_t until_ms) {
     int64_t left = until_ms < 0 ? -1 : until_ms - eyebox_live_now_ms();
     return until_ms < 0 ? -1 : left < 0 ? 0 : left > 0x7fffffff ? 0x7fffffff : (int)left;
 }
 
-/* Waits for a request that was not waited for before, `timeout_ms` at most in all (for ever if below 0): 1, 0 if none came in time, -1 if
- * the display is gone. */
+/* Waits for a request that no earlier wait returned, for at most `timeout_ms` (forever if below 0). Returns 1, 0 if
+ * none arrived in time, or -1 if the display is gone. */
 static inline int eyebox_live_wait(eyebox_live *live, int timeout_ms) {
     for (int64_t until_ms = eyebox_live_until(timeout_ms);;) {
         int left_ms = eyebox_live_left(until_ms);
@@ -217,19 +222,20 @@ static inline int eyebox_live_wait(eyebox_live *live, int timeout_ms) {
     }
 }
 
-/* Whether the display has memory of a device to share: then `device_uuid` and `driver_uuid` say whose. An application on another device,
- * or behind another driver, goes on with the region. */
+/* Returns 1 if the display has memory of a device to share. Then `device_uuid` and `driver_uuid` identify the device.
+ * An application on another device, or with another driver, continues with the region. */
 static inline int eyebox_live_device(const eyebox_live *live, eyebox_live_memory *memory) {
     if (__atomic_load_n(eyebox_live_word(live, 104), __ATOMIC_ACQUIRE) != 1) return 0;
     memcpy(memory, live->region + 1024, sizeof *memory);
     return 1;
 }
 
-/* Asks for that memory: its file descriptor, or -1 and `error`. It is imported by VkImportMemoryFdInfoKHR (opaque) with allocationSize
- * `memory_bytes` and memoryTypeIndex `memory_type`, and bound at 0 to a buffer of `buffer_bytes` and `usage` that was made with
- * VkExternalMemoryBufferCreateInfo. A frame with `on_device`: eyebox_live_begin (what it returns is not written), the samples to
- * eyebox_live_slot(live) * slot_stride on the device, a barrier that hands the buffer to VK_QUEUE_FAMILY_EXTERNAL, vkQueueSubmit,
- * wait for its fence, eyebox_live_publish. */
+/* Requests that memory. Returns its file descriptor, or -1 and sets `error`. Import it by VkImportMemoryFdInfoKHR
+ * (opaque) with allocationSize `memory_bytes` and memoryTypeIndex `memory_type`. Bind it at 0 to a buffer of
+ * `buffer_bytes` and `usage` that was made with VkExternalMemoryBufferCreateInfo. To send a frame with `on_device`,
+ * call eyebox_live_begin, but do not write to the pointer that it returns. Write the samples to
+ * eyebox_live_slot(live) * slot_stride on the device. Add a barrier that hands the buffer to VK_QUEUE_FAMILY_EXTERNAL,
+ * call vkQueueSubmit, wait for its fence, and call eyebox_live_publish. */
 static inline int eyebox_live_share(eyebox_live *live, eyebox_live_memory *memory, int timeout_ms) {
     __atomic_store_n(eyebox_live_word(live, 136), 1, __ATOMIC_RELEASE);
     send(live->socket, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL);
@@ -257,10 +263,11 @@ static inline int eyebox_live_share(eyebox_live *live, eyebox_live_memory *memor
     }
 }
 
-/* The slot of the frame that was begun. */
+/* Returns the slot of the frame that was begun. */
 static inline int eyebox_live_slot(const eyebox_live *live) { return live->writing; }
 
-/* Bytes of a frame's samples; `*depth` (may be NULL) is where the dioptres of colour and depth begin among them. */
+/* Returns the bytes of a frame's samples. `*depth` (may be NULL) receives the offset of the dioptres of color and
+ * depth. */
 static inline uint64_t eyebox_live_bytes(const eyebox_live *live, const eyebox_live_frame *frame, uint64_t *depth) {
     static const uint64_t sizes[5] = {0, 1, 2, 2, 4};
     uint64_t pixels = (uint64_t)live->rows * live->columns, colors = pixels * live->channels;
@@ -272,8 +279,8 @@ static inline uint64_t eyebox_live_bytes(const eyebox_live *live, const eyebox_l
     return frame->kind == EYEBOX_LIVE_COLOR_AND_DEPTH ? from + pixels * 4 : colors;
 }
 
-/* Begins a frame: where its samples go, all of which are to be written before eyebox_live_publish; NULL and `error` for what
- * the display would refuse by its size. */
+/* Begins a frame. Returns the place for its samples, all of which must be written before eyebox_live_publish. Returns
+ * NULL and sets `error` for a frame that the display would refuse by its size. */
 static inline void *eyebox_live_begin(eyebox_live *live, const eyebox_live_frame *frame) {
     uint32_t views = frame->kind == EYEBOX_LIVE_VIEWS, layers = frame->kind == EYEBOX_LIVE_LAYERS ? frame->layers : 0;
     uint32_t shape[2] = {views ? frame->view_rows : 1, views ? frame->view_columns : 1};
@@ -308,7 +315,7 @@ static inline void *eyebox_live_begin(eyebox_live *live, const eyebox_live_frame
     }
 }
 
-/* Gives the frame that was begun; returns its number. */
+/* Publishes the frame that was begun. Returns its number. */
 static inline uint64_t eyebox_live_publish(eyebox_live *live) {
     if (live->writing < 0) return 0;
     uint64_t *sequence = eyebox_live_word(live, live->first + (uint64_t)live->writing * live->stride);

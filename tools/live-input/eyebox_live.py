@@ -1,11 +1,13 @@
-"""Frames from a Python program to an eyebox display (docs/live-input.md). Linux; needs the standard library alone.
+"""Sends frames from a Python program to an eyebox display (docs/live-input.md).
+
+The module needs Linux and only the standard library. A program looks like this.
 
     with eyebox_live.Live("demo") as live:
         while request := live.wait(1.0):
             live.send(live.color_and_depth(), samples, dioptres, request=request)
 
-`samples` and `dioptres` are anything with a buffer: bytes, array.array, contiguous NumPy arrays. This is the format once more and
-no binding of the Rust crate, so that a program needs this file alone.
+`samples` and `dioptres` are objects with a buffer, such as bytes, array.array or contiguous NumPy arrays. This module
+implements the format itself and is no binding of the Rust crate, so a program needs only this file.
 """
 
 import ctypes, fcntl, mmap, os, platform, select, socket, struct, sys, threading, time
@@ -17,18 +19,18 @@ LINEAR, SRGB = 1, 2
 SAMPLE_BYTES = {U8: 1, U16: 2, F16: 2, F32: 4}
 MAGIC = b"EYELIVE1"
 
-#: What the display asks for. Times are nanoseconds of time.monotonic_ns().
+#: A request of the display. Times are nanoseconds of time.monotonic_ns().
 Request = namedtuple(
     "Request",
     "number lit_ns period_ns pupil_x_mm pupil_y_mm pupil_diameter_mm focus_dioptres velocity_x_mm_s velocity_y_mm_s "
     "kind tracked view_rows view_columns pitch_mm center_x_mm center_y_mm",
 )
-#: What a frame is.
+#: The description of a frame.
 Frame = namedtuple("Frame", "kind sample transfer view_rows view_columns pitch_mm dioptres")
 
 
 class LiveError(Exception):
-    """What went wrong, in one line."""
+    """An error of live input, with a message of one line."""
 
 
 class Gone(LiveError):
@@ -39,7 +41,7 @@ _lock = threading.Lock()
 
 
 def _barrier():
-    """Two rounds of a lock: nothing moves past both, on x86-64 and AArch64."""
+    """Takes a lock twice. No memory access moves past both rounds on x86-64 and AArch64."""
     for _ in range(2):
         with _lock:
             pass
@@ -55,7 +57,7 @@ class Live:
 
     def __init__(self, name):
         if sys.platform != "linux" or platform.machine() not in ("x86_64", "aarch64"):
-            raise LiveError("live input: only on Linux, x86-64 or AArch64")
+            raise LiveError("live input: supported only on Linux on x86-64 or AArch64")
         letters = name.replace("-", "a").replace("_", "a").replace(".", "a")
         if not (1 <= len(name) <= 64 and letters.isascii() and letters.isalnum()) or name.startswith("."):
             raise LiveError("a name has 1 to 64 letters, digits, '.', '_' and '-', and does not begin with '.'")
@@ -72,7 +74,7 @@ class Live:
             self.socket.connect(path)
             _, uid, _ = struct.unpack("iII", self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
             if uid != os.geteuid():
-                raise LiveError(f"the display belongs to user {uid}: only those of user {os.geteuid()} are taken")
+                raise LiveError(f"the display belongs to user {uid}, but only user {os.geteuid()} is accepted")
             message, fds, _, _ = socket.recv_fds(self.socket, 128, 1)
         except OSError as error:
             raise LiveError(f"no display takes frames there: {error}") from None
@@ -84,7 +86,7 @@ class Live:
                 raise LiveError("the display refused: " + message[24:].rstrip(b"\0").decode(errors="replace"))
             seals = fcntl.fcntl(fds[0], getattr(fcntl, "F_GET_SEALS", 1034))
             if seals & 6 != 6 or os.fstat(fds[0]).st_size != length or length < 4096:
-                raise LiveError("the display's memory is not sealed, or not as long as it says")
+                raise LiveError("the display's memory is not sealed, or has another length than announced")
             self._map = mmap.mmap(fds[0], length)
         finally:
             for fd in fds:
@@ -95,7 +97,7 @@ class Live:
         self.pixel_angle, *self.eyebox_mm = struct.unpack_from("=3d", self._map, 80)
         fits = length == length_again == self._first + self.slots * self._stride and self._room + 512 <= self._stride
         if magic != MAGIC or version != 1 or not fits or not 3 <= self.slots <= 8 or self._first != 4096:
-            raise LiveError("what the display sent is damaged: its numbers do not fit each other")
+            raise LiveError("the display sent damaged data: its numbers do not fit each other")
         self.channels = bin(self.colors).count("1")
         self._newest, self._frames, self._seen = None, 0, 0
 
@@ -114,11 +116,11 @@ class Live:
         return ctypes.c_uint64.from_buffer(self._map, at).value
 
     def _put(self, at, value):
-        # In one piece: struct.pack_into writes byte by byte.
+        # The write must be atomic, and struct.pack_into writes byte by byte.
         ctypes.c_uint64.from_buffer(self._map, at).value = value
 
     def request(self):
-        """What the display asks for now; None before it asked."""
+        """Returns the current request of the display, or None before the first request."""
         for _ in range(1000):
             before = self._get(192)
             _barrier()
@@ -129,7 +131,10 @@ class Live:
         return None
 
     def wait(self, seconds):
-        """A request that was not waited for before; None if none came in `seconds`. Raises Gone if the display is gone."""
+        """Waits for a request that no earlier wait returned.
+
+        Returns None if none arrived in `seconds`. Raises Gone if the display is gone.
+        """
         until = time.monotonic() + seconds
         while True:
             left = until - time.monotonic()
@@ -138,7 +143,7 @@ class Live:
                     raise Gone("the display is gone")
             except BlockingIOError:
                 pass
-            except ConnectionError: # It ended with news of ours unread.
+            except ConnectionError: # The display ended with unread bytes from here.
                 raise Gone("the display is gone") from None
             except OSError as error:
                 raise Gone(f"the display is gone: {error}") from None
@@ -151,15 +156,15 @@ class Live:
             select.select([self.socket], [], [], left)
 
     def views(self, rows, columns, pitch_mm, sample=U8, transfer=SRGB):
-        """Frames of (view row, view column, row, column, colour)."""
+        """Describes frames of (view row, view column, row, column, color)."""
         return Frame(VIEWS, sample, transfer, rows, columns, pitch_mm, ())
 
     def color_and_depth(self, sample=U8, transfer=SRGB):
-        """Frames of (row, column, colour), with float32 dioptres of (row, column)."""
+        """Describes frames of (row, column, color), with float32 dioptres of (row, column)."""
         return Frame(COLOR_AND_DEPTH, sample, transfer, 1, 1, 0.0, ())
 
     def layers(self, dioptres, sample=U8, transfer=SRGB):
-        """Frames of (layer, row, column, colour and opacity), the farthest first."""
+        """Describes frames of (layer, row, column, color and opacity), with the farthest layer first."""
         return Frame(LAYERS, sample, transfer, 1, 1, 0.0, tuple(dioptres))
 
     def _bytes(self, frame):
@@ -169,7 +174,7 @@ class Live:
         return pixels * count[frame.kind] * SAMPLE_BYTES[frame.sample], 4 * pixels * (frame.kind == COLOR_AND_DEPTH)
 
     def _slot(self):
-        """A slot that is neither the newest nor held, its sequence odd."""
+        """Takes a slot that is neither the newest nor held, and makes its sequence odd."""
         while True:
             for slot in range(self.slots):
                 at = self._first + slot * self._stride
@@ -183,16 +188,16 @@ class Live:
                 self._put(at, before)
 
     def send(self, frame, samples, dioptres=b"", request=None, content_time_ns=None, center_mm=(0.0, 0.0)):
-        """Gives a frame, in answer to a request if given; returns its number."""
+        """Sends a frame, as the answer to `request` if it is given. Returns the number of the frame."""
         samples, dioptres = memoryview(samples).cast("B"), memoryview(dioptres).cast("B")
         need, depth = self._bytes(frame)
         if not frame.kind & self.kinds or len(frame.dioptres) > min(64, self.most_layers):
-            raise LiveError("the display takes no frame of this kind, or of so many layers")
+            raise LiveError("the display takes no frame of this kind, or with this number of layers")
         if (len(samples), len(dioptres)) != (need, depth):
-            raise LiveError(f"{len(samples)} bytes of samples and {len(dioptres)} of depths: they must be {need} and {depth}")
+            raise LiveError(f"{len(samples)} bytes of samples and {len(dioptres)} of depths, but must be {need} and {depth}")
         total = (need + 63) // 64 * 64 + depth if depth else need
         if total > self._room:
-            raise LiveError(f"{total} bytes: the display takes {self._room} at most")
+            raise LiveError(f"{total} bytes, but the display takes at most {self._room}")
         if content_time_ns is None:
             content_time_ns = request.lit_ns if request else 0
         slot, at = self._slot()

@@ -1,4 +1,4 @@
-//! Applications that lie, scribble, stop and die: one line each, and the last good frame stays.
+//! Tests applications that send invalid data, write anywhere, stop or die. The last good frame always stays.
 
 use crate::device::Nobody;
 use crate::layout::{self, HEADER_WORDS, Header, SLOT_HEADER};
@@ -32,7 +32,7 @@ fn folder() -> PathBuf {
     std::env::temp_dir().join(name)
 }
 
-/// A display and an application that has its region and keeps to nothing.
+/// A display, and the region of an application that ignores all rules.
 struct Bench {
     folder: PathBuf,
     display: Display,
@@ -57,7 +57,7 @@ impl Bench {
         self.display.latest(&mut self.frame)
     }
 
-    /// Writes a slot as it is told.
+    /// Writes this header and samples of this value into a slot.
     fn put(&self, slot: usize, sequence: u64, header: &Header, fill: u8) {
         let start = layout::slot_word(&offer(), slot);
         self.region.store(start + 1, &header[1..]);
@@ -65,7 +65,7 @@ impl Bench {
         self.region.word(start).store(sequence, Ordering::Release);
     }
 
-    /// A good frame, all of it of this value.
+    /// Sends a good frame whose samples all have this value.
     fn good(&mut self, number: u64, fill: u8) {
         self.put(0, 2 * number, &header(number), fill);
         assert_eq!(self.latest(), Latest::New);
@@ -94,7 +94,7 @@ fn header(number: u64) -> Header {
     layout::header_words(&offer(), &FrameInfo::new(views, Sample::U8, Transfer::Linear), number)
 }
 
-/// What is taken from a header is within bounds and is all that the header says.
+/// Values that are read from a header are within bounds, and they describe the header completely.
 #[test]
 fn a_million_fuzzed_headers() {
     let (offer, mut random) = (offer(), fastrand::Rng::with_seed(1));
@@ -144,18 +144,18 @@ fn each_lie_is_one_line_and_the_last_good_frame_stays() {
     bench.good(1, 100);
     let huge = 1 << 31 | 1 << 63;
     let lies: [(usize, u64, &str); 12] = [
-        (4, 1 << 32 | 8, "kind 8; it must be one that the display takes"),
-        (4, 9 << 32 | 1, "sample 9; it must be 1 to 4"),
-        (5, 5 << 32 | 7, "transfer 7; it must be 1, linear, or 2, sRGB"),
-        (5, 7 << 32 | 1, "colours 7; it must be 5"),
-        (6, huge, "rows 2147483648; it must be 6"),
-        (6, 1 << 63 | 6, "columns 2147483648; it must be 7"),
-        (7, huge, "rows of views 2147483648; it must be 1 to 3"),
-        (7, 0, "rows of views 0; it must be 1 to 3"),
-        (8, f64::NAN.to_bits(), "the view pitch, mm, NaN; it must be a finite number, a metre at most"),
-        (9, 1e9f64.to_bits(), "the camera's x, mm, 1000000000; it must be"),
-        (11, 1 << 31, "layers 2147483648; it must be 0"),
-        (12, u64::MAX, "bytes 18446744073709551615; it must be 84"),
+        (4, 1 << 32 | 8, "kind 8, but it must be one that the display takes"),
+        (4, 9 << 32 | 1, "sample 9, but it must be 1 to 4"),
+        (5, 5 << 32 | 7, "transfer 7, but it must be 1, linear, or 2, sRGB"),
+        (5, 7 << 32 | 1, "colors 7, but it must be 5"),
+        (6, huge, "rows 2147483648, but it must be 6"),
+        (6, 1 << 63 | 6, "columns 2147483648, but it must be 7"),
+        (7, huge, "rows of views 2147483648, but it must be 1 to 3"),
+        (7, 0, "rows of views 0, but it must be 1 to 3"),
+        (8, f64::NAN.to_bits(), "the view pitch, mm, NaN, but it must be a finite number, at most a meter"),
+        (9, 1e9f64.to_bits(), "the camera's x, mm, 1000000000, but it must be"),
+        (11, 1 << 31, "layers 2147483648, but it must be 0"),
+        (12, u64::MAX, "bytes 18446744073709551615, but it must be 84"),
     ];
     for (i, (word, value, line)) in lies.into_iter().enumerate() {
         let mut words = header(2);
@@ -163,15 +163,15 @@ fn each_lie_is_one_line_and_the_last_good_frame_stays() {
         bench.put(1, 2 + 2 * i as u64, &words, 7);
         let Latest::Refused(fault) = bench.latest() else { panic!("{line}: taken") };
         assert!(fault.to_string().contains(line), "{fault}");
-        // It is said once, and no other frame is lost by it.
+        // The frame is refused once, and no other frame is lost by it.
         assert_eq!(bench.latest(), Latest::Late);
         bench.is(100);
     }
-    // A frame number that would end all others.
+    // This frame number would leave no room for later ones.
     bench.put(1, 90, &header(u64::MAX), 7);
     let Latest::Refused(fault) = bench.latest() else { panic!("taken") };
-    assert!(fault.to_string().contains("frame number 18446744073709551615; it must be 2 to"), "{fault}");
-    // Floats that are no light.
+    assert!(fault.to_string().contains("frame number 18446744073709551615, but it must be 2 to"), "{fault}");
+    // These floats are no light.
     let views = Content::Views { grid: [1, 1], pitch_mm: 2.0 };
     let float = FrameInfo::new(views, Sample::F32, Transfer::Linear);
     bench.put(1, 92, &layout::header_words(&offer(), &float, 3), 0xff);
@@ -187,7 +187,7 @@ fn a_frame_that_never_ends_is_not_looked_at_and_one_that_changes_is_torn() {
     bench.good(1, 100);
     bench.put(1, 3, &header(2), 7);
     assert_eq!(bench.latest(), Latest::Late);
-    // In the middle of writing it dies: the last frame stays, and another application may come.
+    // The application dies in the middle of writing. The last frame stays, and another application may connect.
     bench.stream = UnixStream::connect(bench.folder.join("x.sock")).unwrap();
     assert_eq!((bench.latest(), bench.latest()), (Latest::Gone, Latest::Late));
     bench.is(100);
@@ -197,7 +197,8 @@ fn a_frame_that_never_ends_is_not_looked_at_and_one_that_changes_is_torn() {
     assert_eq!(bench.display.counts().applications, 2);
 }
 
-/// The same to the tick: a slot that changes in the middle of a copy is copied again, and given up after four times.
+/// The change happens at an exact point. A slot that changes in the middle of a copy is copied again, at most four
+/// times.
 #[test]
 fn a_slot_that_changes_in_the_middle_of_its_copy_is_thrown_away() {
     let mut bench = Bench::new();
@@ -208,7 +209,7 @@ fn a_slot_that_changes_in_the_middle_of_its_copy_is_thrown_away() {
     let mut changes = 0;
     let mut again = |most: u64| {
         let mut change = || {
-            assert_eq!(region.word(layout::HELD).load(Ordering::Relaxed), 2, "it says which slot it copies");
+            assert_eq!(region.word(layout::HELD).load(Ordering::Relaxed), 2, "the region has the slot that is copied");
             changes += 1;
             if changes <= most {
                 region.store_bytes(start + SLOT_HEADER, &vec![7 + changes as u8; offer().slot_bytes()]);
@@ -218,13 +219,13 @@ fn a_slot_that_changes_in_the_middle_of_its_copy_is_thrown_away() {
         display.latest_with(frame, &mut Nobody, &mut change)
     };
     assert_eq!(again(u64::MAX), Latest::Refused(FrameFault::Torn));
-    // Once more changed, then taken.
+    // The slot changes once more and is then accepted.
     assert_eq!(again(5), Latest::New);
     assert_eq!((display.counts().torn, region.word(layout::HELD).load(Ordering::Relaxed)), (5, 0));
     bench.is(12);
 }
 
-/// Stops a thread.
+/// Stops a thread when it is dropped.
 struct End<'a>(&'a AtomicBool);
 
 impl Drop for End<'_> {
@@ -233,8 +234,8 @@ impl Drop for End<'_> {
     }
 }
 
-/// Frames of one value each, and a thread that writes slots over and over, held or not, as often as not with a header that is
-/// none: what is taken is of one value.
+/// A thread writes slots again and again with frames of one value, whether they are held or not, and half of them with
+/// an invalid header. All accepted frames have a single value.
 #[test]
 fn nothing_torn_is_taken_while_a_thread_scribbles() {
     let mut bench = Bench::new();
@@ -262,7 +263,7 @@ fn nothing_torn_is_taken_while_a_thread_scribbles() {
                 region.word(slot).store((sequence | 1) + 1, Ordering::Release);
             }
         });
-        // The thread ends with this one, however that ends.
+        // The thread ends with this one, also if this one panics.
         let _end = End(&stop);
         for _ in 0..20_000 {
             match display.latest(frame) {
@@ -277,11 +278,12 @@ fn nothing_torn_is_taken_while_a_thread_scribbles() {
             }
         }
     });
-    // How many depends on the machine.
+    // The numbers depend on the machine.
     assert!(taken + refused <= 20_000);
 }
 
-/// An application may write over all that it shares, the display's own words too: those are never read back.
+/// An application may overwrite the whole region, including the display's own words. The display never reads those
+/// back.
 #[test]
 fn random_bytes_everywhere() {
     let mut bench = Bench::new();
@@ -296,7 +298,7 @@ fn random_bytes_everywhere() {
         assert!(matches!(bench.latest(), Latest::Late | Latest::Refused(_)), "round {round}");
         bench.is(100);
     }
-    // A hole in what it shares is zeros.
+    // A hole in the shared memory reads as zeros.
     use rustix::fs::FallocateFlags;
     let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
     rustix::fs::fallocate(bench.region.fd(), hole, 0, offer().region_bytes()).unwrap();
@@ -328,7 +330,7 @@ fn a_flood_of_bytes_and_callers_takes_nothing_away() {
     let mut callers: Vec<_> = (0..20).map(|_| UnixStream::connect(bench.folder.join("x.sock")).unwrap()).collect();
     bench.stream.set_nonblocking(true).unwrap();
     while bench.stream.write(&[0; 4096]).is_ok() {}
-    // Replies are lost where nobody reads them.
+    // Replies are lost if no process reads them.
     for _ in 0..100_000 {
         bench.display.ask(&request());
     }
@@ -339,40 +341,41 @@ fn a_flood_of_bytes_and_callers_takes_nothing_away() {
     assert_eq!(bench.display.counts().turned_away, 20);
     let mut message = [0; socket::GREETING];
     callers[0].read_exact(&mut message).unwrap();
-    assert!(String::from_utf8_lossy(&message).contains("it has an application already: one at a time"));
+    assert!(String::from_utf8_lossy(&message).contains("it already has an application, and accepts one at a time"));
 }
 
 #[test]
 fn two_displays_two_applications_and_folders_that_are_not_safe() {
     let folder = folder();
     let none = Application::connect_in(&folder, "x").unwrap_err().to_string();
-    assert!(none.contains("live:x: no display takes frames there: "), "{none}");
+    assert!(none.contains("live:x: no display takes frames there ("), "{none}");
     let display = Display::open_in(&folder, "x", offer()).unwrap();
     let second = Display::open_in(&folder, "x", offer()).unwrap_err().to_string();
-    assert_eq!(second, "live:x: another display takes frames there: choose another name");
+    assert_eq!(second, "live:x: another display takes frames there. Choose another name.");
     drop(display);
-    // What a dead display left is replaced.
+    // The socket of a dead display is replaced.
     std::fs::write(folder.join("x.sock"), "").unwrap();
     drop(Display::open_in(&folder, "x", offer()).unwrap());
     assert!(!folder.join("x.sock").exists());
 
     std::fs::set_permissions(&folder, PermissionsExt::from_mode(0o755)).unwrap();
     let open = Display::open_in(&folder, "x", offer()).unwrap_err().to_string();
-    assert!(open.contains("is open to others: chmod 700"), "{open}");
+    assert!(open.contains("open to other users. Run chmod 700"), "{open}");
     std::fs::set_permissions(&folder, PermissionsExt::from_mode(0o700)).unwrap();
     let link = folder.join("link");
     std::os::unix::fs::symlink(&folder, &link).unwrap();
     let error = Display::open_in(&link, "x", offer()).unwrap_err().to_string();
-    assert!(error.contains("is no folder (a link is none)"), "{error}");
+    assert!(error.contains("not a folder (a link is not accepted)"), "{error}");
     let other = Offer { slots: 2, ..offer() };
     let error = Display::open_in(&folder, "x", other).unwrap_err().to_string();
-    assert_eq!(error, "the number of slots of a live input is 2; it must be 3 to 8");
+    assert_eq!(error, "live input: the number of slots is 2, but it must be 3 to 8");
     let other = Offer { size: [65_536, 65_536], views: [64, 64], ..offer() };
     assert!(matches!(Display::open_in(&folder, "x", other), Err(LiveError::Offer { .. })));
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// The folder keeps other users out; where one is open after all, each side asks who the other is. Needs to be root.
+/// The folder keeps other users out. If it is open after all, each side checks the user of the other. This test needs
+/// root.
 #[test]
 fn another_user_is_turned_away_by_the_kernels_word() {
     use std::os::unix::process::CommandExt;
@@ -385,7 +388,7 @@ fn another_user_is_turned_away_by_the_kernels_word() {
     let mut child = std::process::Command::new("/usr/bin/env");
     child.args(["-i", "PATH=/usr/bin:/bin", "python3", "-c", code]).arg(&socket).uid(65_534).gid(65_534);
     let Ok(child) = child.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::null()).spawn() else {
-        return eprintln!("not root: another user was not tried");
+        return eprintln!("not root, so another user is not tested");
     };
     let child = std::thread::spawn(move || child.wait_with_output().unwrap());
     while !child.is_finished() {
@@ -394,14 +397,14 @@ fn another_user_is_turned_away_by_the_kernels_word() {
     }
     let said = String::from_utf8(child.join().unwrap().stdout).unwrap();
     if said.is_empty() {
-        return eprintln!("no python3 for that user: another user was not tried");
+        return eprintln!("no python3 for that user, so another user is not tested");
     }
     let own = rustix::process::geteuid().as_raw();
-    assert_eq!(said.trim(), format!("the other side belongs to user 65534: only those of user {own} are taken"));
+    assert_eq!(said.trim(), format!("the other side belongs to user 65534, but only user {own} is accepted"));
     bench.is(100);
 }
 
-/// A display that lies, too: what it shares and says is judged before it is used.
+/// The application also checks what an invalid display shares and sends, before it uses it.
 #[test]
 fn an_application_judges_what_a_display_sends() {
     let good = layout::offer_words(&offer());
@@ -412,7 +415,7 @@ fn an_application_judges_what_a_display_sends() {
     for _ in 0..100_000 {
         let mut words = good;
         words[random.usize(0..10)] ^= random.u64(1..) >> random.u32(0..63);
-        // What is taken fits its memory.
+        // An accepted offer fits its memory.
         if let Ok(offer) = layout::read_offer(&words, bytes) {
             assert_eq!((layout::offer_words(&offer), offer.region_bytes()), (words, bytes));
         }

@@ -1,5 +1,6 @@
-//! Where each number lies (docs/live-input.md), in words of 8 bytes; and the way between words and what they mean. Pure: what is
-//! judged here is a copy, which nobody changes meanwhile.
+//! Defines the place of each number (docs/live-input.md) in words of 8 bytes, and converts words to values.
+//!
+//! The functions are pure. They check copies, which no other process changes.
 
 use crate::content::{HEADER, PAGE};
 use crate::{
@@ -8,30 +9,32 @@ use crate::{
 
 pub(crate) const MAGIC: u64 = u64::from_le_bytes(*b"EYELIVE1");
 pub(crate) const VERSION: u32 = 1;
-/// Words of the region's own numbers.
+/// The words of the region's own numbers.
 pub(crate) const OFFER_WORDS: usize = 13;
-/// The word that says which slot is held.
+/// The word with the held slot.
 pub(crate) const HELD: usize = 128 / 8;
-/// The word that says whether the display has memory of a device to share, and the one by which the application asks for it.
+/// The word that is 1 if the display has memory of a device to share.
 pub(crate) const SHARES: usize = 104 / 8;
+/// The word by which the application requests that memory.
 pub(crate) const WANTED: usize = 136 / 8;
-/// What that memory is.
+/// The first word of the description of that memory.
 pub(crate) const DEVICE: usize = 1024 / 8;
-/// The request's words, the first its sequence.
+/// The first word of the request, which is its sequence.
 pub(crate) const REQUEST: usize = 192 / 8;
 pub(crate) const REQUEST_WORDS: usize = 15;
-/// A slot's words before its samples, the first its sequence, and those that mean something.
+/// The words of a slot before its samples. The first is its sequence.
 pub(crate) const SLOT_HEADER: usize = HEADER / 8;
+/// The words of the header that have a meaning.
 pub(crate) const HEADER_WORDS: usize = 48;
-/// Where in them the dioptres are.
+/// The place of the dioptres in the header.
 const DIOPTRES: usize = 16;
-/// How much larger than the last a frame number may be.
+/// The largest allowed step of frame numbers.
 pub(crate) const STEP: u64 = 1 << 32;
 
-/// One header, copied.
+/// A copy of one header.
 pub(crate) type Header = [u64; HEADER_WORDS];
 
-/// The first word of a slot.
+/// Returns the first word of a slot.
 pub(crate) fn slot_word(offer: &Offer, slot: usize) -> usize {
     (PAGE + slot * offer.slot_stride()) / 8
 }
@@ -48,7 +51,7 @@ fn color_bits(colors: [bool; 3]) -> u32 {
     colors.iter().enumerate().map(|(i, c)| u32::from(*c) << i).sum()
 }
 
-/// The words at the beginning of a region.
+/// Returns the words at the beginning of a region.
 pub(crate) fn offer_words(offer: &Offer) -> [u64; OFFER_WORDS] {
     let kinds = offer.kinds.iter().fold(0, |bits, kind| bits | *kind as u32);
     [
@@ -68,10 +71,10 @@ pub(crate) fn offer_words(offer: &Offer) -> [u64; OFFER_WORDS] {
     ]
 }
 
-/// What a display offers, from the words at the beginning of its region.
+/// Reads the offer of a display from the words at the beginning of its region.
 ///
 /// # Errors
-/// [`LiveError::Damaged`] and [`LiveError::Offer`].
+/// Returns [`LiveError::Damaged`] or [`LiveError::Offer`] for invalid words.
 pub(crate) fn read_offer(words: &[u64; OFFER_WORDS], length: u64) -> Result<Offer, LiveError> {
     let damaged = |reason: String| Err(LiveError::Damaged(reason));
     let [version, slots] = halves(words[1]);
@@ -97,7 +100,7 @@ pub(crate) fn read_offer(words: &[u64; OFFER_WORDS], length: u64) -> Result<Offe
     Ok(offer)
 }
 
-/// The words of a request behind its sequence.
+/// Returns the words of a request after its sequence.
 pub(crate) fn request_words(request: &Request) -> [u64; REQUEST_WORDS - 1] {
     let Request { pupil, wanted, .. } = request;
     [
@@ -118,7 +121,7 @@ pub(crate) fn request_words(request: &Request) -> [u64; REQUEST_WORDS - 1] {
     ]
 }
 
-/// A request of these words; none where its kind is none.
+/// Reads a request from these words. Returns `None` if its kind is unknown.
 pub(crate) fn read_request(words: &[u64; REQUEST_WORDS - 1]) -> Option<Request> {
     let float = |i: usize| f64::from_bits(words[i]);
     let [kind, tracked] = halves(words[9]);
@@ -134,7 +137,7 @@ pub(crate) fn read_request(words: &[u64; REQUEST_WORDS - 1]) -> Option<Request> 
     Some(Request { number: words[0], lit_ns: words[1] as i64, period_ns: words[2], pupil, wanted })
 }
 
-/// A slot's header; its sequence, the first word, is 0.
+/// Returns a slot's header. Its sequence, the first word, is 0.
 pub(crate) fn header_words(offer: &Offer, info: &FrameInfo, number: u64) -> Header {
     let mut words = [0; HEADER_WORDS];
     let (mut grid, mut pitch_mm, mut layers) = ([1, 1], 0.0f64, 0);
@@ -166,10 +169,11 @@ pub(crate) fn header_words(offer: &Offer, info: &FrameInfo, number: u64) -> Head
     words
 }
 
-/// What a copied header says, if all of it is right for this offer; whether a device's memory is `shared`.
+/// Reads a copied header, if all of it is valid for this offer. `shared` is true if the display shares memory of a
+/// device.
 ///
 /// # Errors
-/// The first [`FrameFault`] of it.
+/// Returns the first [`FrameFault`] of the header.
 pub(crate) fn read_header(words: &Header, offer: &Offer, shared: bool) -> Result<FrameInfo, FrameFault> {
     let number = |what, found: u32, least: u32, most: u32| match (least..=most).contains(&found) {
         true => Ok(found),
@@ -177,7 +181,7 @@ pub(crate) fn read_header(words: &Header, offer: &Offer, shared: bool) -> Result
     };
     let code = |what, found: u32, must| FrameFault::Code { what, found: found.into(), must };
     let length = |what, word: usize, least: f64| {
-        let (found, must) = (f64::from_bits(words[word]), "a finite number, a metre at most");
+        let (found, must) = (f64::from_bits(words[word]), "a finite number, at most a meter");
         let right = found.is_finite() && found >= least && found <= 1000.0;
         if right { Ok(found) } else { Err(FrameFault::Length { what, found, must }) }
     };
@@ -192,7 +196,7 @@ pub(crate) fn read_header(words: &Header, offer: &Offer, shared: bool) -> Result
         _ => return Err(code("transfer", transfer, "1, linear, or 2, sRGB")),
     };
     let own = color_bits(offer.colors);
-    number("colours", colors, own, own)?;
+    number("colors", colors, own, own)?;
     let [rows, columns] = halves(words[6]);
     number("rows", rows, offer.size[0], offer.size[0])?;
     number("columns", columns, offer.size[1], offer.size[1])?;
@@ -226,11 +230,11 @@ fn dioptres(words: &Header, layers: u32) -> Result<Dioptres, FrameFault> {
     let mut before = f32::NEG_INFINITY;
     for found in all.as_slice() {
         if !(found.abs() <= 100.0 && *found > before) {
-            let must = "-100 to 100, and more than that of the layer behind";
+            let must = "-100 to 100, and more than the layer behind";
             return Err(FrameFault::Length { what: "a layer's dioptres", found: f64::from(*found), must });
         }
         before = *found;
     }
-    // What lies behind the last is nobody's.
+    // Values after the last layer have no meaning.
     Ok(Dioptres::new(all.as_slice()))
 }

@@ -1,9 +1,12 @@
-//! Frames from an application to a display, through shared memory: both sides of what docs/live-input.md describes byte by byte.
+//! Passes frames from an application to a display through shared memory, as docs/live-input.md defines.
 //!
-//! The display opens a [`Display`] under a name with an [`Offer`] of what it takes, says in a [`Request`] when the next set will be
-//! lit and what it wants to see, and asks for the [`latest`](Display::latest) whole frame, which waits for nobody and allocates
-//! nothing. The application opens an [`Application`] of that name, reads the request and [`send`](Application::send)s frames.
-//! Neither trusts the other. The crate needs nothing else of eyebox; memory is mapped by memmap2, and Linux asked by rustix.
+//! The crate has both sides. The display opens a [`Display`] under a name with an [`Offer`] of the frames that it
+//! accepts. Each [`Request`] has the time at which the next set is lit and the content that suits it best. The display
+//! then takes the [`latest`](Display::latest) complete frame, which never waits and allocates nothing. The application
+//! opens an [`Application`] with that name, reads the request and [`send`](Application::send)s frames. Neither side
+//! trusts the other.
+//!
+//! The crate needs no other crate of eyebox. It maps memory with memmap2, and calls Linux through rustix.
 //!
 //! ```no_run
 //! use eyebox_live_input::{Application, Content, FrameInfo, Sample, Transfer};
@@ -56,10 +59,11 @@ pub use display::{Counts, Display, Frame, Latest};
 pub use elsewhere::{Application, Display};
 pub use error::{FrameFault, LiveError};
 
-/// The most of views on an axis, and of layers.
+/// The largest number of views on an axis, and of layers.
 pub const MOST: u32 = 64;
 
-/// Whether numbers lie in memory as docs/live-input.md has them, and a region of any size has its addresses.
+/// Refuses systems whose numbers are not stored as in docs/live-input.md, or whose addresses are too small for a
+/// region.
 #[cfg(target_os = "linux")]
 pub(crate) fn supported() -> Result<(), LiveError> {
     match cfg!(all(target_endian = "little", target_pointer_width = "64")) {

@@ -1,6 +1,8 @@
-//! Memory that two processes share, as words of 8 bytes. The other side may write at any moment, so every access is atomic: an ordinary read
-//! of memory that changes has no defined result. The file that an offscreen display shares (runtime/present/sink.rs) does not use
-//! this code, because anybody may cut it. The system writes that file, and it is never mapped.
+//! Maps memory that two processes share, as words of 8 bytes.
+//!
+//! The other side may write at any time, so all accesses are atomic. An ordinary read of memory that changes has no
+//! defined result. The file that an offscreen display shares (runtime/present/sink.rs) does not use this code, because
+//! any process may shrink it. The system writes that file, and it is never mapped.
 
 use crate::LiveError;
 use memmap2::MmapRaw;
@@ -8,7 +10,7 @@ use rustix::fs::{FallocateFlags, MemfdFlags, SealFlags};
 use std::os::fd::OwnedFd;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What makes a region's length fixed.
+/// The seals that fix a region's length.
 const FIXED: SealFlags = SealFlags::SHRINK.union(SealFlags::GROW);
 
 /// A mapped region, zero at first.
@@ -23,27 +25,27 @@ fn failed(what: &'static str) -> impl Fn(rustix::io::Errno) -> LiveError {
 }
 
 impl Region {
-    /// A new one of so many bytes, a multiple of 8, all of which are there, and sealed.
+    /// Makes a sealed region of this number of bytes, a multiple of 8, with all of its pages allocated.
     pub fn new(bytes: u64) -> Result<Self, LiveError> {
         let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
         let fd = rustix::fs::memfd_create("eyebox-live", flags).map_err(failed("memory to share"))?;
-        // Pages that come later may find no memory, which is a signal.
+        // Pages that are allocated later may find no memory, and the process then receives a signal.
         rustix::fs::fallocate(&fd, FallocateFlags::empty(), 0, bytes).map_err(failed("memory to share"))?;
         rustix::fs::fcntl_add_seals(&fd, FIXED | SealFlags::SEAL).map_err(failed("sealing memory to share"))?;
         Self::map(fd)
     }
 
-    /// One that the other side made, if it is sealed and has this length.
+    /// Maps a region that the other side made, if it is sealed and has this length.
     pub fn received(fd: OwnedFd, bytes: u64) -> Result<Self, LiveError> {
         let damaged = |reason: String| LiveError::Damaged(reason);
         let seals =
-            rustix::fs::fcntl_get_seals(&fd).map_err(|e| damaged(format!("what it shares has no seals: {e}")))?;
+            rustix::fs::fcntl_get_seals(&fd).map_err(|e| damaged(format!("the shared memory has no seals ({e})")))?;
         if !seals.contains(FIXED) {
-            return Err(damaged("the memory that it shares is not sealed: it could be cut while it is mapped".into()));
+            return Err(damaged("the shared memory is not sealed, so it could shrink while it is mapped".into()));
         }
         let length = rustix::fs::fstat(&fd).map_err(failed("the length of shared memory"))?.st_size;
         if u64::try_from(length) != Ok(bytes) || !bytes.is_multiple_of(8) {
-            return Err(damaged(format!("it says {bytes} bytes and shares {length}")));
+            return Err(damaged(format!("it announces {bytes} bytes and shares {length}")));
         }
         Self::map(fd)
     }
@@ -53,37 +55,38 @@ impl Region {
         Ok(Self { map, fd })
     }
 
-    /// What is handed to the other side.
+    /// Returns the descriptor for the other side.
     pub fn fd(&self) -> &OwnedFd {
         &self.fd
     }
 
     #[allow(unsafe_code, reason = "the one edge between mapped memory and everything else")]
     fn words(&self) -> &[AtomicU64] {
-        // SAFETY: the mapping lives as long as `self`, can be read and written, begins at a page and has this length; nobody can
-        // cut it, for it is sealed. Zeros and all else are valid, and nothing but atomics looks at it in this process.
+        // SAFETY: the mapping lives as long as `self`, can be read and written, begins at a page and has this length.
+        // No process can shrink it, because it is sealed. Zeros and all other values are valid, and only atomics access
+        // it in this process.
         unsafe { std::slice::from_raw_parts(self.map.as_mut_ptr().cast_const().cast(), self.map.len() / 8) }
     }
 
-    /// One word.
+    /// Returns one word of the region.
     pub fn word(&self, at: usize) -> &AtomicU64 {
         &self.words()[at]
     }
 
-    /// Copies words out.
+    /// Copies words out of the region.
     pub fn load<const N: usize>(&self, at: usize) -> [u64; N] {
         let words = &self.words()[at..];
         std::array::from_fn(|i| words[i].load(Ordering::Relaxed))
     }
 
-    /// Copies words in.
+    /// Copies words into the region.
     pub fn store(&self, at: usize, from: &[u64]) {
         for (to, from) in self.words()[at..].iter().zip(from) {
             to.store(*from, Ordering::Relaxed);
         }
     }
 
-    /// Copies bytes out, from the beginning of a word.
+    /// Copies bytes out of the region, from the beginning of a word.
     pub fn load_bytes(&self, at: usize, into: &mut [u8]) {
         let (whole, rest) = into.as_chunks_mut::<8>();
         let words = &self.words()[at..];
@@ -95,7 +98,7 @@ impl Region {
         }
     }
 
-    /// Copies bytes in, from the beginning of a word; the last word is filled with zeros.
+    /// Copies bytes into the region, from the beginning of a word. The last word is filled with zeros.
     pub fn store_bytes(&self, at: usize, from: &[u8]) {
         let (whole, rest) = from.as_chunks::<8>();
         let words = &self.words()[at..];
@@ -124,7 +127,7 @@ mod tests {
         let mut back = [0; 9];
         region.load_bytes(1, &mut back);
         assert_eq!((back, region.word(2).load(Ordering::Relaxed)), ([1, 2, 3, 4, 5, 6, 7, 8, 9], 9));
-        // A hole is zeros.
+        // A hole reads as zeros.
         let hole = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
         rustix::fs::fallocate(region.fd(), hole, 0, 8192).unwrap();
         region.load_bytes(1, &mut back);
@@ -139,6 +142,6 @@ mod tests {
         assert!(error.contains("not sealed"), "{error}");
         let other = Region::new(4096).unwrap().fd().try_clone().unwrap();
         let error = Region::received(other, 8192).unwrap_err().to_string();
-        assert!(error.contains("says 8192 bytes and shares 4096"), "{error}");
+        assert!(error.contains("announces 8192 bytes and shares 4096"), "{error}");
     }
 }

@@ -1,8 +1,8 @@
-//! From stored samples to linear light.
+//! Converts stored samples to linear light.
 
 use crate::{FrameFault, Sample, Transfer};
 
-/// What decoding needs, made once: the sRGB curve at all values of 16 bits. Those of 8 bits are every 257th.
+/// The sRGB curve at all values of 16 bits, computed once for decoding. Values of 8 bits are every 257th entry.
 #[derive(Debug)]
 pub(crate) struct Curve(Vec<f32>);
 
@@ -13,9 +13,9 @@ impl Curve {
     }
 }
 
-/// The value of a float of 16 bits.
+/// Returns the value of a float of 16 bits.
 fn half(bits: u16) -> f32 {
-    // 2^112: what the exponents of both are apart, exact for numbers below the normal ones, too.
+    // 2^112 is the difference of the exponents of both formats. It is also exact for subnormal numbers.
     const APART: f32 = f32::from_bits(0x7780_0000);
     let (sign, size) = (u32::from(bits & 0x8000) << 16, u32::from(bits & 0x7fff) << 13);
     let finite = (f32::from_bits(size) * APART).to_bits();
@@ -23,22 +23,24 @@ fn half(bits: u16) -> f32 {
     f32::from_bits(sign | size)
 }
 
-/// How channels are stored.
+/// The storage of channels.
 pub(crate) struct Stored {
     pub sample: Sample,
     pub transfer: Transfer,
-    /// Channels of a pixel, and how many of them are colours: the one behind is opacity.
+    /// The number of channels of a pixel.
     pub channels: usize,
+    /// The number of channels that are colors. A channel after them is opacity.
     pub colors: usize,
 }
 
-/// Pixels that are decoded together: all their channels stay in the first cache, and the memory of a frame is read once.
+/// The number of pixels that are decoded together. All their channels stay in the first-level cache, so the memory of a
+/// frame is read once.
 const BLOCK: usize = 1024;
 
-/// Stored pixels (pixel, channel) to `light` (channel, pixel).
+/// Decodes stored pixels (pixel, channel) to `light` (channel, pixel).
 ///
 /// # Errors
-/// [`FrameFault::Value`].
+/// Returns [`FrameFault::Value`] for a value outside its range.
 pub(crate) fn decode(raw: &[u8], stored: &Stored, curve: &Curve, light: &mut [f32]) -> Result<(), FrameFault> {
     let pixels = light.len() / stored.channels;
     for begin in (0..pixels).step_by(BLOCK) {
@@ -63,16 +65,16 @@ pub(crate) fn decode(raw: &[u8], stored: &Stored, curve: &Curve, light: &mut [f3
     Ok(())
 }
 
-/// Stored depths to dioptres.
+/// Decodes stored depths to dioptres.
 ///
 /// # Errors
-/// [`FrameFault::Value`].
+/// Returns [`FrameFault::Value`] for a value outside its range.
 pub(crate) fn decode_depth(raw: &[u8], channel: usize, dioptres: &mut [f32]) -> Result<(), FrameFault> {
     Place { raw, first: 0, stride: 1 }.fill(dioptres, f32::from_le_bytes);
     judge(dioptres, (channel, 0), [-100.0, 100.0], "-100 to 100 dioptres")
 }
 
-/// Which samples of those that are stored.
+/// A selection of the stored samples.
 struct Place<'a> {
     raw: &'a [u8],
     first: usize,
@@ -82,7 +84,7 @@ struct Place<'a> {
 impl Place<'_> {
     fn fill<const N: usize>(&self, out: &mut [f32], value: impl Fn([u8; N]) -> f32) {
         let samples = &self.raw.as_chunks::<N>().0[self.first..];
-        // One colour lies without gaps: the compiler's widest instructions take it.
+        // The samples of a single color have no gaps, so the compiler uses its widest instructions.
         if self.stride == 1 {
             for (to, from) in out.iter_mut().zip(samples) {
                 *to = value(*from);
@@ -95,16 +97,16 @@ impl Place<'_> {
     }
 }
 
-/// Refuses values that are out of range. They are those of a channel from the pixel `begin` on.
+/// Refuses values that are out of range. They belong to a channel, from the pixel `begin` on.
 fn judge(
     values: &[f32],
     (channel, begin): (usize, usize),
     [least, most]: [f32; 2],
     must: &'static str,
 ) -> Result<(), FrameFault> {
-    // NaN is in no range.
+    // NaN is outside all ranges.
     let is_wrong = |v: &f32| !(*v >= least && *v <= most);
-    // First whether there is one, without a branch for each value.
+    // The first pass only detects a wrong value, without a branch for each value.
     if !values.iter().fold(false, |wrong, v| wrong | is_wrong(v)) {
         return Ok(());
     }
@@ -127,7 +129,7 @@ mod tests {
             (0x3555, 0.333_251_95),
         ];
         assert!(known.iter().all(|(bits, value)| half(*bits) == *value), "{:?}", known.map(|(b, _)| half(b)));
-        // All of them, by their definition.
+        // This checks all values against the definition.
         for bits in 0..=u16::MAX {
             let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023) / 1024.0);
             let size = match exponent {
@@ -146,7 +148,7 @@ mod tests {
         let stored = Stored { sample: Sample::U8, transfer: Transfer::Srgb, channels: 2, colors: 1 };
         let mut light = [9.0f32; 6];
         decode(&raw, &stored, &Curve::new(), &mut light).unwrap();
-        // More pixels than are decoded together, and not a whole number of times as many.
+        // The number of pixels is larger than a block and not a multiple of it.
         let many: Vec<u8> = (0..3 * (2 * BLOCK + 77)).map(|i| (i * 7 % 251) as u8).collect();
         let thrice = Stored { transfer: Transfer::Linear, channels: 3, colors: 3, ..stored };
         let mut apart = vec![9.0f32; many.len()];
@@ -168,7 +170,7 @@ mod tests {
             let fault = decoded(bad, Sample::F32, 1).unwrap_err();
             assert!(matches!(fault, FrameFault::Value { channel: 0, index: 1, .. }), "{fault}");
         }
-        // Far behind the first block.
+        // The wrong value is far behind the first block.
         let mut raw = vec![0; 8 * (3 * BLOCK + 7)];
         raw[8 * (2 * BLOCK + 5) + 4..][..4].copy_from_slice(&2.0f32.to_le_bytes());
         let stored = Stored { sample: Sample::F32, transfer: Transfer::Linear, channels: 2, colors: 1 };

@@ -1,4 +1,5 @@
-//! Memory of a device between a display and applications that keep to the rules, and that do not. The device is a file in memory.
+//! Tests device memory between a display and applications that follow the rules or break them. The device is a file in
+//! memory.
 
 use crate::device::{self, DeviceMemory, WORDS};
 use crate::region::Region;
@@ -30,14 +31,14 @@ fn offer() -> Offer {
 /// A device that decodes nothing.
 #[derive(Default)]
 struct Device {
-    /// What it shares: as many words as the slots have.
+    /// The shared memory, with the words of all slots.
     memory: Option<Region>,
     stride: u64,
     has_none: bool,
     is_gone: bool,
-    /// What it took last: slot, and the bytes that it copied.
+    /// The slot and the copied bytes of the last frame.
     taken: Option<(usize, Vec<u8>)>,
-    /// What happens in the middle of the next copies.
+    /// Functions that run in the middle of the next copies.
     middle: Vec<Box<dyn FnOnce()>>,
     unshared: u32,
 }
@@ -101,7 +102,7 @@ impl Bench {
         self.display.latest_to(&mut self.frame, &mut self.device)
     }
 
-    /// What an application gets, that is answered meanwhile.
+    /// Returns the result of an application's call while the display answers.
     fn answered<T: Send + 'static>(&mut self, ask: impl FnOnce() -> T + Send + 'static) -> T {
         let asking = std::thread::spawn(ask);
         while !asking.is_finished() {
@@ -116,7 +117,7 @@ impl Bench {
         self.answered(move || Application::connect_in(&folder, "x").unwrap())
     }
 
-    /// One that has asked, and what it was given.
+    /// Connects an application with shared memory, and returns the memory that it received.
     fn sharing(&mut self) -> (Application, DeviceMemory, Region) {
         let mut application = self.application();
         let (application, shared) = self.answered(move || {
@@ -164,13 +165,13 @@ fn frames_come_by_the_device_where_the_application_asks_for_it() {
         assert_eq!(bench.latest(), Latest::New);
         assert!(!bench.frame.is_taken() && bench.device.taken.is_none() && bench.frame.channel(0).len() == 84);
     }
-    // What is no light is refused, and the frame before stays.
+    // Values that are no light are refused, and the frame before stays.
     give(&mut application, &memory, &there, 255);
     assert!(matches!(bench.latest(), Latest::Refused(FrameFault::Value { .. })));
     assert_eq!((bench.frame.number(), bench.latest()), (8, Latest::Late));
     drop(application);
     assert_eq!((bench.latest(), bench.device.unshared), (Latest::Gone, 1));
-    // The next one has to ask for memory of its own.
+    // The next application must request its own memory.
     let mut application = bench.application();
     assert!(application.begin(&views(true)).is_err() && bench.device.memory.is_none());
 }
@@ -193,12 +194,13 @@ fn where_there_is_none_the_region_serves() {
     assert!(application.device().is_none() && application.share(Duration::from_secs(20)).unwrap().is_none());
 }
 
-/// An application that writes into a slot while it is copied, names slots that it was not given, or writes over all words.
+/// An application that writes into a slot during its copy, names slots that it did not receive, or overwrites all
+/// words.
 #[test]
 fn hostile_applications_take_nothing_away() {
     let mut bench = Bench::new("hostile", Device::default());
     let mut application = bench.application();
-    // On a device that it never asked for.
+    // The frame claims to be on a device that the application never requested.
     let words = layout::header_words(&offer(), &views(true), 1);
     let start = layout::slot_word(&offer(), 1);
     let put = |application: &Application, sequence: u64, number: u64| {
@@ -209,7 +211,7 @@ fn hostile_applications_take_nothing_away() {
     };
     put(&application, 2, 1);
     let Latest::Refused(fault) = bench.latest() else { panic!("it was taken") };
-    assert!(fault.to_string().ends_with("the place of the samples 1; it must be 0"), "{fault}");
+    assert!(fault.to_string().ends_with("the place of the samples 1, but it must be 0"), "{fault}");
     application.region().word(layout::SHARES).store(u64::MAX, Ordering::Relaxed);
     assert_eq!((application.device(), bench.latest()), (None, Latest::Late));
     drop(application);
@@ -220,7 +222,7 @@ fn hostile_applications_take_nothing_away() {
     (application, memory, there) = bench.sharing();
     give(&mut application, &memory, &there, 7);
     assert_eq!(bench.latest(), Latest::New);
-    // Four copies in which it changes, and then none.
+    // The slot changes during four copies and is stable afterwards.
     let region = std::sync::Arc::new(
         Region::received(application.region().fd().try_clone().unwrap(), offer().region_bytes()).unwrap(),
     );
@@ -239,7 +241,7 @@ fn hostile_applications_take_nothing_away() {
         (Latest::Refused(FrameFault::Torn), 1, 4)
     );
     assert_eq!((bench.latest(), bench.frame.number()), (Latest::New, 60));
-    // Whatever it writes over what the display said: the display asks nobody.
+    // The application overwrites the display's words, but the display never reads them back.
     for at in layout::DEVICE..layout::DEVICE + WORDS {
         application.region().word(at).store(u64::MAX, Ordering::Relaxed);
     }
@@ -249,7 +251,8 @@ fn hostile_applications_take_nothing_away() {
     assert_eq!(bench.device.taken, Some((1, vec![8; 84])));
 }
 
-/// A display whose device fails hangs up on who writes there; who uses the region alone goes on.
+/// A display whose device fails disconnects the application that writes there. An application that uses only the region
+/// continues.
 #[test]
 fn a_device_that_fails_ends_its_applications_alone() {
     let mut bench = Bench::new("fails", Device::default());
@@ -271,7 +274,7 @@ fn what_could_be_cut_is_sealed_and_what_cannot_hold_the_slots_is_refused() {
     rustix::fs::ftruncate(&fd, 8192).unwrap();
     assert!(device::is_fixed(&fd));
     rustix::fs::ftruncate(&fd, 4096).unwrap_err();
-    // One whose seals are sealed, and that can be cut for ever.
+    // The seals of this memory are sealed, so that it can always be cut.
     let fd = rustix::fs::memfd_create("cut", MemfdFlags::empty()).unwrap();
     assert!(!device::is_fixed(&fd));
 

@@ -1,4 +1,4 @@
-//! How the two sides meet: the runtime folder, who the other is, the greeting, and bytes that say 'look'.
+//! Connects the two sides with a runtime folder, a check of the user, a greeting, and bytes that report news.
 
 use crate::LiveError;
 use crate::layout::{MAGIC, VERSION};
@@ -14,7 +14,7 @@ use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Bytes of the message that a display answers with.
+/// The bytes of the message with which a display answers.
 pub(crate) const GREETING: usize = 128;
 const REASON: usize = 24;
 
@@ -22,13 +22,13 @@ fn own_uid() -> u32 {
     rustix::process::geteuid().as_raw()
 }
 
-/// The folder with the sockets, whether there or not.
+/// Returns the folder with the sockets, which may not exist yet.
 pub(crate) fn folder() -> PathBuf {
     let given = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from).filter(|path| path.is_absolute());
     given.map_or_else(|| format!("/tmp/eyebox-{}", own_uid()).into(), |path| path.join("eyebox"))
 }
 
-/// The folder, made if need be, if nobody else can put anything into it.
+/// Creates the folder if it does not exist, and checks that no other user can write into it.
 pub(crate) fn safe_folder(path: &Path) -> Result<(), LiveError> {
     let refused = |reason: String| LiveError::Folder { path: path.display().to_string(), reason };
     match std::fs::DirBuilder::new().mode(0o700).create(path) {
@@ -38,18 +38,18 @@ pub(crate) fn safe_folder(path: &Path) -> Result<(), LiveError> {
     }
     let there = std::fs::symlink_metadata(path).map_err(|e| refused(e.to_string()))?;
     if !there.is_dir() {
-        return Err(refused("is no folder (a link is none)".into()));
+        return Err(refused("not a folder (a link is not accepted)".into()));
     }
     if there.uid() != own_uid() {
-        return Err(refused(format!("belongs to user {}: it must be user {}'s", there.uid(), own_uid())));
+        return Err(refused(format!("belongs to user {}, but it must belong to user {}", there.uid(), own_uid())));
     }
     if there.mode() & 0o077 != 0 {
-        return Err(refused(format!("is open to others: chmod 700 {}", path.display())));
+        return Err(refused(format!("open to other users. Run chmod 700 {}.", path.display())));
     }
     Ok(())
 }
 
-/// Where the socket of a name is.
+/// Returns the path of the socket of a name.
 pub(crate) fn path_of(folder: &Path, name: &str) -> Result<PathBuf, LiveError> {
     let right = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '_' | '-');
     if !(1..=64).contains(&name.len()) || name.starts_with('.') || !name.chars().all(right) {
@@ -58,10 +58,10 @@ pub(crate) fn path_of(folder: &Path, name: &str) -> Result<PathBuf, LiveError> {
     Ok(folder.join(format!("{name}.sock")))
 }
 
-/// Refuses the other side where it is another user.
+/// Refuses the other side if it belongs to another user.
 pub(crate) fn check_peer(stream: &UnixStream) -> Result<(), LiveError> {
     let who = rustix::net::sockopt::socket_peercred(stream);
-    let who = who.map_err(|e| LiveError::System { what: "who the other side is", error: e.into() })?;
+    let who = who.map_err(|e| LiveError::System { what: "the user of the other side", error: e.into() })?;
     check_user(who.uid.as_raw(), own_uid())
 }
 
@@ -69,12 +69,12 @@ fn check_user(uid: u32, own: u32) -> Result<(), LiveError> {
     if uid == own { Ok(()) } else { Err(LiveError::OtherUser { uid, own }) }
 }
 
-/// Hands a region over.
+/// Sends a region to the application.
 pub(crate) fn welcome(stream: &UnixStream, fd: &OwnedFd, bytes: u64) -> bool {
     send(stream, &greeting(0, bytes, ""), Some(fd))
 }
 
-/// Says why not.
+/// Sends a refusal with its reason.
 pub(crate) fn refuse(stream: &UnixStream, reason: &str) {
     send(stream, &greeting(1, 0, reason), None);
 }
@@ -90,7 +90,7 @@ fn greeting(refused: u32, bytes: u64, reason: &str) -> [u8; GREETING] {
     message
 }
 
-/// Sends a message and a file descriptor without waiting. Returns whether all of it was sent.
+/// Sends a message and a file descriptor without waiting. Returns true if all of it was sent.
 fn send(stream: &UnixStream, message: &[u8], fd: Option<&OwnedFd>) -> bool {
     let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
     let mut control = SendAncillaryBuffer::new(&mut space);
@@ -113,7 +113,8 @@ fn receive(stream: &UnixStream, message: &mut [u8]) -> (rustix::io::Result<usize
     (received.map(|received| received.bytes), fd)
 }
 
-/// The region's file descriptor and its bytes, from a display that takes us within `patience`.
+/// Receives the region's file descriptor and its length in bytes from a display that accepts this process within
+/// `patience`.
 pub(crate) fn greeted(stream: &UnixStream, patience: Duration) -> Result<(OwnedFd, u64), LiveError> {
     let failed = |error| LiveError::System { what: "the display's answer", error };
     if !wait(&[stream.as_fd()], patience) {
@@ -134,26 +135,28 @@ pub(crate) fn greeted(stream: &UnixStream, patience: Duration) -> Result<(OwnedF
     }
 }
 
-/// Says 'look', if there is room for it.
+/// Sends a byte that reports news, if the socket has room for it.
 pub(crate) fn nudge(stream: &UnixStream) {
     let _ = rustix::net::send(stream, &[1], SendFlags::NOSIGNAL | SendFlags::DONTWAIT);
 }
 
-/// Says 'look', with a file descriptor.
+/// Sends a byte that reports news, with a file descriptor.
 pub(crate) fn nudge_with(stream: &UnixStream, fd: &OwnedFd) -> bool {
     send(stream, &[1], Some(fd))
 }
 
-/// Takes what the other side said up to a file descriptor, without waiting: whether it is still there, and the descriptor.
+/// Reads the bytes of the other side up to a file descriptor, without waiting. Returns true if the other side is
+/// connected, and the descriptor.
 pub(crate) fn listen_for_fd(stream: &UnixStream) -> (bool, Option<OwnedFd>) {
     let (received, fd) = receive(stream, &mut [0; 1024]);
     let there = received.map_or_else(|e| matches!(e, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR), |n| n > 0);
     (there, fd)
 }
 
-/// Takes what the other side said, up to 2 KiB, without waiting; whether it is still there.
+/// Reads the bytes of the other side, up to 2 KiB, without waiting. Returns true if the other side is connected.
 pub(crate) fn listen(mut stream: &UnixStream) -> bool {
-    // Nudges that nobody took yet lie before the end: only a second look finds it. No more, as it may talk for ever.
+    // Unread bytes come before the end of the stream, so only a second read finds the end. There are no more reads,
+    // because the other side may send forever.
     for _ in 0..2 {
         match stream.read(&mut [0; 1024]) {
             Ok(0) => return false,
@@ -173,7 +176,7 @@ pub(crate) fn wait_until(stream: &UnixStream, until: Instant) -> bool {
     !left.is_zero()
 }
 
-/// Waits until one of them has something to say; whether it has.
+/// Waits until one of them is readable. Returns true if one is.
 pub(crate) fn wait(fds: &[BorrowedFd<'_>], patience: Duration) -> bool {
     let mut waiting: Vec<_> = fds.iter().map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN)).collect();
     let timeout = Timespec { tv_sec: patience.as_secs().min(1 << 40) as i64, tv_nsec: patience.subsec_nanos().into() };
@@ -197,7 +200,7 @@ mod tests {
     #[test]
     fn another_user_is_refused() {
         let error = check_user(1001, 1000).unwrap_err().to_string();
-        assert_eq!(error, "the other side belongs to user 1001: only those of user 1000 are taken");
+        assert_eq!(error, "the other side belongs to user 1001, but only user 1000 is accepted");
         check_user(1000, 1000).unwrap();
         let (one, _other) = UnixStream::pair().unwrap();
         check_peer(&one).unwrap();

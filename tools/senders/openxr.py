@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Sends the gaze of an OpenXR headset to eyebox (pip install pyopenxr).
 
-Needs a runtime with XR_EXT_eye_gaze_interaction and, for there is nothing to draw, XR_MND_headless. The gaze is that of both
-eyes together: no vergence, no diameter. Written after the specification; never run on a headset. Try the way without one:
-openxr.py --simulate
+It needs a runtime with XR_EXT_eye_gaze_interaction and, because it draws nothing, XR_MND_headless. The gaze is common
+to both eyes, without vergence or diameter. The program follows the specification and is not yet tested on a headset.
+Run openxr.py --simulate to test the connection without one.
 """
 
 import ctypes, time
@@ -14,14 +14,14 @@ HEADLESS = "XR_MND_headless"
 
 
 def forward(q):
-    """Where a pose looks: its axis -z, as (right, up, forward)."""
+    """Returns the direction of a pose, which is its axis -z, as (right, up, forward)."""
     right = -2 * (q.x * q.z + q.w * q.y)
     up = -2 * (q.y * q.z - q.w * q.x)
     return right, up, 1 - 2 * (q.x * q.x + q.y * q.y)
 
 
 def poses(xr):
-    """The orientation of the gaze before the head, or none, 100 times a second."""
+    """Yields the orientation of the gaze relative to the head, or None, 100 times per second."""
     instance = xr.create_instance(xr.InstanceCreateInfo(enabled_extension_names=[GAZE, HEADLESS]))
     system = xr.get_system(instance, xr.SystemGetInfo(xr.FormFactor.HEAD_MOUNTED_DISPLAY))
     session = xr.create_session(instance, xr.SessionCreateInfo(system_id=system))

@@ -1,18 +1,18 @@
-"""What the senders in this folder share: samples go as lines of JSON in UDP datagrams to eyebox.
+"""Sends samples to eyebox as lines of JSON in UDP datagrams, for all senders in this folder.
 
-The keys are those of docs/trackers.md: angles in degrees, to the right and down, as seen from the eye; diameters in
-millimetres; focus_d, the distance the eyes focus at, in dioptres (1 / metres).
+docs/trackers.md defines the keys. Angles are in degrees, to the right and down, as seen from the eye. Diameters are in
+millimeters. The focus of the eyes, focus_d, is in dioptres (1 / meters).
 """
 
 import argparse, json, math, socket, time
 
 
 def arguments(about):
-    """The command line that every sender has."""
+    """Reads the command line, which all senders share."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--to", default="127.0.0.1:9123", metavar="HOST:PORT", help="where eyebox listens")
-    parser.add_argument("--simulate", action="store_true", help="send a made-up eye, without the tracker's software")
-    parser.add_argument("--count", type=int, default=0, metavar="N", help="stop after so many samples")
+    parser.add_argument("--simulate", action="store_true", help="send a simulated eye, without the tracker's software")
+    parser.add_argument("--count", type=int, default=0, metavar="N", help="stop after N samples")
     return parser.parse_args()
 
 
@@ -25,14 +25,14 @@ class Sender:
         self.left = args.count or math.inf
 
     def send(self, sample):
-        """Sends one sample; False once all that were asked for are sent."""
+        """Sends one sample. Returns False once all requested samples are sent."""
         self.socket.sendto(json.dumps(sample).encode(), self.to)
         self.left -= 1
         return self.left > 0
 
 
 def gaze(direction, valid=True, diameter=None):
-    """One eye that looks along (right, up, forward), of any length."""
+    """Describes one eye that looks along (right, up, forward), a vector of any length."""
     right, up, forward = direction
     eye = {"what": "gaze", "unit": "deg", "valid": bool(valid and forward > 0)}
     if eye["valid"]:
@@ -43,7 +43,7 @@ def gaze(direction, valid=True, diameter=None):
 
 
 def simulate(send, both=True):
-    """An eye that looks around at 1 dioptre, 100 times a second."""
+    """Sends an eye that looks around at 1 dioptre, 100 times per second."""
     begun = time.monotonic()
     while True:
         now = time.monotonic()

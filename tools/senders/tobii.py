@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Sends what a Tobii Pro eye tracker measures to eyebox (pip install tobii-research).
+"""Sends the samples of a Tobii Pro eye tracker to eyebox (pip install tobii-research).
 
-Written after the SDK's documentation; never run on a tracker. Try the way without one: tobii.py --simulate
+The program follows the SDK's documentation and is not yet tested on a tracker. Run tobii.py --simulate to test the
+connection without one.
 """
 
 import threading
@@ -9,7 +10,10 @@ from sender import Sender, arguments, gaze, simulate
 
 
 def eye(data, side):
-    """One eye of the SDK's gaze data. Its axes: to the right and up as the user sees it, and towards the user; mm."""
+    """Converts one eye of the SDK's gaze data.
+
+    The SDK's axes are right and up as the user sees them, and towards the user, in mm.
+    """
     valid = data[f"{side}_gaze_origin_validity"] and data[f"{side}_gaze_point_validity"]
     origin, point = (data[f"{side}_gaze_{what}_in_user_coordinate_system"] for what in ("origin", "point"))
     x, y, z = (b - a for a, b in zip(origin, point))

@@ -3,8 +3,9 @@
  *   Windows, with Varjo's native SDK:  cl varjo.c /I SDK\include SDK\lib\VarjoLib.lib ws2_32.lib
  *   Without a headset, anywhere:       cc -DSIMULATE varjo.c -lm -o varjo && ./varjo 127.0.0.1 9123 100
  *
- * Arguments: host, port, and how many samples (0: until it is stopped). Written after the SDK's documentation; never run on a
- * headset. The keys are those of docs/trackers.md: degrees to the right and down, millimetres, dioptres. */
+ * The arguments are host, port and the number of samples (0 to run until stopped). The program follows the SDK's
+ * documentation and is not yet tested on a headset. docs/trackers.md defines the keys. Angles are in degrees to the
+ * right and down, diameters in millimeters, and the focus in dioptres. */
 
 #include <math.h>
 #include <stdio.h>
@@ -45,7 +46,7 @@ static int begin(void) {
     return 0;
 }
 static struct eye of(struct varjo_Ray ray, int valid) {
-    /* Its axes: right, up, forward. */
+    /* The axes are right, up, forward. */
     struct eye eye = {ray.forward[0], ray.forward[1], ray.forward[2], valid};
     return eye;
 }

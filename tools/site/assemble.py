@@ -1,5 +1,7 @@
-"""Puts the pages of the site into a folder that mdBook reads: the documents, the front pages of the repository, and what is made from the
-source. `assemble.py ROOT EYEBOX OUT`; EYEBOX is the command, which is asked for its help."""
+"""Collects the pages of the site in a folder for mdBook (run `assemble.py ROOT EYEBOX OUT`).
+
+The pages are the documents, the front pages of the repository, and pages that are made from the source. EYEBOX is the
+command, whose help becomes a page."""
 
 import re
 import shutil
@@ -10,19 +12,19 @@ from pathlib import Path
 import files
 from latex2mathml.converter import convert
 
-# Pages that lie outside of docs/, and where they go.
+# Pages outside of docs/ with their places on the site.
 OUTSIDE = {"README.md": "introduction.md", "ARCHITECTURE.md": "architecture.md", "CHANGELOG.md": "changelog.md"}
 RUST = """# Rust
 
-The crate `eyebox` is the library, with everything that the command can do: [its documentation](../rust/eyebox/index.html). Frames from another process
-are given by a crate that needs none of the rest: [eyebox-live-input](../rust/eyebox_live_input/index.html). Programs to begin with are in the
-repository's `runtime/eyebox/examples`.
+The crate `eyebox` is the library, with all functions of the command ([documentation](../rust/eyebox/index.html)). The
+crate [eyebox-live-input](../rust/eyebox_live_input/index.html) sends frames from another process, and needs no other
+crate of eyebox. Example programs are in the repository's `runtime/eyebox/examples`.
 """
 REPOSITORY = "https://github.com/eyebox/eyebox/blob/main/"
 
 
 def mathematics(text):
-    """Equations as MathML, which browsers show without a script or a font."""
+    """Converts equations to MathML, which browsers show without a script or a font."""
 
     def block(found):
         return "\n" + convert(found.group(1).strip(), display="block") + "\n"
@@ -31,7 +33,7 @@ def mathematics(text):
 
 
 def links(text, root, page):
-    """Links as they are inside of the site; what is not in it leads to the repository."""
+    """Converts links to links within the site. Links to other files lead to the repository."""
 
     def link(found):
         target, hash_mark, anchor = found.group(2).partition("#")
@@ -51,20 +53,20 @@ def links(text, root, page):
 
 
 def commands(eyebox):
-    """The help of every command, as the terminal has it."""
+    """Returns a page with the help of each command, as the terminal shows it."""
 
     def ask(*arguments):
         result = subprocess.run([eyebox, "help", *arguments], capture_output=True, text=True, check=True, env={"COLUMNS": "110"})
         return result.stdout.rstrip()
 
     def below(text):
-        """The commands that a help lists."""
+        """Returns the commands that a help text lists."""
         _, heading, rest = text.partition("\nCommands:\n")
         names = re.findall(r"^  ([a-z]+) ", rest.split("Options:")[0], re.M) if heading else []
         return [name for name in names if name != "help"]
 
     front = ask()
-    out = ["# Commands\n", "What `eyebox help COMMAND` prints. `eyebox man` makes manual pages of the same, `eyebox completions` what shells read.\n"]
+    out = ["# Commands\n", "The output of `eyebox help COMMAND`. `eyebox man` writes it as manual pages.\n"]
     out.append(f"```text\n{front}\n```\n")
     for name in below(front):
         text = ask(name)
@@ -82,7 +84,7 @@ def main(root, eyebox, out):
     for page in [*pages, *OUTSIDE]:
         text = mathematics(links((root / page).read_text(), root, page))
         (out / OUTSIDE.get(page, page.removeprefix("docs/"))).write_text(text)
-    # The table of contents names pages that are made here, and so has links of its own kind.
+    # The table of contents has links to pages that are made here, so its links are not converted.
     shutil.copy(root / "docs/SUMMARY.md", out)
     (out / "reference").mkdir()
     (out / "reference/commands.md").write_text(commands(eyebox))

@@ -1,15 +1,15 @@
-"""The reference of the files that people write, from the structs that read them."""
+"""Makes the reference of the files that users write, from the structs that read them."""
 
 import re
 from pathlib import Path
 
 import rust_source
 
-# (heading, what the file is, its tables: (how the table is called in the file, source, struct))
+# Entries are (heading, description, tables), and tables are (name in the file, source, struct).
 FILES = [
     (
         "A display file",
-        "TOML, `--display FILE.toml`; begun by `eyebox display new`. What each key means at length: [displays](../displays.md).",
+        "TOML, for `--display FILE.toml`, begun with `eyebox display new`. See [displays](../displays.md).",
         [
             ("", "optics/display.rs", "File"),
             ("[encoding]", "optics/encoding.rs", "Encoding"),
@@ -29,22 +29,23 @@ FILES = [
     ),
     (
         "lightfield.toml",
-        "In a folder of views: how they stand and how deep they are. More: [scenes](../scenes.md).",
+        "TOML, in a folder of views. It has their positions and depths. [Scenes](../scenes.md) has more.",
         [("", "scene/read/settings.rs", "Toml")],
     ),
     (
         "Settings of a solve",
-        "TOML, `--settings FILE.toml`, the text that `eyebox_solve` of the C interface takes, and what holograms and results keep as JSON. Lengths are meters. More: [settings](../settings.md).",
+        "TOML, for `--settings FILE.toml` and for `eyebox_solve` of the C interface. Holograms and results store the same "
+        "keys as JSON. Lengths are in meters. [Settings](../settings.md) has more.",
         [("", "solve/solve/settings.rs", "Settings")],
     ),
     (
         "Settings of a refinement",
-        "The table `refine` of `--settings FILE.toml`, and the text that refiners of the C interface take.",
+        "The table `refine` of `--settings FILE.toml`, and the settings of refiners in the C interface.",
         [("", "solve/solve/refine_settings.rs", "RefineSettings")],
     ),
     (
         "A HID tracker's description",
-        "TOML, `--device-file`: where the numbers stand in a report. More: [trackers](../trackers.md).",
+        "TOML, for `--device-file`. It has the places of the numbers in a report. [Trackers](../trackers.md) has more.",
         [
             ("", "tracking/trackers/hid/device_file.rs", "File"),
             ("[left], [right], [combined]", "tracking/trackers/hid/device_file.rs", "PlaceText"),
@@ -53,14 +54,14 @@ FILES = [
     ),
     (
         "A tracker's calibration",
-        "TOML, `--calibration FILE.toml`, written by `eyebox tracker calibrate`.",
+        "TOML, for `--calibration FILE.toml`. `eyebox tracker calibrate` writes it.",
         [("", "tracking/gaze/calibration.rs", "Calibration"), ("[left], [right], [combined]", "tracking/gaze/calibration.rs", "FitText")],
     ),
 ]
 
 
 def documented(text, root):
-    """Documentation where `[Type::field]` stands for what that field says."""
+    """Returns documentation in which a leading `[Type::field]` is replaced by the text of that field."""
     found = re.match(r"\[`(\w+)::(\w+)`\](.*)", text)
     if found:
         for source in rust_source.sources(root):
@@ -69,14 +70,14 @@ def documented(text, root):
                     if key == found.group(2):
                         rest = found.group(3).lstrip(":;. ")
                         return said + (f" In files: {rest}" if rest else "")
-    # Links of the source's own documentation lead nowhere here.
+    # Links of the source's own documentation have no target here.
     return re.sub(r"\[(`[^`\[\]]+`)\](\([^)]*\))?|\[([^\]`]+)\]\([^)]*\)", lambda m: m.group(1) or m.group(3), text)
 
 
 def page(root):
-    """The page, as Markdown."""
+    """Returns the page as Markdown."""
     every = rust_source.sources(root)
-    out = ["# Files that you write\n", "Made from the source that reads them; a key that is not here is refused.\n"]
+    out = ["# Files that you write\n", "These tables come from the source that reads the files. Other keys are refused.\n"]
     for heading, what, tables in FILES:
         out.append(f"\n## {heading}\n\n{what}\n")
         for name, path, struct in tables:
@@ -85,9 +86,9 @@ def page(root):
             out.append("\n| key | value | meaning |\n|---|---|---|")
             for key, kind, said, optional in rust_source.fields(Path(root, "runtime", path).read_text(), struct):
                 if not said:
-                    raise rust_source.Missing(f"a word about {struct}::{key} in runtime/{path}")
+                    raise rust_source.Missing(f"documentation of {struct}::{key} in runtime/{path}")
                 value = rust_source.plain(kind, every)
-                must = "" if optional else "; required"
+                must = "" if optional else ", required"
                 out.append(f"| `{key}` | {value}{must} | {documented(said, root)} |".replace("\n", " "))
             out.append("")
     return "\n".join(out)

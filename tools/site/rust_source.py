@@ -1,4 +1,4 @@
-"""What the Rust source says of the files that it reads: fields of structs and names of enums, with their documentation."""
+"""Reads fields of structs and names of enums, with their documentation, from the Rust source."""
 
 import re
 from pathlib import Path
@@ -7,13 +7,13 @@ FIELD = re.compile(r"^    (?:pub(?:\([a-z]+\))? )?(?:r#)?([a-z_0-9]+): (.+),$")
 VARIANT = re.compile(r"^    ([A-Z][A-Za-z0-9]*)\b(.*)$")
 
 
-# What is read in more than one form, or from a table with a `kind`.
+# Types that are read in more than one form, or from a table with a `kind`.
 WORDS = {
-    "TwoPi": "number, or for each colour: number",
+    "TwoPi": "number, or a number for each color",
     "Level": "number, or 3 x 3 numbers",
     "Spread": "`[q, sigma]`",
     "Storage": "`\"fp32\"`, `\"fp16\"`",
-    "Levels": "phases in radians, or `true` for those of the display",
+    "Levels": "phases in radians, or `true` for the display's phases",
     "Optimizer": "`{ kind = \"projection\", gain, momentum, overlap_power }` or `{ kind = \"adam\", rate, amplitude }`",
     "Strategy": "`{ kind = \"projection\", gain, settled, settling, momentum, overlap_power }` or `{ kind = \"adam\", rate }`",
     "SlotText": "a number of the report, below",
@@ -21,17 +21,17 @@ WORDS = {
 
 
 class Missing(Exception):
-    """A struct or an enum that the source does not have, or a field without a word about it."""
+    """A struct or an enum that the source does not have, or a field without documentation."""
 
 
 def body(text, kind, name):
-    """The attributes before `kind name` and the lines between its braces."""
+    """Returns the attributes before `kind name` and the lines between its braces."""
     found = re.search(rf"((?:^[#/][^\n]*\n)*)^(?:pub(?:\([a-z]+\))? )?{kind} {name} \{{\n(.*?)^\}}", text, re.M | re.S)
     return (found.group(1), found.group(2).splitlines()) if found else None
 
 
 def fields(text, name):
-    """(key, type, documentation, whether it may be left out) of each field of a struct, in order."""
+    """Returns (key, type, documentation, True if optional) of each field of a struct, in order."""
     found = body(text, "struct", name)
     if found is None:
         raise Missing(f"struct {name}")
@@ -59,7 +59,7 @@ def fields(text, name):
 
 
 def names(sources, enum):
-    """The names by which files know the variants of an enum, or None where no source has it."""
+    """Returns the names of the variants of an enum in files, or None if no source has it."""
     for text in sources:
         found = body(text, "enum", enum)
         if found is None or "Deserialize" not in found[0]:
@@ -85,9 +85,9 @@ def names(sources, enum):
 
 
 def plain(kind, sources):
-    """A Rust type in words that a file's author knows."""
+    """Describes a Rust type for the author of a file."""
     simple = {
-        "String": "text", "PathBuf": "a file", "bool": "true or false", "f64": "number", "f32": "number", "Color": "a colour",
+        "String": "text", "PathBuf": "a file", "bool": "true or false", "f64": "number", "f32": "number", "Color": "a color",
         "u8": "whole number", "u16": "whole number", "u32": "whole number", "u64": "whole number", "usize": "whole number",
         "i8": "whole number", "i32": "whole number", "i64": "whole number",
     }
@@ -100,8 +100,8 @@ def plain(kind, sources):
     if match := re.fullmatch(r"\[(.+); (\d+)\]", kind):
         return f"{match.group(2)} of: {plain(match.group(1), sources)}"
     if match := re.fullmatch(r"BTreeMap<([A-Za-z0-9]+), (.+)>", kind):
-        key = {"Color": "colour", "u32": "index", "usize": "index"}.get(match.group(1), match.group(1).lower())
-        return f"for each {key}: {plain(match.group(2), sources)}"
+        key = {"Color": "color", "u32": "index", "usize": "index"}.get(match.group(1), match.group(1).lower())
+        return f"{plain(match.group(2), sources)} for each {key}"
     if kind in WORDS:
         return WORDS[kind]
     variants = names(sources, kind)
@@ -109,5 +109,5 @@ def plain(kind, sources):
 
 
 def sources(root):
-    """Every source file of the library, as text."""
+    """Returns all source files of the library as text."""
     return [p.read_text() for p in sorted(Path(root, "runtime").rglob("*.rs"))]

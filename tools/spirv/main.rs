@@ -1,4 +1,4 @@
-//! Builds the SPIR-V modules, and checks that they are what the sources give.
+//! Builds the SPIR-V modules, and checks that they match their sources.
 
 use clap::{Parser, Subcommand};
 use eyebox_spirv::manifest::{
@@ -7,7 +7,7 @@ use eyebox_spirv::manifest::{
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
-/// Builds and checks the SPIR-V modules. Needs glslangValidator and spirv-val.
+/// Builds and checks the SPIR-V modules. Requires glslangValidator and spirv-val.
 #[derive(Parser)]
 #[command(after_help = "Example: cargo run -p eyebox-spirv-tool -- build")]
 struct Arguments {
@@ -17,10 +17,12 @@ struct Arguments {
 
 #[derive(Subcommand, Clone, Copy, PartialEq)]
 enum What {
-    /// Write kernels/constants.glsl, compile every kernels/*.comp, in both variants where it has them, validate, write
-    /// spirv/*.spv, the list of modules and the manifest, remove orphans.
+    /// Compile all shaders, and write the modules and the manifest.
+    ///
+    /// Writes kernels/constants.glsl, compiles each kernels/*.comp in all its variants, and validates the modules. Then
+    /// it writes spirv/*.spv, the list of modules and the manifest, and removes orphans.
     Build,
-    /// Compile again and compare bytes; list what is missing, stale or orphaned. Writes nothing.
+    /// Compile again and compare bytes, without writing. Lists modules that are missing, stale or orphaned.
     Check,
 }
 
@@ -41,12 +43,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// Compiles everything into a folder of its own first: an error leaves the modules as they were.
+/// Compiles everything into a separate folder first, so that an error leaves the modules unchanged.
 fn run(root: &Path, what: What) -> Result<String, String> {
     if what == What::Build {
         place(&root.join(CONSTANTS), eyebox_kernels::shared::glsl().as_bytes())?;
     }
-    let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
+    let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
     let compiler = version()?;
     let mut built = Vec::new();
     for name in modules(root)? {
@@ -85,12 +87,15 @@ fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<Stri
     let constants = std::fs::read_to_string(root.join(CONSTANTS)).map_err(|e| format!("{CONSTANTS}: {e}"))?;
     let mut wrong = faults(root)?;
     if constants != eyebox_kernels::shared::glsl() {
-        wrong.push(format!("{CONSTANTS} is not what kernels/shared.rs gives"));
+        wrong.push(format!("{CONSTANTS}: differs from the output of kernels/shared.rs"));
     }
     let manifest = Manifest::read(root)?;
     if manifest.compiler != compiler {
-        // Another compiler may well give other bytes: the hashes have been checked, the bytes cannot be.
-        wrong.push(format!("the modules were built by {:?}, this is {compiler:?}", manifest.compiler));
+        // Another compiler may give other bytes. The hashes have been checked, but the bytes cannot be.
+        wrong.push(format!(
+            "spirv/manifest.toml: built by {:?}, but the installed compiler is {compiler:?}",
+            manifest.compiler
+        ));
     } else {
         for (entry, bytes) in built {
             let path = root.join("spirv").join(format!("{}.spv", entry.name));
@@ -99,14 +104,10 @@ fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<Stri
             }
         }
     }
-    if wrong.is_empty() {
-        Ok(format!("{} modules are what their sources give", built.len()))
-    } else {
-        Err(wrong.join("\n"))
-    }
+    if wrong.is_empty() { Ok(format!("{} modules match their sources", built.len())) } else { Err(wrong.join("\n")) }
 }
 
-/// Writes beside the file, then puts it in its place; leaves a file that is the same already.
+/// Writes a second file next to the file and then renames it. A file with the same contents is left alone.
 fn place(path: &Path, bytes: &[u8]) -> Result<(), String> {
     if std::fs::read(path).is_ok_and(|b| b == bytes) {
         return Ok(());
@@ -137,7 +138,7 @@ fn version() -> Result<String, String> {
 fn call(command: &mut Command) -> Result<String, String> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|e| {
-        format!("{name} could not be run ({e}); on Debian or Ubuntu: apt install glslang-tools spirv-tools")
+        format!("{name}: cannot be run ({e}). On Debian or Ubuntu, run apt install glslang-tools spirv-tools")
     })?;
     let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     if output.status.success() { Ok(text) } else { Err(format!("{name}: {}", text.trim())) }

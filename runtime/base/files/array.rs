@@ -1,4 +1,4 @@
-//! An array of a `.npy` or of an `.npz` (`numpy.savez`, `numpy.savez_compressed`), whose values are read a part at a time.
+//! Reads the values of an array in a `.npy` or `.npz` file in parts.
 
 use super::npy::{NpyReader, from_fortran};
 use super::{FileError, FileKind, npz_line, read, zip};
@@ -7,22 +7,24 @@ use crate::reason;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// An array, of which some values are still to be read.
+/// An array with values that are still to be read.
 pub struct NpyArray {
     reader: NpyReader<Box<dyn Read + Send>>,
     /// Length of each axis, slowest first.
     pub shape: Vec<usize>,
-    /// The type of its elements, as NumPy says it, without the order of bytes: `u1`, `f4`.
+    /// NumPy's name of the element type, without the byte order, such as `u1` or `f4`.
     pub kind: String,
-    /// In Fortran order all values are read at once; those that were not taken.
+    /// In Fortran order all values are read at once. These are the ones that are not yet taken.
     read: Option<std::vec::IntoIter<f32>>,
 }
 
 impl NpyArray {
-    /// Opens a `.npy`, or of an `.npz` the array called `name`: left out, the only one whose shape is `wanted`.
+    /// Opens a `.npy`, or the array `name` of an `.npz` (`numpy.savez`, `numpy.savez_compressed`). Without a name, it
+    /// opens the only array whose shape is `wanted`.
     ///
     /// # Errors
-    /// As [`read_npy`](super::read_npy); [`FileError::Content`] for a damaged archive, and one with no such array or several.
+    /// Returns the errors of [`read_npy`](super::read_npy), and [`FileError::Content`] for a damaged archive, or one
+    /// with no such array or several.
     pub fn open(file: &Path, name: Option<&str>, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
         let remedy = |names: &[&str]| {
             let one = names.first().copied().unwrap_or("NAME");
@@ -34,11 +36,12 @@ impl NpyArray {
     /// Opens the only array whose shape is `wanted`, of a file whose name takes no options.
     ///
     /// # Errors
-    /// As [`open`](Self::open), with a line that keeps one of several arrays.
+    /// Returns the errors of [`open`](Self::open). If there are several arrays, the error has a command line that keeps
+    /// one of them.
     pub fn only(file: &Path, wanted: impl Fn(&[usize]) -> bool) -> Result<Self, FileError> {
         let remedy = |names: &[&str]| {
             let line = names.first().map_or_else(|| "put one into it".into(), |name| npz_line(file, name));
-            format!("it has {}; {line}", names.join(", "))
+            format!("it has {}, {line}", names.join(", "))
         };
         Self::open_or(file, None, wanted, remedy)
     }
@@ -74,7 +77,7 @@ impl NpyArray {
         let count = found.len();
         let which = || {
             let count = if count == 0 { "none of its arrays has" } else { "several of its arrays have" };
-            reason!("no-such-shape", "{count} a shape that could be meant: {}", remedy(&names()))
+            reason!("no-such-shape", "{count} a shape that fits: {}", remedy(&names()))
         };
         found.pop().filter(|_| count == 1).ok_or_else(|| FileError::content(file, which()))
     }
@@ -82,15 +85,15 @@ impl NpyArray {
     fn new(file: &Path, from: Box<dyn Read + Send>, length: u64) -> Result<Self, FileError> {
         let reader = NpyReader::new(file, from, length)?;
         let shape = reader.header.shape.clone();
-        // The order of bytes stands before.
+        // The byte order is the first character.
         let kind = reader.header.descr[1..].to_owned();
         Ok(Self { reader, shape, kind, read: None })
     }
 
-    /// The next `count` values in C order; there must be so many.
+    /// Returns the next `count` values in C order. The array must still have this number of values.
     ///
     /// # Errors
-    /// As [`read_npy`](super::read_npy); values may be anything.
+    /// Returns the errors of [`read_npy`](super::read_npy). Any values are accepted.
     pub fn take(&mut self, count: usize) -> Result<Vec<f32>, FileError> {
         if !self.reader.header.fortran_order {
             return self.reader.take(count);

@@ -1,4 +1,4 @@
-//! Files and folders that appear whole or not at all.
+//! Writes files and folders that appear completely or not at all.
 
 use super::os::{canonical, exchange, is_same, sync_folder};
 use super::timeout_writer::TimeoutWriter;
@@ -12,16 +12,17 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// How long a writer waits for its turn.
+/// Time that a writer waits for its turn.
 const LOCK_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Writes `file` through `fill`: beside it first, then to the disk, then renamed into place.
+/// Writes `file` through `fill`. The data goes to a temporary file in the same folder and to the disk, and then a
+/// rename puts it in place.
 ///
-/// A destination that exists and is no ordinary file (a pipe, a device) is written to directly, for renaming over it
-/// would replace the device; a pipe that nobody reads is given up.
+/// A destination that is a pipe or a device is written to directly, because a rename would replace the device. The
+/// write fails if nobody reads the pipe.
 ///
 /// # Errors
-/// [`FileError::Full`] and [`FileError::Write`]; then `file` is as it was.
+/// Returns [`FileError::Full`] or [`FileError::Write`], and leaves `file` unchanged.
 pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
     let failed = |e| FileError::write(file, e);
     if is_stream(file)? {
@@ -37,10 +38,10 @@ pub fn write_file(file: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<(
     sync_folder(parent(file)).map_err(failed)
 }
 
-/// Refuses a place that nothing can be written to, before anything is computed for it.
+/// Refuses a path that cannot be written to, before anything is computed for it.
 ///
 /// # Errors
-/// [`FileError::Write`], [`FileError::Full`], [`FileError::Taken`].
+/// Returns [`FileError::Write`], [`FileError::Full`] or [`FileError::Taken`].
 pub fn check_place(file: &Path) -> Result<(), FileError> {
     if is_stream(file)? {
         return Ok(());
@@ -48,19 +49,21 @@ pub fn check_place(file: &Path) -> Result<(), FileError> {
     staging::file(parent(file)).map(drop).map_err(|e| FileError::write(file, e))
 }
 
-/// Returns whether `file` is a pipe or a device, into which is written directly. Refuses a folder.
+/// Returns true if `file` is a pipe or a device, which is written to directly. Refuses a folder.
 pub(super) fn is_stream(file: &Path) -> Result<bool, FileError> {
     match fs::metadata(file) {
-        Ok(there) if there.is_dir() => {
-            Err(FileError::taken(file, reason!("is-a-folder", "is a folder: a file cannot replace it")))
-        }
+        Ok(there) if there.is_dir() => Err(FileError::taken(
+            file,
+            reason!("is-a-folder", "is a folder, and a file cannot replace it: give another path"),
+        )),
         there => Ok(there.is_ok_and(|there| !there.is_file())),
     }
 }
 
-/// A folder in the making, beside the place that it is meant for; gone with the value unless [put](Self::put) there.
+/// A temporary folder next to its destination. It is removed when this is dropped, unless [`put`](Self::put) moved it.
 pub struct FolderDraft {
-    /// Before the folder, so that it is dropped first: removing a folder takes a file descriptor, and this may be the last.
+    /// The lock comes before the folder, so that it is dropped first. Removing a folder takes a file descriptor, and
+    /// this may be the last one.
     _lock: Option<File>,
     draft: tempfile::TempDir,
     open: staging::Open,
@@ -69,19 +72,20 @@ pub struct FolderDraft {
 }
 
 impl FolderDraft {
-    /// Starts a folder that will stand at `place`.
+    /// Starts a folder that will be at `place`.
     ///
-    /// `ours` says whether a folder that stands there may be replaced; it is asked now, and again before that one is removed.
+    /// `ours` returns true if a folder that exists there may be replaced. It is called now, and again before that
+    /// folder is removed.
     ///
     /// # Errors
-    /// [`FileError::Taken`] where something else stands, [`FileError::Write`], [`FileError::Full`].
+    /// Returns [`FileError::Taken`] if anything else exists there, [`FileError::Write`] or [`FileError::Full`].
     pub fn new(place: &Path, ours: fn(&Path) -> bool) -> Result<Self, FileError> {
         // A link is followed, so that the folder it points to is replaced and not the link.
         let place = canonical(place).unwrap_or_else(|_| place.to_path_buf());
         match fs::metadata(&place) {
             Ok(there) if !there.is_dir() => return Err(FileError::is_a_file(&place)),
             Ok(_) if !is_empty(&place) && !ours(&place) => {
-                let left = "holds something else: it is left alone; give another place or remove it";
+                let left = "has other contents, so it is not replaced: give another path or remove it";
                 return Err(FileError::taken(&place, Reason::new("holds-something-else", left)));
             }
             _ => {}
@@ -90,10 +94,10 @@ impl FolderDraft {
         Ok(Self { _lock: lock, draft, open, place, ours })
     }
 
-    /// Writes a file of the folder, `name` relative to it, making the folders on its way.
+    /// Writes a file of the folder, with a `name` relative to it. Folders on its path are created.
     ///
     /// # Errors
-    /// [`FileError::Full`], [`FileError::Write`], naming the file's final place.
+    /// Returns [`FileError::Full`] or [`FileError::Write`] with the final path of the file.
     pub fn write(&self, name: &str, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
         let file = self.draft.path().join(name);
         let write = || {
@@ -103,12 +107,12 @@ impl FolderDraft {
         write().map_err(|e| FileError::write(&self.place.join(name), e))
     }
 
-    /// Puts the folder in its place, replacing what it was allowed to replace, with no moment at which the place is
-    /// empty where the file system can exchange two names at once (ext4, xfs, btrfs, tmpfs, overlayfs).
+    /// Moves the folder to its destination, and replaces the folder that it may replace. The destination is never
+    /// absent if the file system can exchange two names at once (ext4, xfs, btrfs, tmpfs, overlayfs).
     ///
     /// # Errors
-    /// [`FileError::Write`]; [`FileError::Taken`] where something else stands there by now; then what stood there stands
-    /// there still.
+    /// Returns [`FileError::Write`], or [`FileError::Taken`] if something else is there by now. The old contents then
+    /// stay.
     pub fn put(self) -> Result<(), FileError> {
         self.put_by(|from, to| fs::rename(from, to), LOCK_TIMEOUT)
     }
@@ -120,10 +124,10 @@ impl FolderDraft {
         for folder in folders_of(new).map_err(failed)? {
             sync_folder(&folder).map_err(failed)?;
         }
-        // From here on what is at the draft's path may be what stood at the place.
+        // From here on, the draft's path may hold the old folder of the destination.
         drop(open);
         let begun = Instant::now();
-        // Other writers may come between a look and a rename. A file system may also answer the same again and again.
+        // Other writers may act between a look and a rename. A file system may also give the same answer repeatedly.
         let may_retry = || {
             std::thread::sleep(patience / 5000);
             begun.elapsed() < patience
@@ -154,7 +158,7 @@ impl FolderDraft {
                 Err(e) if !matches!(e.kind(), io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists) => {
                     return Err(failed(e));
                 }
-                // Another writer has put a folder there meanwhile.
+                // Another writer has put a folder there in the meantime.
                 Err(_) if may_retry() => {}
                 Err(e) => return Err(failed(e)),
             }
@@ -162,8 +166,8 @@ impl FolderDraft {
     }
 }
 
-/// Writers of one place take turns, by a lock on the folder that stands there: none removes what another looks at. Somebody
-/// else's lock is not waited for longer than a writer would take.
+/// Writers of one destination take turns by a lock on the folder there, so that none removes a folder that another
+/// inspects. A foreign lock is not waited for longer than a writer would take.
 fn turn(place: &Path) -> Option<File> {
     let there = File::open(place).ok().filter(|_| place.is_dir())?;
     let begun = Instant::now();
@@ -176,10 +180,11 @@ fn turn(place: &Path) -> Option<File> {
     }
 }
 
-/// Puts a folder in the place of one that `ours` says may be replaced, which is removed.
+/// Replaces and removes a folder that `ours` permits to replace.
 fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> Result<(), FileError> {
     let changed = |path: &Path| {
-        let left = "something else was put there meanwhile: it is left alone; give another place or remove it";
+        let left =
+            "something else was put there in the meantime, so it is not replaced: give another path or remove it";
         FileError::taken(path, Reason::new("taken-meanwhile", left))
     };
     let new = draft.path();
@@ -190,7 +195,7 @@ fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> R
         move_aside(new, place)?;
         drop(draft.keep());
     } else if !ours(new) {
-        // Something was put into the old folder after it had been looked at.
+        // Something was put into the old folder after it had been inspected.
         if exchange(new, place).is_err() {
             let (kept, old) = (draft.path(), draft.path().with_extension("old"));
             fs::rename(kept, &old).map_err(|e| FileError::write(&old, e))?;
@@ -202,18 +207,18 @@ fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> R
     Ok(())
 }
 
-/// Where two names cannot be exchanged at once: the old folder is moved aside first.
+/// Moves the old folder aside first, for file systems that cannot exchange two names at once.
 fn move_aside(new: &Path, place: &Path) -> Result<(), FileError> {
     let failed = |e| FileError::write(place, e);
     let aside = staging::aside(parent(place)).map_err(failed)?;
-    // Into that folder and not onto it: only Unix replaces an empty one.
+    // The target is inside that folder, because only Unix replaces an empty folder by a rename.
     let old = aside.path().join("old");
     fs::rename(place, &old).map_err(failed)?;
     if let Err(e) = fs::rename(new, place) {
         if fs::rename(&old, place).is_err() {
-            // Whatever happens, the old one is not deleted.
+            // The old folder is never deleted here.
             let _ = aside.keep();
-            let reason = reason!("not-replaced", "could not be replaced ({e}); it now is {}", old.display());
+            let reason = reason!("not-replaced", "could not be replaced ({e}), and is now at {}", old.display());
             return Err(FileError::taken(place, reason));
         }
         return Err(failed(e));
@@ -341,7 +346,7 @@ mod tests {
         }
     }
 
-    /// Whoever is last stands; nobody fails, and nothing is left beside it. Elsewhere names cannot be exchanged at once.
+    /// The last writer wins, no writer fails, and no other file is left. Other systems cannot exchange names at once.
     #[cfg(target_os = "linux")]
     #[test]
     fn writers_of_one_folder_do_not_stop_each_other() {

@@ -1,23 +1,23 @@
-//! ICC profiles of pictures: stored values of other color spaces are converted to sRGB.
+//! Converts pictures with an ICC profile of another color space to sRGB.
 
 use super::{ColorSpace, Pixels, Samples, linear_to_srgb};
 use crate::error::Reason;
 use crate::reason;
 use moxcms::{ColorProfile, DataColorSpace, Layout, ProfileText, TransformOptions};
 
-/// Difference of sRGB values up to which color spaces count as one, so that pictures are read by the exact curve.
+/// Difference of sRGB values up to which color spaces count as the same, so that pictures are read by the exact curve.
 /// sRGB profiles of different makers differ by less.
 const SAME: f32 = 0.006;
 /// Values per channel at which a profile is compared with sRGB.
 const LATTICE: usize = 9;
-/// Values that are converted at once.
+/// Number of pixels that are converted at once.
 const BLOCK: usize = 1 << 16;
 
 /// Determines the color space of a picture, and converts its values to sRGB if it is another one. `full` is the stored
 /// value of white. Colors outside of sRGB are clipped to it. Returns `None` for a picture without a profile.
 ///
 /// # Errors
-/// What is wrong with the profile, in words.
+/// Returns a reason that states the fault of the profile.
 pub fn color_space(picture: &Pixels, full: f32) -> Result<Option<ColorSpace>, Reason> {
     let Some(bytes) = &picture.profile else { return Ok(None) };
     let profile =
@@ -40,7 +40,7 @@ pub fn color_space(picture: &Pixels, full: f32) -> Result<Option<ColorSpace>, Re
         return Ok(Some(ColorSpace::Linear));
     }
     let (channels, has_alpha) = (picture.channels, picture.has_alpha());
-    // White may be stated; full opacity is the largest value of the kind.
+    // White can be stated in the file. Full opacity is the largest value of the type.
     let share = |i: usize, v: f32, most: f32| {
         let is_alpha = has_alpha && (i + 1).is_multiple_of(channels);
         (v / if is_alpha { most } else { full }).min(1.0)
@@ -48,10 +48,10 @@ pub fn color_space(picture: &Pixels, full: f32) -> Result<Option<ColorSpace>, Re
     let mut values: Vec<f32> = match &picture.samples {
         Samples::U8(v) => v.iter().enumerate().map(|(i, v)| share(i, (*v).into(), 255.0)).collect(),
         Samples::U16(v) => v.iter().enumerate().map(|(i, v)| share(i, (*v).into(), 65535.0)).collect(),
-        // They may lie beyond white, where profiles say nothing.
+        // Floats may exceed white, and profiles do not define that range.
         Samples::F32(_) => return Err(reason!("profile-of-floats", "the ICC profile {name} for floats")),
     };
-    // A gray picture can have a profile of colors: that profile's gray axis holds for it.
+    // A gray picture can have a color profile. The gray axis of the profile then applies.
     let colors = if picture.has_color() { 3 } else { 1 };
     for block in values.chunks_mut(BLOCK * channels) {
         let stored: Vec<f32> = block.chunks(channels).flat_map(|p| [p[0], p[colors / 2], p[colors - 1]]).collect();
@@ -77,7 +77,7 @@ impl Transform {
         Ok(Self { inner, is_gray })
     }
 
-    /// Converts pixels of three values each; of those of a gray profile the first counts.
+    /// Converts pixels of three values each. With a gray profile the first of the three counts.
     fn colors(&self, stored: &[f32]) -> Result<Vec<f32>, Reason> {
         let mut converted = vec![0.0; stored.len()];
         let done = if self.is_gray {
@@ -90,7 +90,7 @@ impl Transform {
         Ok(converted)
     }
 
-    /// Whether each color comes out as `expected` of its own three values.
+    /// Returns true if each color comes out as `expected` of its own three values.
     fn agrees_with(&self, expected: impl Fn(f32) -> f32) -> Result<bool, Reason> {
         let level = |i: usize| (i % LATTICE) as f32 / (LATTICE - 1) as f32;
         let lattice: Vec<f32> = if self.is_gray {
@@ -103,7 +103,7 @@ impl Transform {
     }
 }
 
-/// Name of a profile.
+/// Returns the name of a profile in quotation marks.
 fn name(profile: &ColorProfile) -> String {
     let text = match &profile.description {
         Some(ProfileText::PlainString(text)) => text.as_str(),

@@ -1,21 +1,21 @@
-//! Folders that are made for what is to come, and gone again where nothing came.
+//! Creates folders for later output, and removes them again if they stay empty.
 
 use super::FileError;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A folder that was made, with those on the way to it. When this is dropped, those of them that are empty are removed;
-/// a folder that was there before stays.
+/// A folder that was created, with its new parents. When this is dropped, the empty ones among them are removed. A
+/// folder that existed before stays.
 #[derive(Debug)]
 pub struct CreatedDirGuard {
     made: Vec<PathBuf>,
 }
 
 impl CreatedDirGuard {
-    /// Makes a folder where there is none.
+    /// Creates a folder if it does not exist.
     ///
     /// # Errors
-    /// [`FileError::Write`].
+    /// Returns [`FileError::Write`].
     pub fn new(folder: &Path) -> Result<Self, FileError> {
         let missing = folder.ancestors().take_while(|at| !at.as_os_str().is_empty() && !at.exists());
         // The innermost is removed first.
@@ -27,7 +27,7 @@ impl CreatedDirGuard {
 
 impl Drop for CreatedDirGuard {
     fn drop(&mut self) {
-        // What is not empty is not removed.
+        // A folder with contents is not removed.
         self.made.iter().for_each(|folder| drop(fs::remove_dir(folder)));
     }
 }

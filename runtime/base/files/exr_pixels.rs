@@ -1,4 +1,4 @@
-//! Channels of OpenEXR files, as renderers write them: colors or depth, in one part or many, with layers in the names.
+//! Chooses and reads the channels of OpenEXR files, as renderers write them.
 
 use super::{FileError, Pixels, Primaries, Samples, Wanted, read};
 use crate::error::Reason;
@@ -9,7 +9,7 @@ use exr::meta::attribute::{ChannelDescription, Chromaticities, SampleType};
 use exr::meta::header::Header;
 use std::{fs::File, io::BufReader, path::Path};
 
-/// Channels of one part, in the order of the pixel's values; none for one that is not there.
+/// Channels of one part, in the order of the pixel's values. Channels that are absent are left out.
 struct Choice {
     part: usize,
     channels: Vec<usize>,
@@ -19,7 +19,7 @@ fn open(file: &Path) -> Result<Reader<BufReader<File>>, FileError> {
     exr::block::read(read::buffered(file)?, false).map_err(|e| FileError::damaged(file, e))
 }
 
-/// Rows and columns of the display window, which all parts share.
+/// Returns rows and columns of the display window, which all parts share.
 pub(super) fn size(file: &Path) -> Result<[usize; 2], FileError> {
     size_of(file, open(file)?.headers())
 }
@@ -94,7 +94,7 @@ fn samples(line: exr::block::lines::LineRef<'_>, kind: SampleType) -> exr::error
     }
 }
 
-/// A channel's full name: that of its part before it, in files of several parts.
+/// Returns a channel's full name. In files of several parts, the name of the part comes before it.
 fn full_name(headers: &[Header], part: usize, channel: &ChannelDescription) -> String {
     let name = channel.name.to_string();
     match &headers[part].own_attributes.layer_name {
@@ -118,7 +118,7 @@ fn all_lower(headers: &[Header]) -> Vec<(usize, usize, String)> {
     all(headers).map(|(part, i, name)| (part, i, name.to_lowercase())).collect()
 }
 
-/// The layer of a channel's name, and what comes after it.
+/// Splits a channel's name into its layer and the rest.
 fn split(name: &str) -> (&str, &str) {
     name.rsplit_once('.').unwrap_or(("", name))
 }
@@ -127,8 +127,8 @@ fn names(headers: &[Header]) -> String {
     all(headers).take(12).map(|(_, _, name)| name).collect::<Vec<_>>().join(", ")
 }
 
-/// The channels of a picture: red, green, blue and alpha without a layer, of the one layer that has them, or of the one called
-/// Combined, beauty or rgba; otherwise the only channel.
+/// Chooses the channels of a picture. These are red, green, blue and alpha without a layer, of the only layer that has
+/// them, or of the layer called Combined, beauty or rgba. Otherwise it is the only channel.
 fn colors(headers: &[Header]) -> Result<Choice, Reason> {
     let all = all_lower(headers);
     let get = |part: usize, layer: &str, last: &str| {
@@ -156,7 +156,7 @@ fn colors(headers: &[Header]) -> Result<Choice, Reason> {
         _ => {
             return Err(reason!(
                 "layers",
-                "its channels are {}: several layers have colors; save the one",
+                "its channels are {}, and several layers have colors: save only one of them",
                 names(headers)
             ));
         }
@@ -168,7 +168,8 @@ fn colors(headers: &[Header]) -> Result<Choice, Reason> {
     }
 }
 
-/// The channel of a depth map: Z or depth, alone or in a layer; the only channel; or colors, which must be alike.
+/// Chooses the channel of a depth map. It is Z or depth, alone or in a layer, or the only channel. Otherwise these are
+/// colors, which must be equal.
 fn depth(headers: &[Header]) -> Result<Choice, Reason> {
     let all = all_lower(headers);
     let one = |found: &[&(usize, usize, String)]| match found {
@@ -178,12 +179,12 @@ fn depth(headers: &[Header]) -> Result<Choice, Reason> {
             let of = format!("its channels are {}", names(headers));
             Some(Err(reason!(
                 "several-depths",
-                "{of}: several of them are depths; save the one that belongs to the picture"
+                "{of}, and several of them are depths: save only the one that belongs to the picture"
             )))
         }
     };
     let by = |is: &dyn Fn(&str) -> bool| all.iter().filter(|(_, _, name)| is(name)).collect::<Vec<_>>();
-    // ZBack and the like end a deep sample: they are no depth of their own.
+    // ZBack and similar channels end a deep sample, and are not a depth themselves.
     let last = |name: &str, known: &[&str]| known.contains(&split(name).1);
     let in_depth_layer = |name: &str| split(name).0.rsplit('.').next().is_some_and(|l| l.contains("depth") || l == "z");
     let named = by(&|name| last(name, &["z", "depth", "depthz", "distance"]));

@@ -1,5 +1,4 @@
-//! A folder that is held open: what is read and written in it is this folder's, whatever its name comes to stand for
-//! meanwhile, and no link in it is followed.
+//! Holds a folder open, so that reads and writes stay in it even if another folder takes its name.
 
 use super::atomic::write_to_disk;
 use super::entry::{Kind, split};
@@ -11,7 +10,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A folder that is held open. Names in it are relative, their parts separated by `/`.
+/// A folder that is held open. Links in it are not followed. Names in it are relative, with parts separated by `/`.
 #[derive(Debug, Clone)]
 pub struct Folder {
     path: PathBuf,
@@ -22,47 +21,47 @@ impl Folder {
     /// Opens a folder. Its path may lead through links.
     ///
     /// # Errors
-    /// The system's; [`io::ErrorKind::NotADirectory`] for what is none.
+    /// Returns the errors of the system, and [`io::ErrorKind::NotADirectory`] if it is not a folder.
     pub fn open(path: &Path) -> io::Result<Self> {
         Ok(Self { path: path.to_path_buf(), held: Arc::new(Held::open(path)?) })
     }
 
-    /// Where it was when it was opened.
+    /// Returns the path at which the folder was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether its path stands for something else by now.
+    /// Returns true if the path leads to something else by now.
     pub fn is_replaced(&self) -> bool {
         !self.held.is_at(&self.path)
     }
 
-    /// Opens a regular file.
+    /// Opens a regular file of this folder.
     pub fn file(&self, name: &str) -> io::Result<File> {
         read::regular(self.held.read(name)?)
     }
 
-    /// All bytes of a regular file of at most `most` bytes.
+    /// Returns all bytes of a regular file of at most `most` bytes.
     pub fn bytes(&self, name: &str, most: u64) -> io::Result<Vec<u8>> {
         read::all(self.held.read(name)?, most)
     }
 
-    /// The length of a regular file, bytes.
+    /// Returns the length of a regular file in bytes.
     pub fn length(&self, name: &str) -> io::Result<u64> {
         Ok(self.file(name)?.metadata()?.len())
     }
 
-    /// Whether something stands there, a link as well.
+    /// Returns true if an entry of this name exists. A link counts.
     pub fn has(&self, name: &str) -> bool {
         self.held.kind(name).is_ok()
     }
 
-    /// What stands in one of its folders; in itself where `name` is empty.
+    /// Returns the entries of one of its folders. If `name` is empty, these are its own entries.
     pub fn entries(&self, name: &str) -> io::Result<Vec<(OsString, Kind)>> {
         self.held.entries(name)
     }
 
-    /// Writes a new file, to the disk, making the folders on its way. A file that stands there is removed first.
+    /// Writes a new file to the disk, and creates the folders on its path. An existing file is removed first.
     pub fn write(&self, name: &str, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
         if self.held.kind(name).is_ok_and(|kind| kind != Kind::Folder) {
             self.held.remove(name)?;
@@ -70,8 +69,8 @@ impl Folder {
         write_to_disk(self.held.create(name)?, fill)
     }
 
-    /// Writes `name` by way of the file `draft`, so that it is there whole or as it was, and to the disk. Where that fails, no
-    /// draft stays.
+    /// Writes `name` to the disk through the file `draft`, so that it is complete or unchanged. If this fails, no draft
+    /// is left.
     pub fn replace(
         &self,
         draft: &str,
@@ -85,7 +84,7 @@ impl Folder {
         self.held.sync(split(name)?.0)
     }
 
-    /// Moves a file, making the folders on its way.
+    /// Moves a file, and creates the folders on its path.
     pub fn rename(&self, from: &str, to: &str) -> io::Result<()> {
         self.held.rename(from, to)
     }
@@ -95,18 +94,18 @@ impl Folder {
         self.held.remove(name)
     }
 
-    /// Removes an empty folder.
+    /// Removes an empty folder of this name.
     pub fn remove_folder(&self, name: &str) -> io::Result<()> {
         self.held.remove_folder(name)
     }
 
-    /// Makes a folder, where there is none.
+    /// Creates a folder if it does not exist.
     pub fn make(&self, name: &str) -> io::Result<()> {
         self.held.make(name)
     }
 
-    /// Takes the lock that a file of this name is, until the value is dropped; none where another program has it. On a file
-    /// system without locks everybody gets it.
+    /// Takes the lock of a lock file with this name, until the returned value is dropped. Returns `None` if another
+    /// program has it. On a file system without locks everybody gets it.
     pub fn lock(&self, name: &str) -> io::Result<Option<File>> {
         let file = read::regular(self.held.open_or_create(name)?)?;
         match file.try_lock() {
@@ -116,7 +115,7 @@ impl Folder {
         }
     }
 
-    /// Whether another program has that lock.
+    /// Returns true if another program has that lock.
     pub fn is_locked(&self, name: &str) -> bool {
         let probe = || Some(matches!(self.file(name).ok()?.try_lock_shared(), Err(TryLockError::WouldBlock)));
         probe().unwrap_or(false)
@@ -167,7 +166,7 @@ mod tests {
         assert!(folder.file("way/x").is_err() && folder.file("link").is_err() && folder.lock("link").is_err());
         assert!(folder.write("way/y", |_| Ok(())).is_err() && folder.entries("way").is_err());
         assert!(folder.remove("way/x").is_err() && folder.make("way").is_err());
-        // A link itself makes room for what is written.
+        // The write replaces the link itself.
         folder.write("link", |out| out.write_all(b"new")).unwrap();
         assert_eq!(fs::read_dir(&data).unwrap().count(), 1);
         assert_eq!(fs::read(data.join("x")).unwrap(), b"mine");

@@ -1,4 +1,4 @@
-//! A folder by its descriptor: names are looked up in it part by part, and a link on the way is an error.
+//! Holds a folder by its descriptor. Names are looked up in it part by part, and a link on the way is an error.
 
 use super::entry::{Kind, split};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -12,7 +12,7 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
 const FOLDER: OFlags = OFlags::RDONLY.union(OFlags::DIRECTORY).union(OFlags::NOFOLLOW).union(OFlags::CLOEXEC);
-/// Opening a pipe waits for its writer; with this flag it does not.
+/// Opening a pipe waits for its writer, unless this flag is set.
 const FILE: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::CLOEXEC);
 
 #[derive(Debug)]
@@ -54,7 +54,7 @@ impl Held {
     }
 
     pub(super) fn entries(&self, name: &str) -> io::Result<Vec<(OsString, Kind)>> {
-        // Opened anew, for it is read from its beginning.
+        // Opened again, because a folder is read from its beginning.
         let folder = openat(self.at(&self.enter(name, false)?), ".", FOLDER, Mode::empty())?;
         let mut found = Vec::new();
         for entry in Dir::read_from(&folder)? {
@@ -80,7 +80,7 @@ impl Held {
 
     pub(super) fn sync(&self, way: &str) -> io::Result<()> {
         match fsync(self.at(&self.enter(way, false)?)) {
-            // Some network file systems cannot, and say so.
+            // Some network file systems cannot do this, and report it.
             Ok(()) | Err(Errno::INVAL | Errno::OPNOTSUPP) => Ok(()),
             Err(e) => Err(e.into()),
         }
@@ -107,7 +107,7 @@ impl Held {
         folder.as_ref().map_or(self.0.as_fd(), AsFd::as_fd)
     }
 
-    /// A folder in it; none for itself.
+    /// Opens a folder inside this one. Returns `None` for this folder itself.
     fn enter(&self, way: &str, make: bool) -> io::Result<Option<OwnedFd>> {
         let mut at = None;
         for part in way.split('/').filter(|part| !part.is_empty()) {
@@ -123,11 +123,11 @@ impl Held {
     }
 }
 
-/// What links are answered with.
+/// Explains the errors that links cause.
 fn explain(e: Errno) -> io::Error {
     let reason = match e {
         Errno::LOOP => "it is a link, and links in it are not followed",
-        Errno::NOTDIR => "a link or a file stands where a folder of its should be, and links in it are not followed",
+        Errno::NOTDIR => "a link or a file is at the path of a folder, and links in it are not followed",
         e => return e.into(),
     };
     io::Error::new(io::ErrorKind::InvalidInput, reason)

@@ -1,4 +1,4 @@
-//! A folder by its path, where there are no descriptors of folders: links are looked for before a name is opened.
+//! Holds a folder by its path on systems without descriptors of folders. Links are rejected before a name is opened.
 
 use super::entry::{Kind, split};
 use std::ffi::OsString;
@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Number of the volume, and of the file or folder on it.
+/// Returns the number of the volume, and of the file or folder on it.
 fn id(path: &Path) -> io::Result<(u64, u64)> {
     let there = winapi_util::file::information(winapi_util::Handle::from_path_any(path)?)?;
     Ok((there.volume_serial_number(), there.file_index()))
@@ -15,7 +15,7 @@ fn id(path: &Path) -> io::Result<(u64, u64)> {
 #[derive(Debug)]
 pub(super) struct Held {
     path: PathBuf,
-    /// Another one of its name has another.
+    /// Another folder of the same name has another number.
     id: (u64, u64),
 }
 
@@ -75,7 +75,7 @@ impl Held {
         self.enter(name, true).map(drop)
     }
 
-    /// Where a file is, which is no link.
+    /// Returns the path of a file, which must not be a link.
     fn find(&self, name: &str, make: bool) -> io::Result<PathBuf> {
         let (way, last) = split(name)?;
         let file = self.enter(way, make)?.join(last);
@@ -101,7 +101,10 @@ impl Held {
 }
 
 fn link() -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidInput, "a link stands there or on the way, and links in it are not followed")
+    io::Error::new(
+        io::ErrorKind::InvalidInput,
+        "there is a link at this path or on the way, and links in it are not followed",
+    )
 }
 
 fn kind_of(kind: fs::FileType) -> Kind {

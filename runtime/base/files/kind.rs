@@ -1,69 +1,69 @@
-//! What a file is, from its first bytes. Every reader asks here before it refuses a file, so that the refusal names the file's real kind.
+//! Determines the kind of a file from its first bytes. Readers use it, so that a refusal names the file's real kind.
 
 /// Kind of a file, determined from its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FileKind {
-    /// No bytes at all.
+    /// A file without any bytes.
     Empty,
-    /// PNG picture.
+    /// A PNG picture.
     Png,
-    /// JPEG picture.
+    /// A JPEG picture.
     Jpeg,
-    /// OpenEXR picture.
+    /// An OpenEXR picture.
     Exr,
-    /// TIFF picture.
+    /// A TIFF picture.
     Tiff,
-    /// BMP picture.
+    /// A BMP picture.
     Bmp,
-    /// PBM, PGM, PPM or PAM picture.
+    /// A PBM, PGM, PPM or PAM picture.
     Pnm,
-    /// Portable float map.
+    /// A portable float map.
     Pfm,
-    /// GIF picture or animation.
+    /// A GIF picture or animation.
     Gif,
-    /// Picture in a format that no reader here decodes, by its name.
+    /// A picture in a format that no reader here decodes, by its name.
     OtherPicture(&'static str),
-    /// Raw picture of a camera.
+    /// A raw picture of a camera.
     CameraRaw,
-    /// Uncompressed YUV4MPEG2 video.
+    /// An uncompressed YUV4MPEG2 video.
     Y4m,
-    /// Compressed video, by the name of its container.
+    /// A compressed video, by the name of its container.
     Video(&'static str),
-    /// NumPy array.
+    /// A NumPy array.
     Npy,
-    /// NumPy archive of arrays.
+    /// A NumPy archive of arrays.
     Npz,
-    /// Python pickle.
+    /// A Python pickle.
     Pickle,
-    /// PyTorch file.
+    /// A PyTorch file.
     Torch,
-    /// MATLAB file of version 5.
+    /// A MATLAB file of version 5.
     Matlab,
-    /// MATLAB file of version 7.3, which is HDF5.
+    /// A MATLAB file of version 7.3, which is HDF5.
     Matlab73,
-    /// HDF5 file.
+    /// An HDF5 file.
     Hdf5,
-    /// ZIP archive.
+    /// A ZIP archive.
     Zip,
-    /// ZIP archive of a Zarr store.
+    /// A ZIP archive of a Zarr store.
     ZarrZip,
-    /// Archive other than ZIP, by its name.
+    /// An archive other than ZIP, by its name.
     Archive(&'static str),
-    /// Office document, by its name.
+    /// An Office document, by its name.
     Office(&'static str),
-    /// PDF document.
+    /// A PDF document.
     Pdf,
-    /// HTML, XML or SVG.
+    /// An HTML, XML or SVG document.
     Markup,
-    /// Text.
+    /// A text file.
     Text,
-    /// Resource fork that macOS leaves beside a file.
+    /// A resource fork, which macOS leaves next to a file.
     AppleDouble,
-    /// Other known binary format, by its name.
+    /// Another known binary format, by its name.
     Other(&'static str),
-    /// Unknown bytes.
+    /// A file with unknown bytes.
     Unknown,
 }
 
@@ -158,12 +158,12 @@ impl FileKind {
         text(head).unwrap_or(Self::Unknown)
     }
 
-    /// Whether a picture of this kind is decoded here.
+    /// Returns true if eyebox decodes pictures of this kind.
     pub fn is_picture(self) -> bool {
         matches!(self, Self::Png | Self::Jpeg | Self::Exr | Self::Tiff | Self::Bmp | Self::Pnm | Self::Gif)
     }
 
-    /// What it is, as a noun with its article.
+    /// Returns a noun with its article.
     pub fn describe(self) -> String {
         match self {
             Self::Empty => "an empty file".into(),
@@ -200,7 +200,8 @@ impl FileKind {
     }
 }
 
-/// Kinds of the two families of containers that hold pictures and films alike: RIFF, and boxes of ISO base media.
+/// Determines the kind of containers that hold pictures and films alike, which are RIFF and the boxes of ISO base
+/// media.
 fn media(head: &[u8]) -> Option<FileKind> {
     let part = |place: usize| head.get(place..place + 4);
     match (head.get(..4)?, part(8)) {
@@ -221,7 +222,7 @@ fn media(head: &[u8]) -> Option<FileKind> {
     }
 }
 
-/// Text, if no byte says otherwise: UTF-16 with a mark, or bytes without controls.
+/// Returns a kind of text if no byte contradicts it. Text is UTF-16 with a mark, or bytes without controls.
 fn text(head: &[u8]) -> Option<FileKind> {
     if head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff") {
         return Some(FileKind::Text);
@@ -230,7 +231,7 @@ fn text(head: &[u8]) -> Option<FileKind> {
     if !head.iter().all(|b| *b >= 0x20 && *b != 0x7f || b"\t\r\n\x0c".contains(b)) {
         return None;
     }
-    // The last character may be cut; a few bytes of Latin-1 are text, mostly such bytes are not.
+    // The last character may be cut. A few bytes of Latin-1 are text, but many of them are not.
     let plain = head.iter().filter(|b| b.is_ascii()).count();
     let is_utf8 = str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true);
     if !is_utf8 && 10 * plain < 9 * head.len() {

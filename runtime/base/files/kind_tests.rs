@@ -1,11 +1,11 @@
-//! What files are by their content, and the remedies.
+//! Checks the kinds of files by their content, and the remedies.
 
 use super::convert::{remedy, remedy_of_all, zarr_line};
 use super::zip::tests::archive;
 use super::*;
 use std::fs;
 
-/// First bytes of a file, its name, and what it is.
+/// Returns the first bytes of a file, its name, and its kind.
 fn rows() -> Vec<(Vec<u8>, &'static str, FileKind)> {
     use FileKind as K;
     let at = |place: usize, what: &[u8]| [&vec![1; place][..], what].concat();
@@ -78,7 +78,7 @@ fn files_are_known_by_their_content() {
         assert_eq!(FileKind::of(&file).unwrap(), kind, "{name}: {:x?}", &bytes[..bytes.len().min(16)]);
         assert!(!kind.describe().is_empty());
     }
-    // A folder, and what is not there, are errors of the system.
+    // A folder and a missing file give errors of the system.
     assert!(FileKind::of(here.path()).is_err() && FileKind::of(&here.path().join("none")).is_err());
 }
 

@@ -1,4 +1,4 @@
-//! Folders of results that are written again and again: which of their files are this program's is kept in a list beside them.
+//! Replaces files in a folder of results only if eyebox wrote them. A list next to the files records this.
 
 use super::{FileError, FolderDraft, is_draft, read, write_file};
 use crate::error::Reason;
@@ -8,10 +8,10 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The list: of every file that was written, the CRC-32C of what it holds or is about to hold.
+/// The list holds, for every written file, the CRC-32C of its contents or of the contents that are about to be written.
 const LIST: &str = "eyebox-files.json";
 
-/// A folder in which files are replaced only if they are this program's, as it wrote them.
+/// A folder in which files are replaced only if eyebox wrote them and they are unchanged.
 #[derive(Debug)]
 pub struct ManagedDir {
     folder: PathBuf,
@@ -25,11 +25,12 @@ struct List {
 }
 
 impl ManagedDir {
-    /// Looks at a folder, which need not be there, before anything is computed for it. `names` are what will be written; one
-    /// that ends in `/` is a folder of which all files must be this program's. `overwrite`: whatever stands there is replaced.
+    /// Checks a folder, which need not exist, before anything is computed for it. `names` are the files that will be
+    /// written. A name that ends in `/` is a folder in which all files must be written by eyebox. If `overwrite` is
+    /// true, anything there is replaced.
     ///
     /// # Errors
-    /// [`FileError::Taken`] for a file that is not this program's, or was changed since.
+    /// Returns [`FileError::Taken`] for a file that eyebox did not write, or that was changed since.
     pub fn open(folder: &Path, names: &[&str], overwrite: bool) -> Result<Self, FileError> {
         if folder.is_file() {
             return Err(FileError::is_a_file(folder));
@@ -46,7 +47,7 @@ impl ManagedDir {
                 Ok(there) if there.is_dir() => {
                     let entries = fs::read_dir(folder.join(inside)).into_iter().flatten().flatten();
                     let files = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-                    // A draft of a program that was killed is removed when the next is made.
+                    // A temporary file of a program that was killed is removed when the next one is made.
                     for file in files.filter(|file| !is_draft(file)) {
                         own.check(&format!("{name}{file}"))?;
                     }
@@ -58,19 +59,19 @@ impl ManagedDir {
         Ok(own)
     }
 
-    /// Where it is.
+    /// Returns the path of the folder.
     pub fn path(&self) -> &Path {
         &self.folder
     }
 
-    /// Writes files, each whole or not at all, making the folders on their way.
+    /// Writes files, each completely or not at all, and creates the folders on their paths.
     ///
     /// # Errors
-    /// Those of [`open`](Self::open); [`FileError::Full`], [`FileError::Write`].
+    /// Returns the errors of [`open`](Self::open), [`FileError::Full`] or [`FileError::Write`].
     pub fn write(&mut self, files: Vec<(String, Vec<u8>)>) -> Result<(), FileError> {
         for (name, bytes) in &files {
             self.check(name)?;
-            // Ended by force from here on, what stands there is known either way.
+            // If the program is killed from here on, the old and the new contents both count as its own.
             let stands = self.sum(name);
             self.list.files.insert(name.clone(), stands.into_iter().chain([sum(bytes)]).collect());
         }
@@ -84,10 +85,10 @@ impl ManagedDir {
         Ok(())
     }
 
-    /// Says that a folder of this name is this program's, before it is made.
+    /// Records that a folder of this name belongs to eyebox, before it is created.
     ///
     /// # Errors
-    /// Those of [`write`](Self::write).
+    /// Returns the errors of [`write`](Self::write).
     pub fn claim(&mut self, name: &str) -> Result<(), FileError> {
         self.check(name)?;
         self.list.files.insert(name.to_owned(), BTreeSet::new());
@@ -99,7 +100,7 @@ impl ManagedDir {
         write_file(&self.folder.join(LIST), |out| Ok(serde_json::to_writer_pretty(out, &self.list)?))
     }
 
-    /// Refuses what is not this program's.
+    /// Refuses a file that eyebox did not write.
     fn check(&self, name: &str) -> Result<(), FileError> {
         let path = self.folder.join(name);
         let ours = match fs::symlink_metadata(&path) {
@@ -111,11 +112,11 @@ impl ManagedDir {
             return Ok(());
         }
         let left =
-            "eyebox did not write it, or it was changed since: give another folder, or `overwrite` to replace it";
+            "eyebox did not write it, or it was changed since: give another folder, or set `overwrite` to replace it";
         Err(FileError::taken(&path, Reason::new("not-ours", left)))
     }
 
-    /// The sum of what stands there, if it is a file that is no link.
+    /// Returns the sum of the file there. Returns `None` for a link, and for anything else that is not a regular file.
     fn sum(&self, name: &str) -> Option<String> {
         let path = self.folder.join(name);
         let regular = fs::symlink_metadata(&path).is_ok_and(|there| there.is_file());
@@ -123,7 +124,7 @@ impl ManagedDir {
     }
 }
 
-/// Writes files into a folder that appears whole, with the list by which [`holds_only_own`] knows them.
+/// Writes files into a folder that appears completely, with the list by which [`holds_only_own`] recognizes them.
 pub fn write_listed<E: From<FileError>>(
     draft: &FolderDraft,
     files: impl Iterator<Item = Result<(String, Vec<u8>), E>>,
@@ -137,7 +138,7 @@ pub fn write_listed<E: From<FileError>>(
     Ok(draft.write(LIST, |out| Ok(serde_json::to_writer_pretty(out, &list)?))?)
 }
 
-/// Whether a folder holds nothing but what [`write_listed`] wrote, as it wrote it.
+/// Returns true if a folder holds only files that [`write_listed`] wrote, unchanged.
 pub fn holds_only_own(folder: &Path) -> bool {
     let entries = fs::read_dir(folder).and_then(Iterator::collect::<io::Result<Vec<_>>>).unwrap_or_default();
     let names: Vec<String> = entries.iter().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
@@ -188,7 +189,8 @@ mod tests {
         open(false).unwrap();
     }
 
-    /// Ended by force between the list and the files, the next run knows both the old and the new as its own.
+    /// If the program is killed between the list and the files, the next run accepts both the old and the new file as
+    /// its own.
     #[test]
     fn what_was_cut_off_is_known_again() {
         let here = tempfile::tempdir().unwrap();

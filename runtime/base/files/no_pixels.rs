@@ -1,4 +1,4 @@
-//! A build without the feature `image-formats` neither reads nor writes pictures, and says so.
+//! Replaces the picture formats in a build without the feature `image-formats`, and returns an error that states this.
 
 use super::{ColorSpace, FileError, Pixels, Wanted};
 use crate::error::Reason;
@@ -13,51 +13,51 @@ fn absent<T>(file: &Path) -> Result<T, FileError> {
     Err(FileError::content(file, reason!("no-image-formats", "{WHY}: pictures cannot be read")))
 }
 
-/// Rows and columns of a picture.
+/// Always fails, instead of returning the size of a picture.
 pub fn picture_size(file: &Path, _: Wanted, _: u64) -> Result<[usize; 2], FileError> {
     absent(file)
 }
 
-/// The EXIF orientation of a picture.
+/// Always fails, instead of returning the EXIF orientation of a picture.
 pub fn picture_orientation(file: &Path, _: Wanted) -> Result<u8, FileError> {
     absent(file)
 }
 
-/// Decodes a picture.
+/// Always fails, instead of decoding a picture.
 pub fn read_pixels(file: &Path, _: Wanted, _: u64) -> Result<Pixels, FileError> {
     absent(file)
 }
 
-/// Name of the kind of a file whose stored values are light.
+/// Returns `None`, because no picture is read.
 pub fn holds_light(_: &Path) -> Option<&'static str> {
     None
 }
 
-/// The color space of a picture.
+/// Returns `None`, because no picture is read.
 pub fn color_space(_: &Pixels, _: f32) -> Result<Option<ColorSpace>, Reason> {
     Ok(None)
 }
 
-/// Encodes 8-bit levels as a PNG.
+/// Always fails, instead of encoding 8-bit levels as a PNG.
 ///
 /// # Errors
-/// Always.
+/// Returns [`io::ErrorKind::Unsupported`].
 pub fn encode_png8(_: &mut dyn Write, _: usize, _: usize, _: usize, _: &[u8]) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
 }
 
-/// Encodes 8-bit red, green, blue as a JPEG.
+/// Always fails, instead of encoding 8-bit red, green and blue as a JPEG.
 ///
 /// # Errors
-/// Always.
+/// Returns [`io::ErrorKind::Unsupported`].
 pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
 }
 
-/// Reads an 8-bit PNG: (height, width, channels, bytes).
+/// Always fails, instead of reading an 8-bit PNG as (height, width, channels, bytes).
 ///
 /// # Errors
-/// [`FileError::Content`], always.
+/// Returns [`FileError::Content`].
 pub fn read_png8(_: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     Err(FileError::content(file, Reason::new("no-image-formats", WHY)))
 }

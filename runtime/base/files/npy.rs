@@ -1,8 +1,9 @@
-//! NumPy's `.npy`, as far as images, maps and phases need it: floats and integers of any shape.
+//! Reads and writes NumPy's `.npy`, as far as images, maps and phases require it.
 //!
-//! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>. It is read here rather than by a
-//! crate because the crates that read it build a C toolchain's objects on the way (through their literal parser), and
-//! a build of this project needs cargo alone.
+//! It has floats and integers of any shape. Format:
+//! <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>. The reader is here because the crates that
+//! read the format build objects of a C toolchain (through their literal parser), and a build of this project requires
+//! cargo alone.
 
 use super::npy_header::Header;
 use super::{FileError, read, write_file};
@@ -21,27 +22,27 @@ pub struct Npy {
     pub shape: Vec<usize>,
     /// Values in C order.
     pub values: Vec<f32>,
-    /// Whether the file holds integers: levels of something, never radians or light.
+    /// True if the file holds integers, which are levels and never radians or light.
     pub integers: bool,
 }
 
-/// Length that a header may have. NumPy writes 118 bytes.
+/// Maximum length of a header in bytes. NumPy writes 118 bytes.
 const LONGEST_HEADER: usize = 65536;
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// Reads an `.npy` of float16, float32, float64 or integers of up to 64 bits (rounded to float32), little- or big-endian, C or
-/// Fortran order.
+/// Reads an `.npy` of float16, float32, float64 or integers of up to 64 bits, rounded to float32. It accepts
+/// little-endian and big-endian bytes, in C or Fortran order.
 ///
 /// # Errors
-/// [`FileError::Read`]; [`FileError::Content`] for another format or element type, a file cut short or too long, and
-/// a value that is not finite (with its index).
+/// Returns [`FileError::Read`], or [`FileError::Content`] for another format or element type, a file that is cut short
+/// or too long, and a value that is not finite (with its index).
 pub fn read_npy(file: &Path) -> Result<Npy, FileError> {
     let array = read_npy_with_gaps(file)?;
     array.finite().map_err(|reason| FileError::content(file, reason))?;
     Ok(array)
 }
 
-/// The same, with values that are not finite, as where a depth is not known.
+/// Reads an `.npy` in the same way, and accepts values that are not finite, such as unknown depths.
 pub fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
     let open = || {
         let opened = read::open(file)?;
@@ -52,10 +53,10 @@ pub fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
     parse(file, &mut from, length)
 }
 
-/// Writes float32 in C order. `values` has as many elements as `shape` says.
+/// Writes float32 in C order. `values` has the number of elements that `shape` states.
 ///
 /// # Errors
-/// Those of [`write_file`].
+/// Returns the errors of [`write_file`].
 pub fn write_npy(file: &Path, shape: &[usize], values: &[f32]) -> Result<(), FileError> {
     assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape is that of the values");
     write_file(file, |out| {
@@ -64,19 +65,19 @@ pub fn write_npy(file: &Path, shape: &[usize], values: &[f32]) -> Result<(), Fil
     })
 }
 
-/// What stands before the values of a `.npy` in C order; `kind` as NumPy says it.
+/// Returns the bytes before the values of a `.npy` in C order. `kind` is NumPy's name of the type.
 pub fn npy_header(kind: &str, shape: &[usize]) -> Vec<u8> {
     let axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
     let axes = if shape.len() == 1 { axes.trim_end() } else { axes.trim_end_matches(", ") };
     let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({axes}), }}");
-    // The data starts at a multiple of 64 bytes; the header ends in a newline.
+    // The data starts at a multiple of 64 bytes, and the header ends in a newline.
     let before = MAGIC.len() + 4;
     header.extend(std::iter::repeat_n(' ', 63 - (before + header.len()) % 64));
     header.push('\n');
     [MAGIC, &[1, 0], &(header.len() as u16).to_le_bytes(), header.as_bytes()].concat()
 }
 
-/// Float32, little-endian, whatever the machine.
+/// Writes float32 as little-endian bytes on every machine.
 pub fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
     let mut bytes = [0; 16384];
     for part in values.chunks(bytes.len() / 4) {
@@ -89,7 +90,7 @@ pub fn write_le(out: &mut dyn Write, values: &[f32]) -> io::Result<()> {
 }
 
 impl Npy {
-    /// Refuses values that are not finite, in words.
+    /// Refuses values that are not finite, with a sentence.
     fn finite(&self) -> Result<(), Reason> {
         let Some(at) = self.values.iter().position(|v| !v.is_finite()) else { return Ok(()) };
         let index = index_of(&self.shape, at);
@@ -97,7 +98,8 @@ impl Npy {
     }
 }
 
-/// `length`: of the whole file; what it cannot hold is refused before any memory is taken for it.
+/// Reads the array. `length` is the length of the whole file. A shape that does not fit it is refused before memory is
+/// allocated.
 fn parse(file: &Path, from: &mut dyn Read, length: u64) -> Result<Npy, FileError> {
     let mut reader = NpyReader::new(file, from, length)?;
     let (count, copies) = (reader.left, 1 + usize::from(reader.header.fortran_order));
@@ -113,36 +115,36 @@ fn parse(file: &Path, from: &mut dyn Read, length: u64) -> Result<Npy, FileError
     Ok(Npy { shape: header.shape, values, integers })
 }
 
-/// What makes a value of an element, whose bytes are little-endian.
+/// Returns the value of an element, whose bytes are little-endian.
 type Value = fn(&[u8]) -> f32;
 
-/// An array that is read a part at a time, in the order of its file.
+/// An array that is read in parts, in the order of its file.
 pub(super) struct NpyReader<R> {
     pub header: Header,
-    /// Bytes of an element, and its value.
+    /// Bytes of an element, and the function that returns its value.
     element: (usize, Value),
     big: bool,
-    /// Elements that are still to be read.
+    /// Number of elements that are still to be read.
     left: usize,
     from: R,
     pub file: PathBuf,
 }
 
 impl<R: Read> NpyReader<R> {
-    /// Reads what stands before the values; `length` is that of the whole file.
+    /// Reads the bytes before the values. `length` is the length of the whole file.
     pub fn new(file: &Path, mut from: R, length: u64) -> Result<Self, FileError> {
         let wrong = |reason: Reason| FileError::content(file, reason);
         let mut fill = |to: &mut [u8]| fill(file, &mut from, to);
         let mut start = [0; 8];
         fill(&mut start)?;
         if &start[..6] != MAGIC {
-            return Err(wrong(reason!("not-npy", "is no .npy file: it does not start with \\x93NUMPY")));
+            return Err(wrong(reason!("not-npy", "is not an .npy file: it does not start with \\x93NUMPY")));
         }
         let mut size = [0; 4];
         let size = match start[6] {
             1 => fill(&mut size[..2]).map(|()| u32::from_le_bytes(size) as usize)?,
             2 | 3 => fill(&mut size).map(|()| u32::from_le_bytes(size) as usize)?,
-            other => return Err(wrong(reason!("npy-version", "has .npy version {other}: 1, 2 and 3 are known"))),
+            other => return Err(wrong(reason!("npy-version", "has .npy version {other}: 1, 2 and 3 are supported"))),
         };
         let before = if start[6] == 1 { 10 } else { 12 } + size as u64;
         if size > LONGEST_HEADER {
@@ -153,14 +155,14 @@ impl<R: Read> NpyReader<R> {
         fill(&mut header)?;
         let header = Header::parse(&header).ok_or_else(|| {
             let text = String::from_utf8_lossy(&header[..header.len().min(100)]).escape_debug().to_string();
-            wrong(reason!("npy-header", "has a header that cannot be understood: {text}"))
+            wrong(reason!("npy-header", "has a header that cannot be parsed: {text}"))
         })?;
         let element = element(&header.descr).map_err(wrong)?;
         let big = match header.descr.as_bytes()[0] {
             b'<' => false,
             b'>' => true,
             b'=' | b'|' => cfg!(target_endian = "big"),
-            _ => return Err(wrong(reason!("npy-type", "holds '{}': '<f4' or '<f8' is wanted", header.descr))),
+            _ => return Err(wrong(reason!("npy-type", "holds '{}': '<f4' or '<f8' is required", header.descr))),
         };
         let count = header.shape.iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
         let bytes = count.and_then(|n| n.checked_mul(element.0 as u64)).and_then(|n| n.checked_add(before));
@@ -177,7 +179,7 @@ impl<R: Read> NpyReader<R> {
         Ok(Self { element, big, left: (length - before) as usize / element.0, header, from, file: file.into() })
     }
 
-    /// The next `count` values, or as many as there still are.
+    /// Returns the next `count` values, or all that remain if these are fewer.
     pub fn take(&mut self, count: usize) -> Result<Vec<f32>, FileError> {
         let ((width, value), count) = (self.element, count.min(self.left));
         let mut values = Vec::with_capacity(count);
@@ -197,7 +199,7 @@ impl<R: Read> NpyReader<R> {
     }
 }
 
-/// Bytes of an element of this type, and its value.
+/// Returns the bytes of an element of this type, and the function that returns its value.
 fn element(descr: &str) -> Result<(usize, Value), Reason> {
     Ok(match descr.get(1..) {
         Some("f2") => (2, |b| half::f16::from_le_bytes(first(b)).to_f32()),
@@ -215,7 +217,7 @@ fn element(descr: &str) -> Result<(usize, Value), Reason> {
             let known = "floats ('<f2', '<f4', '<f8') or integers ('|u1', '<u2', '<i8' and the like)";
             let complex = kind.is_some_and(|k| k.starts_with('c'));
             let hint = if complex {
-                "; of complex numbers save numpy.angle(a), the phase, or numpy.abs(a) ** 2, the light"
+                ". For complex numbers, save numpy.angle(a), the phase, or numpy.abs(a) ** 2, the light"
             } else {
                 ""
             };
@@ -231,7 +233,7 @@ fn fill(file: &Path, from: &mut impl Read, to: &mut [u8]) -> Result<(), FileErro
     })
 }
 
-/// The first bytes, of which there are enough.
+/// Returns the first bytes. The slice must have enough of them.
 fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
     bytes[..N].try_into().expect("as many bytes as the element has")
 }
@@ -364,7 +366,7 @@ mod tests {
             let mut bytes = whole.clone();
             bytes[at % whole.len()] = to;
             let _ = read(&bytes);
-            // Of the file as it was: a changed one may say that it is shorter.
+            // Only the original file is cut, because a changed one may state a shorter length.
             prop_assert!(read(&whole[..cut.min(whole.len() - 1)]).is_err());
         }
     }

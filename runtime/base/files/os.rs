@@ -1,4 +1,4 @@
-//! What the systems do differently about files.
+//! Hides the differences between operating systems about files.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,13 +14,13 @@ pub fn cache_folder() -> Option<PathBuf> {
     base.map(|base| base.join("eyebox"))
 }
 
-/// A path without links and dots.
+/// Returns a path without links and dots.
 #[cfg(not(windows))]
 pub(super) fn canonical(path: &Path) -> io::Result<PathBuf> {
     path.canonicalize()
 }
 
-/// A path without links and dots, and without the mark of Windows for paths whose `/` separates nothing.
+/// Returns a path without links and dots, and without the Windows prefix for paths in which `/` does not separate.
 #[cfg(windows)]
 pub(super) fn canonical(path: &Path) -> io::Result<PathBuf> {
     let marked = path.canonicalize()?;
@@ -44,11 +44,11 @@ pub(super) fn exchange(_: &Path, _: &Path) -> io::Result<()> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// Makes names in a folder last through a power cut; only Unix has it.
+/// Makes names in a folder persist through a power cut. Only Unix has this.
 #[cfg(unix)]
 pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
     match std::fs::File::open(folder)?.sync_all() {
-        // Some network file systems cannot, and say so.
+        // Some network file systems cannot do this, and report it.
         Err(e) if e.kind() == io::ErrorKind::InvalidInput || e.kind() == io::ErrorKind::Unsupported => Ok(()),
         other => other,
     }
@@ -59,7 +59,7 @@ pub(super) fn sync_folder(_: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Gives temporary names these permissions, of which the umask takes away, instead of the owner's alone.
+/// Gives temporary names these permissions minus the umask, instead of permissions for the owner only.
 #[cfg(unix)]
 pub(super) fn permit(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
@@ -68,7 +68,7 @@ pub(super) fn permit(builder: &mut tempfile::Builder<'_, '_>, mode: u32) {
 #[cfg(not(unix))]
 pub(super) fn permit(_: &mut tempfile::Builder<'_, '_>, _: u32) {}
 
-/// Whether a path stands for what is open.
+/// Returns true if a path leads to the file that is open.
 #[cfg(unix)]
 pub(super) fn is_same(open: &std::fs::File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -81,7 +81,7 @@ pub(super) fn is_same(_: &std::fs::File, path: &Path) -> bool {
     path.exists()
 }
 
-/// Opens a file or folder of the same user as `mine`, and no link.
+/// Opens a file or folder that belongs to the same user as `mine`. A link is refused.
 #[cfg(unix)]
 pub(super) fn open_own(path: &Path, mine: &std::fs::File) -> io::Result<std::fs::File> {
     use rustix::fs::OFlags;

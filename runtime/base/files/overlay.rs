@@ -1,4 +1,4 @@
-//! Settings as a TOML text over their defaults.
+//! Reads settings as a TOML text over their defaults.
 
 use crate::error::Reason;
 use crate::reason;
@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 /// Reads a TOML text as keys with values.
 ///
 /// # Errors
-/// The line that is not TOML, or the key of a number that is not finite.
+/// Returns the line that is not TOML, or the key of a number that is not finite.
 pub fn keys(text: &str) -> Result<Map<String, Value>, Reason> {
     let given: toml::Table = super::read::toml(text)?;
     let value = |(key, value): (String, toml::Value)| {
@@ -23,11 +23,11 @@ pub fn keys(text: &str) -> Result<Map<String, Value>, Reason> {
     given.into_iter().map(value).collect()
 }
 
-/// Returns the keys of `whole` with the given ones over them. A table replaces only the keys that it has. Keys of `beside` are
-/// ignored.
+/// Returns the keys of `whole` with the given ones over them. A table replaces only the keys that it has. Keys of
+/// `beside` are ignored.
 ///
 /// # Errors
-/// A key that is unknown, or whose value has another type.
+/// Returns a key that is unknown, or whose value has another type.
 pub fn overlay<T: DeserializeOwned>(
     mut whole: Map<String, Value>,
     beside: &[&str],
@@ -36,7 +36,7 @@ pub fn overlay<T: DeserializeOwned>(
     for (key, value) in given.iter().filter(|(key, _)| !beside.contains(&&key[..])) {
         let Some(old) = whole.get_mut(key) else {
             let known: Vec<&str> = whole.keys().map(String::as_str).chain(beside.iter().copied()).collect();
-            return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
+            return Err(reason!("no-such-setting", "{key}: no such setting. The settings are {}", known.join(", ")));
         };
         merge(old, value);
         T::deserialize(Value::Object(whole.clone())).map_err(|e| reason!("value", "{key}: {e}"))?;
@@ -44,7 +44,7 @@ pub fn overlay<T: DeserializeOwned>(
     T::deserialize(Value::Object(whole)).map_err(|e| e.to_string().into())
 }
 
-/// Returns a value as its keys. A value that has none is empty.
+/// Returns the keys of a value. A value without keys gives an empty map.
 pub fn keys_of(value: &impl Serialize) -> Map<String, Value> {
     match serde_json::to_value(value) {
         Ok(Value::Object(keys)) => keys,
@@ -55,7 +55,7 @@ pub fn keys_of(value: &impl Serialize) -> Map<String, Value> {
 /// Writes keys as a TOML text.
 ///
 /// # Errors
-/// A value that TOML does not have.
+/// Returns the reason if TOML cannot represent a value.
 pub fn toml(keys: &Map<String, Value>) -> Result<String, Reason> {
     toml::to_string(keys).map_err(|e| e.to_string().into())
 }

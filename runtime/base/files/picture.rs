@@ -1,4 +1,4 @@
-//! PNG: pictures for people (linear light in, sRGB out) and grey levels for SLMs.
+//! Writes PNG pictures for people, from linear light to sRGB, and of gray levels for SLMs.
 
 use super::{FileError, encode_png8, write_file};
 use std::{
@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-/// Linear light in 0..1 to sRGB in 0..1, by the exact curve (IEC 61966-2-1); clips what lies outside.
+/// Converts linear light in 0..1 to sRGB in 0..1, by the exact curve (IEC 61966-2-1). Values outside are clipped.
 pub fn linear_to_srgb(v: f64) -> f64 {
     let v = v.clamp(0.0, 1.0);
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
@@ -14,30 +14,30 @@ pub fn linear_to_srgb(v: f64) -> f64 {
 
 /// Writes linear light as an 8-bit sRGB PNG.
 ///
-/// `planes`: one (grey) or three (red, green, blue) planes of `height` x `width`; a NaN shows as black.
+/// `planes` has one (gray) or three (red, green, blue) planes of `height` x `width`. A NaN becomes black.
 ///
 /// # Errors
-/// Those of [`write_file`].
+/// Returns the errors of [`write_file`].
 ///
 /// # Panics
-/// If there are not one or three planes, or one has another size: the caller's mistake.
+/// Panics if there are not one or three planes, or if one has another size. This is a mistake of the caller.
 pub fn write_png(file: &Path, height: usize, width: usize, planes: &[&[f32]]) -> Result<(), FileError> {
     write_file(file, |out| encode_png(out, height, width, planes))
 }
 
-/// Encodes the same.
+/// Encodes linear light as an 8-bit sRGB PNG, with the arguments of [`write_png`].
 ///
 /// # Errors
-/// Those of `out`.
+/// Returns the errors of `out`.
 ///
 /// # Panics
-/// As [`write_png`].
+/// Panics as [`write_png`] does.
 pub fn encode_png(out: &mut dyn Write, height: usize, width: usize, planes: &[&[f32]]) -> io::Result<()> {
     assert!(matches!(planes.len(), 1 | 3), "a picture has one or three planes, not {}", planes.len());
     assert!(planes.iter().all(|p| p.len() == height * width), "every plane is {height} x {width}");
     let mut bytes = Vec::with_capacity(planes.len() * height * width);
     for i in 0..height * width {
-        // A cast from float saturates, and takes NaN to 0.
+        // A cast from float saturates, and turns NaN into 0.
         bytes.extend(planes.iter().map(|p| (linear_to_srgb(f64::from(p[i])) * 255.0).round() as u8));
     }
     encode_png8(out, height, width, planes.len(), &bytes)
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn the_curve_has_its_published_values() {
-        // 18 % grey is level 118; the ends and the knee are exact.
+        // 18 % gray is level 118. The ends and the knee are exact.
         assert_eq!((linear_to_srgb(0.18) * 255.0).round(), 118.0);
         assert_eq!((linear_to_srgb(-1.0), linear_to_srgb(2.0)), (0.0, 1.055 - 0.055));
         assert!((linear_to_srgb(0.003_130_8) - linear_to_srgb(0.003_130_9)).abs() < 2e-6);

@@ -1,4 +1,4 @@
-//! Decodes pictures as their files store them, and encodes PNG and JPEG. The crate `image` reads all but EXR and TIFF.
+//! Decodes pictures as their files store them, and encodes PNG and JPEG.
 
 use super::{FileError, FileKind, Pixels, Samples, Wanted, exr_pixels, read, tiff_pixels};
 use crate::error::Reason;
@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Write};
 use std::path::Path;
 
-/// Longest side of a picture, pixels.
+/// Longest side of a picture in pixels.
 const LONGEST_SIDE: u32 = 65536;
 
 /// Determines the kind of a picture from its first bytes, and refuses other files.
@@ -23,17 +23,18 @@ fn kind(file: &Path, wanted: Wanted) -> Result<FileKind, FileError> {
     if is_still { Ok(kind) } else { Err(FileError::of_kind(file, kind, wanted)) }
 }
 
-/// Whether a GIF has more than one frame.
+/// Returns true if a GIF has more than one frame.
 fn is_animated(file: &Path) -> Result<bool, FileError> {
     let mut decoder = GifDecoder::new(read::buffered(file)?).map_err(|e| FileError::damaged(file, e))?;
     decoder.set_limits(limits()).map_err(|e| FileError::damaged(file, e))?;
     Ok(decoder.into_frames().take(2).filter(Result::is_ok).count() > 1)
 }
 
-/// Rows and columns of a picture of at most `most` pixels, turned as its metadata state, from the header alone.
+/// Returns rows and columns of a picture of at most `most` pixels, turned as its metadata state, from the header alone.
 ///
 /// # Errors
-/// [`FileError::Read`]; [`FileError::Kind`] for what is no picture; [`FileError::Content`], also for more pixels.
+/// Returns [`FileError::Read`], [`FileError::Kind`] for a file that is not a picture, or [`FileError::Content`], also
+/// for more pixels.
 pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2], FileError> {
     let kind = kind(file, wanted)?;
     let size = match kind {
@@ -49,15 +50,15 @@ pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2]
     Ok(if orientation(file, kind)? >= 5 { [size[1], size[0]] } else { size })
 }
 
-/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
+/// Returns the EXIF orientation by which a picture is turned, 1 to 8. 1 is as stored.
 ///
 /// # Errors
-/// As [`picture_size`].
+/// Returns the errors of [`picture_size`].
 pub fn picture_orientation(file: &Path, wanted: Wanted) -> Result<u8, FileError> {
     orientation(file, kind(file, wanted)?)
 }
 
-/// The same of a known kind; 1 for metadata that cannot be read.
+/// Returns the orientation of a picture of a known kind. It is 1 if the metadata cannot be read.
 fn orientation(file: &Path, kind: FileKind) -> Result<u8, FileError> {
     match kind {
         FileKind::Exr => Ok(1),
@@ -69,11 +70,12 @@ fn orientation(file: &Path, kind: FileKind) -> Result<u8, FileError> {
     }
 }
 
-/// Decodes a picture of at most `most` pixels, and turns it as its metadata state. Of an EXR file with many channels those
-/// of the `wanted` are taken.
+/// Decodes a picture of at most `most` pixels, and turns it as its metadata state. In an EXR file with many channels,
+/// it reads the channels for `wanted`. The crate `image` reads all formats but EXR and TIFF.
 ///
 /// # Errors
-/// As [`picture_size`]; [`FileError::Content`] for values that are neither 8 nor 16 bits nor floats.
+/// Returns the errors of [`picture_size`], and [`FileError::Content`] for values that are neither 8 nor 16 bits nor
+/// floats.
 pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, FileError> {
     picture_size(file, wanted, most)?;
     let kind = kind(file, wanted)?;
@@ -93,7 +95,8 @@ pub fn read_pixels(file: &Path, wanted: Wanted, most: u64) -> Result<Pixels, Fil
     Ok(pixels.turned(orientation(file, kind)?))
 }
 
-/// Name of the kind of a file whose stored values are light unless something else is stated: EXR, and TIFF of floats.
+/// Returns the name of the kind of a file whose stored values are light unless the file states otherwise. These are
+/// EXR, and TIFF of floats.
 pub fn holds_light(file: &Path) -> Option<&'static str> {
     match FileKind::of(file) {
         Ok(FileKind::Exr) => Some("EXR"),
@@ -110,7 +113,7 @@ fn check_size(file: &Path, [height, width]: [usize; 2], most: u64) -> Result<(),
     let most = most >> 20;
     let reason = reason!(
         "too-many-pixels",
-        "it has {height} x {width} pixels: at most {most} Mpx are read; scale it down to what the display shows"
+        "it has {height} x {width} pixels, but at most {most} Mpx are read: scale it down to the size of the display"
     );
     Err(FileError::content(file, reason))
 }
@@ -137,10 +140,10 @@ fn open(file: &Path, kind: FileKind) -> Result<ImageReader<BufReader<File>>, Fil
     Ok(reader)
 }
 
-/// The ICC profile in a picture's metadata.
+/// Returns the ICC profile in a picture's metadata.
 fn profile(file: &Path, kind: FileKind) -> Result<Option<Vec<u8>>, FileError> {
     let mut decoder = open(file, kind)?.into_decoder().map_err(|e| FileError::damaged(file, e))?;
-    // A profile that is cut short is none: `color_space` refuses it.
+    // A profile that is cut short becomes an empty one, which `color_space` refuses.
     Ok(decoder.icc_profile().unwrap_or(Some(Vec::new())))
 }
 
@@ -164,28 +167,28 @@ fn of_image(file: &Path, image: DynamicImage) -> Result<Pixels, FileError> {
     Ok(Pixels::new(size, channels, samples))
 }
 
-/// Whether a JPEG's last scan is closed: decoders fill what is missing with gray and report nothing.
+/// Returns true if the last scan of a JPEG is closed. Decoders fill missing data with gray and report nothing.
 fn jpeg_ends(file: &Path) -> Result<bool, FileError> {
     let bytes = read::bytes(file, read::PICTURE).map_err(|e| FileError::read(file, e))?;
-    // Inside a scan, 0xff is never followed by these.
+    // Inside a scan, these bytes never follow 0xff.
     let last_scan = bytes.windows(2).rposition(|b| b == [0xff, 0xda]).unwrap_or(0);
     Ok(bytes[last_scan..].windows(2).any(|b| b == [0xff, 0xd9]))
 }
 
-/// Encodes 8-bit levels as they are, (row, column, channel), one channel (grey) or three, as a PNG.
+/// Encodes 8-bit levels (row, column, channel) unchanged as a PNG, with one channel (gray) or three.
 ///
 /// # Errors
-/// Those of `out`.
+/// Returns the errors of `out`.
 pub fn encode_png8(out: &mut dyn Write, height: usize, width: usize, channels: usize, bytes: &[u8]) -> io::Result<()> {
     let kind = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
     PngEncoder::new(out).write_image(bytes, width as u32, height as u32, kind).map_err(plain)
 }
 
-/// Encodes 8-bit red, green, blue as a JPEG of `quality` 1 to 100, every channel at full resolution: a fifth of the
-/// PNG for pictures with speckle, where many have to fit a page.
+/// Encodes 8-bit red, green and blue as a JPEG of `quality` 1 to 100, with every channel at full resolution. For
+/// pictures with speckle it has a fifth of the size of a PNG, so that many fit on one page.
 ///
 /// # Errors
-/// Those of `out`.
+/// Returns the errors of `out`.
 pub fn encode_jpeg8(out: &mut dyn Write, height: usize, width: usize, levels: &[u8], quality: u8) -> io::Result<()> {
     let encoder = JpegEncoder::new_with_quality(out, quality);
     encoder.write_image(levels, width as u32, height as u32, ExtendedColorType::Rgb8).map_err(plain)
@@ -198,25 +201,26 @@ fn plain(error: ImageError) -> io::Error {
     }
 }
 
-/// Reads an 8-bit PNG, `file`, that is open, as it is stored, grey or coloured: (height, width, channels, bytes), 1 or 3 channels.
+/// Reads an 8-bit PNG, gray or colored, as it is stored. `opened` is the open file at the path `file`. Returns (height,
+/// width, channels, bytes) with 1 or 3 channels.
 ///
 /// # Errors
-/// [`FileError::Read`]; [`FileError::Content`] for what is no whole PNG, for 16 bits a channel, and for pixels that are
-/// not opaque.
+/// Returns [`FileError::Read`], or [`FileError::Content`] for a file that is not a complete PNG, for 16 bits per
+/// channel, and for pixels that are not opaque.
 pub fn read_png8(opened: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     let wrong = |reason: Reason| FileError::content(file, reason);
     let reader = ImageReader::with_format(BufReader::new(opened), ImageFormat::Png);
     let no_png =
-        |e: ImageError| wrong(reason!("no-whole-png", "is no whole PNG: {}", e.to_string().replace('\n', " ")));
+        |e: ImageError| wrong(reason!("no-whole-png", "is not a complete PNG: {}", e.to_string().replace('\n', " ")));
     let image = reader.decode().map_err(no_png)?;
     let kind = image.color();
     let Pixels { height, width, channels, samples: Samples::U8(mut levels), .. } = of_image(file, image)? else {
-        return Err(wrong(reason!("bits", "holds {kind:?} pixels: 8 bits a channel are wanted")));
+        return Err(wrong(reason!("bits", "holds {kind:?} pixels: 8 bits per channel are required")));
     };
     let colors = channels - usize::from(kind.has_alpha());
     if colors < channels {
         if levels.chunks_exact(channels).any(|pixel| pixel[colors] != 255) {
-            let unknown = "has pixels that are not opaque: what a display shows of them is not known";
+            let unknown = "has pixels that are not opaque: save it without transparency";
             return Err(wrong(Reason::new("not-opaque", unknown)));
         }
         levels = levels.chunks_exact(channels).flat_map(|pixel| &pixel[..colors]).copied().collect();

@@ -1,4 +1,4 @@
-//! Pictures of every kind that is read, judged by their values.
+//! Checks the values of pictures of every kind that is read.
 
 use super::*;
 use exr::prelude::{
@@ -13,7 +13,7 @@ const H: usize = 3;
 const W: usize = 5;
 const MOST: u64 = 1 << 20;
 
-/// A value for every place and channel, between 0 and 1.
+/// Returns a value for every place and channel, between 0 and 1.
 fn value(row: usize, column: usize, channel: usize) -> f64 {
     (row * 31 + column * 7 + channel * 50) as f64 / 255.0
 }
@@ -42,7 +42,7 @@ where
     encoder.write_image::<C>(W as u32, H as u32, values).unwrap();
 }
 
-/// An EXR of one part with these channels.
+/// Writes an EXR of one part with these channels.
 fn exr_of(file: &Path, channels: &[(&str, FlatSamples)]) {
     let list: SmallVec<[AnyChannel<FlatSamples>; 4]> =
         channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone())).collect();
@@ -79,7 +79,7 @@ fn tiff_of_every_depth_and_number_of_channels_is_read_as_it_is_stored() {
     }
     assert_eq!(read(&at("1d"), Wanted::DepthMap).samples, Samples::F32(floats(1)));
     assert_eq!([holds_light(&at("3f")), holds_light(&at("3w"))], [Some("TIFF floats"), None]);
-    // What has no meaning here is refused: signs, 32 bits without a point, and pages.
+    // Values without a meaning here are refused, such as signed ones, integers of 32 bits, and pages.
     tiff::<of::GrayI16>(&at("signed"), &[-1; H * W]);
     tiff::<of::Gray32>(&at("wide"), &[7; H * W]);
     let mut two = TiffEncoder::new(File::create(at("pages")).unwrap()).unwrap();
@@ -113,12 +113,12 @@ fn bmp_and_portable_maps_are_read_and_stretched_to_their_largest_value() {
     assert_eq!(read(&at("p5"), Wanted::Scene).samples, Samples::U8(bytes(1)));
     assert_eq!(read(&at("p2"), Wanted::Scene).samples, Samples::U8(bytes(1)));
     assert_eq!(read(&at("p6w"), Wanted::Scene).samples, Samples::U16(words(3)));
-    // 10 bits fill all 16: the brightest is white.
+    // 10 bits fill all 16 bits, and the brightest value is white.
     let Samples::U16(stretched) = read(&at("p5ten"), Wanted::Scene).samples else { panic!("16 bits") };
     assert!(stretched.iter().zip(all(1)).all(|(v, light)| (f64::from(*v) / 65535.0 - light).abs() < 1e-3));
 }
 
-/// The channels of a file, and those that are its colors and its depth; none where it is refused.
+/// The channels of a file, and the ones among them that are its colors and its depth. `None` means that it is refused.
 type Row = (&'static str, &'static [&'static str], Option<&'static [&'static str]>, Option<&'static [&'static str]>);
 
 #[test]
@@ -189,7 +189,7 @@ fn exr_parts_halves_and_windows_are_read() {
     exr_of(&file, &[("Y", FlatSamples::F16(half))]);
     let expected: Vec<f32> = (0..H * W).map(|i| i as f32 * 0.5).collect();
     assert_eq!(read(&file, Wanted::DepthMap).samples, Samples::F32(expected));
-    // Two parts: the second is called depth, and its data begin one pixel further right and down.
+    // There are two parts. The second is called depth, and its data begin one pixel further right and down.
     let window = IntegerBounds::from_dimensions(Vec2(W, H));
     let part = |name: &str, channels: &[&str], size: Vec2<usize>| {
         let list: SmallVec<[AnyChannel<FlatSamples>; 4]> = channels

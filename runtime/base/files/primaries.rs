@@ -1,4 +1,4 @@
-//! Color primaries that a file states: light of other primaries is converted to those of sRGB.
+//! Converts light from the color primaries that a file states to the primaries of sRGB.
 
 use crate::error::Reason;
 use crate::reason;
@@ -13,7 +13,7 @@ pub struct Primaries(pub [[f64; 2]; 4]);
 const D65: [f64; 2] = [0.3127, 0.3290];
 /// Responses of the cones to X, Y and Z by which a picture is adapted to another white (Bradford).
 const CONES: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
-/// Difference of light up to which primaries count as those of sRGB: files round them.
+/// Difference of light up to which primaries count as the primaries of sRGB, because files round them.
 const SAME: f64 = 0.006;
 
 impl Primaries {
@@ -34,10 +34,11 @@ impl Primaries {
         })
     }
 
-    /// Returns the matrix from linear light of these primaries to that of sRGB, and `None` if they are those of sRGB.
+    /// Returns the matrix from linear light of these primaries to linear light of sRGB, and `None` if they are the
+    /// primaries of sRGB.
     ///
     /// # Errors
-    /// What is wrong with the chromaticities, in words.
+    /// Returns a reason that states the fault of the chromaticities.
     pub fn to_srgb(self) -> Result<Option<Matrix>, Reason> {
         let impossible = || reason!("primaries", "color primaries that span no colors ({})", self.in_words());
         let from = self.to_xyz().ok_or_else(impossible)?;
@@ -51,7 +52,7 @@ impl Primaries {
         Ok((most > SAME).then_some(matrix))
     }
 
-    /// Names the chromaticities.
+    /// Returns the chromaticities in words.
     pub fn in_words(self) -> String {
         let names = ["red", "green", "blue", "white"];
         let all = names.iter().zip(self.0).map(|(name, [x, y])| format!("{name} {x:.4}, {y:.4}"));
@@ -61,7 +62,7 @@ impl Primaries {
     /// Returns the matrix from light to X, Y and Z. White has the luminance 1.
     fn to_xyz(self) -> Option<Matrix> {
         let white = white(self.0[3])?;
-        // A primary may lie outside of the visible colors, as the blue of ACES does: its y is below 0.
+        // A primary may be outside of the visible colors. The blue of ACES is, and its y is below 0.
         let [r, g, b] = [0, 1, 2].map(|i| [self.0[i][0], self.0[i][1], 1.0 - self.0[i][0] - self.0[i][1]]);
         let columns = [0, 1, 2].map(|i| [r[i], g[i], b[i]]);
         let shares = apply(&inverse(columns)?, white);
@@ -74,7 +75,7 @@ fn white([x, y]: [f64; 2]) -> Option<[f64; 3]> {
     (x.is_finite() && y.is_finite() && y > 1e-6).then(|| [x / y, 1.0, (1.0 - x - y) / y])
 }
 
-/// Returns the matrix on X, Y and Z that makes this white that of sRGB.
+/// Returns the matrix on X, Y and Z that adapts this white to the white of sRGB.
 fn adaptation(of: [f64; 2]) -> Option<Matrix> {
     let [from, to] = [apply(&CONES, white(of)?), apply(&CONES, white(D65)?)];
     let scaled = [0, 1, 2].map(|i| CONES[i].map(|v| v * to[i] / from[i]));
@@ -109,7 +110,7 @@ mod tests {
         found.iter().flatten().zip(expected.iter().flatten()).all(|(a, b)| (a - b).abs() < 6e-4)
     }
 
-    /// Matrices of ITU-R BT.2087, of Display P3 and of ACES2065-1, as they are published.
+    /// The matrices of ITU-R BT.2087, of Display P3 and of ACES2065-1, as published.
     #[test]
     fn primaries_become_those_of_srgb() {
         let of = |code| Primaries::of_code(code).unwrap();

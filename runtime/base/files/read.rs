@@ -1,7 +1,7 @@
-//! The one way to read a file: a regular one, opened without waiting, up to a limit that its kind has.
+//! Opens and reads regular files without waiting, up to a limit for each kind of file.
 //!
-//! A pipe, a terminal or a device in the place of a file would block for ever or never end; a file of 3 GB in the place of a
-//! table would be read to its last byte. Both are answered before a byte is read.
+//! All files are read in this way. A pipe, a terminal or a device instead of a file would block for ever or never end.
+//! A file of 3 GB instead of a table would be read to its last byte. Both are refused before a byte is read.
 
 #[cfg(feature = "image-formats")]
 use super::FileError;
@@ -13,25 +13,25 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
-/// Longest text that a person writes: displays, calibrations, light fields' settings; bytes.
+/// Longest text that a person writes, such as a display, a calibration or settings of a light field, in bytes.
 pub const TEXT: u64 = 1 << 20;
-/// Longest table and document, bytes.
+/// Longest table and document in bytes.
 pub const TABLE: u64 = 16 << 20;
-/// Longest file that is kept to save time, and longest results; bytes.
+/// Longest cached file, and longest results, in bytes.
 pub const RESULTS: u64 = 256 << 20;
 /// Bytes from which the encoding of a text is determined.
 const ENCODING: u64 = 8192;
-/// Longest picture or map, bytes.
+/// Longest picture or map in bytes.
 pub const PICTURE: u64 = 1 << 30;
 
 /// Opens a regular file. Anything else is refused, after opening it and without waiting for it.
 ///
 /// # Errors
-/// The system's; [`io::ErrorKind::InvalidInput`] for what is no regular file.
+/// Returns the errors of the system, and [`io::ErrorKind::InvalidInput`] for anything but a regular file.
 pub fn open(file: &Path) -> io::Result<File> {
     let mut options = File::options();
     options.read(true);
-    // Opening a pipe waits for its writer; with this flag, which regular files ignore, it does not.
+    // Opening a pipe waits for its writer, unless this flag is set. Regular files ignore the flag.
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, rustix::fs::OFlags::NONBLOCK.bits() as i32);
     regular(options.open(file)?)
@@ -43,7 +43,7 @@ pub(super) fn buffered(file: &Path) -> Result<BufReader<File>, FileError> {
     open(file).map(BufReader::new).map_err(|e| FileError::read(file, e))
 }
 
-/// What was opened, if it is a regular file.
+/// Returns the opened file, if it is a regular file.
 pub(super) fn regular(opened: File) -> io::Result<File> {
     let kind = opened.metadata()?.file_type();
     if kind.is_file() {
@@ -53,20 +53,20 @@ pub(super) fn regular(opened: File) -> io::Result<File> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, format!("it is {what}, and only regular files are read")))
 }
 
-/// All bytes of a regular file of at most `most` bytes.
+/// Returns all bytes of a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// As [`open`]; [`io::ErrorKind::InvalidData`] for longer ones, [`io::ErrorKind::OutOfMemory`].
+/// Returns the errors of [`open`], [`io::ErrorKind::InvalidData`] for longer files, and [`io::ErrorKind::OutOfMemory`].
 pub fn bytes(file: &Path, most: u64) -> io::Result<Vec<u8>> {
     all(open(file)?, most)
 }
 
-/// All bytes of what was opened, a regular file of at most `most` bytes.
+/// Returns all bytes of an opened regular file of at most `most` bytes.
 pub(super) fn all(opened: File, most: u64) -> io::Result<Vec<u8>> {
     let opened = regular(opened)?;
     let length = opened.metadata()?.len();
     let too_long = |n: u64| {
-        let why = format!("it is {n} bytes long, and at most {most} are read of such a file");
+        let why = format!("it is {n} bytes long, but at most {most} bytes of such a file are read");
         io::Error::new(io::ErrorKind::InvalidData, why)
     };
     if length > most {
@@ -74,31 +74,31 @@ pub(super) fn all(opened: File, most: u64) -> io::Result<Vec<u8>> {
     }
     let mut read = Vec::new();
     read.try_reserve_exact(length as usize).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
-    // Files of the system's state its length as 0, and files grow.
+    // Files of the operating system state 0 as their length, and files may grow.
     opened.take(most + 1).read_to_end(&mut read)?;
     if read.len() as u64 > most { Err(too_long(read.len() as u64)) } else { Ok(read) }
 }
 
-/// The text of a regular file of at most `most` bytes: UTF-8 or UTF-16, with any ends of lines.
+/// Returns the text of a regular file of at most `most` bytes. It may be UTF-8 or UTF-16, with any ends of lines.
 ///
 /// # Errors
-/// As [`bytes`]; [`io::ErrorKind::InvalidData`] for what is no text.
+/// Returns the errors of [`bytes`], and [`io::ErrorKind::InvalidData`] for a file that is not text.
 pub fn text(file: &Path, most: u64) -> io::Result<String> {
     let no_text = |bytes: Vec<u8>| {
         let why = match FileKind::of_bytes(&bytes[..bytes.len().min(4096)]) {
             FileKind::Text => "its text is neither UTF-8 nor UTF-16: save it as UTF-8".into(),
-            other => format!("it is no text, but {}: give a text file (UTF-8)", other.describe()),
+            other => format!("it is not text, but {}: give a text file (UTF-8)", other.describe()),
         };
         io::Error::new(io::ErrorKind::InvalidData, why)
     };
     decode(bytes(file, most)?).map_err(no_text)
 }
 
-/// Opens a text file whose lines are read one at a time. Another encoding than plain UTF-8 is decoded as a whole, up to `most`
-/// bytes.
+/// Opens a text file whose lines are read one at a time. Another encoding than plain UTF-8 is decoded as a whole, up to
+/// `most` bytes.
 ///
 /// # Errors
-/// As [`bytes`]; [`io::ErrorKind::InvalidData`] for what is no text in a known encoding.
+/// Returns the errors of [`bytes`], and [`io::ErrorKind::InvalidData`] for a file that is not text in a known encoding.
 pub fn lines(file: &Path, most: u64) -> io::Result<Box<dyn BufRead>> {
     let mut opened = open(file)?;
     let mut head = Vec::new();
@@ -113,7 +113,7 @@ pub fn lines(file: &Path, most: u64) -> io::Result<Box<dyn BufRead>> {
     Ok(Box::new(BufReader::new(Cursor::new(head).chain(opened))))
 }
 
-/// What a person wrote, as TOML; says which line is wrong, and what.
+/// Reads a text as TOML. The error states the line and the fault.
 pub fn toml<T: DeserializeOwned>(text: &str) -> Result<T, Reason> {
     let one_line = |message: &str| message.trim().replace('\n', " ");
     let read = toml::from_str(text).map_err(|e| {
@@ -127,13 +127,13 @@ pub fn toml<T: DeserializeOwned>(text: &str) -> Result<T, Reason> {
             None => reason!("toml", "line {line}: {}", one_line(e.message())),
         }
     })?;
-    // A list that is too long for its key is noticed on this way alone.
+    // Only this second way detects a list that is too long for its key.
     let table: toml::Value = toml::from_str(text).map_err(|e| one_line(e.message()))?;
     T::deserialize(table).map_err(|e| one_line(&e.to_string()))?;
     Ok(read)
 }
 
-/// The first number with a decimal comma in a line of TOML, where no list separates numbers by commas.
+/// Returns the first number with a decimal comma in a line of TOML, outside of lists, whose commas separate numbers.
 fn decimal_comma(line: &str) -> Option<&str> {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '_');
     let (mut depth, mut quote) = (0, None);
@@ -190,7 +190,7 @@ mod tests {
         std::fs::write(&file, [0xff, 0x80, 0xff]).unwrap();
         assert!(text(&file, 5).is_err(), "it is no text");
         assert!(bytes(here.path(), 5).is_err());
-        // A file that is longer than memory costs nothing.
+        // A file that is longer than memory is refused without allocating memory for it.
         std::fs::File::create(&file).unwrap().set_len(1 << 40).unwrap();
         assert!(bytes(&file, PICTURE).unwrap_err().to_string().contains("1099511627776"));
     }

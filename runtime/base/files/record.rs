@@ -1,4 +1,4 @@
-//! Where a file or folder was when a result was made of it, and a digest of what was read: how a result finds it again.
+//! Records the path and a digest of a file that a result was made from, so that the result can find it again.
 
 use super::{atomic::parent, read};
 use serde::{Deserialize, Serialize};
@@ -6,27 +6,27 @@ use sha2::{Digest, Sha256};
 use std::io::{self, BufReader};
 use std::path::{Component, Path, PathBuf};
 
-/// Bytes of a digest that are kept, of SHA-256's 32: enough that no two files share one by chance.
+/// Bytes of SHA-256's 32 that a digest keeps. They are enough that no two files share one by chance.
 const KEPT: usize = 16;
 
-/// Where a file or folder was, and the digest of what was read of it.
+/// The path of a file or folder, and the digest of the data that was read from it.
 ///
-/// Two records are equal if what was read is: places are hints.
+/// Two records are equal if the data is equal. Paths are only hints.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FileRecord {
-    /// Its path from the folder that holds the result, with `/` between its parts.
+    /// Path from the folder that holds the result, with `/` between its parts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative: Option<String>,
-    /// Its whole path.
+    /// Absolute path of the file or folder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub absolute: Option<String>,
-    /// Options that stood behind a question mark, as in `views.npy?grid=9x9`.
+    /// Options after a question mark, as in `views.npy?grid=9x9`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub options: Option<String>,
-    /// Hexadecimal digest of what was read.
+    /// Hexadecimal digest of the data.
     pub digest: String,
-    /// The folder that holds the result which this was read from.
+    /// Folder that holds the result from which this record was read.
     #[serde(skip)]
     beside: Option<PathBuf>,
 }
@@ -38,21 +38,22 @@ impl PartialEq for FileRecord {
 }
 
 impl FileRecord {
-    /// A record of the file or folder at `path`, which was read with these options.
+    /// Makes a record of the file or folder at `path`, which was read with these options.
     pub fn new(path: &Path, options: &str, digest: String) -> Self {
         let absolute = resolved(path).to_str().map(str::to_owned);
         let options = Some(options).filter(|options| !options.is_empty()).map(str::to_owned);
         Self { relative: None, absolute, options, digest, beside: None }
     }
 
-    /// A record of the file at `path`, of which this text was read.
+    /// Makes a record of the file at `path`, from which this text was read.
     pub fn of_text(path: &Path, text: &str) -> Self {
         let mut digest = Digester::default();
         digest.part(text.as_bytes());
         Self::new(path, "", digest.finish())
     }
 
-    /// Where it may be, the likeliest place first: beside the result, then where it was.
+    /// Returns the possible paths, the likeliest first. These are the path relative to the result, then the absolute
+    /// path.
     pub fn places(&self) -> Vec<PathBuf> {
         let beside = self.beside.as_ref().zip(self.relative.as_ref()).map(|(folder, path)| folder.join(path));
         let mut places: Vec<PathBuf> = beside.into_iter().chain(self.absolute.as_ref().map(PathBuf::from)).collect();
@@ -60,7 +61,7 @@ impl FileRecord {
         places
     }
 
-    /// The name by which a place is opened, with its options.
+    /// Returns the name by which a path is opened, with its options.
     pub fn named(&self, place: &Path) -> PathBuf {
         match &self.options {
             None => place.into(),
@@ -73,12 +74,12 @@ impl FileRecord {
         }
     }
 
-    /// The result that this belongs to was read from `folder`.
+    /// Records that the result with this record was read from `folder`.
     pub fn read_in(&mut self, folder: &Path) {
         self.beside = std::path::absolute(folder).ok();
     }
 
-    /// The result that this belongs to is about to be written into `folder`.
+    /// Records that the result with this record is about to be written into `folder`.
     pub fn written_in(&mut self, folder: &Path) {
         let places = self.places();
         let Some(found) = places.iter().find(|place| place.exists()).or(places.first()) else { return };
@@ -91,13 +92,13 @@ impl FileRecord {
         self.beside = Some(from);
     }
 
-    /// Forgets where it was, so that what is left says what it is.
+    /// Removes the paths, so that only the data identifies the record.
     pub fn forget_places(&mut self) {
         (self.relative, self.absolute) = (None, None);
     }
 }
 
-/// A path without links and dots but for a link at its end, which may come to lead elsewhere.
+/// Returns a path without links and dots. A link at its end stays, because it may lead elsewhere later.
 fn resolved(path: &Path) -> PathBuf {
     let found = match path.file_name() {
         Some(name) => parent(path).canonicalize().map(|parent| parent.join(name)),
@@ -106,7 +107,8 @@ fn resolved(path: &Path) -> PathBuf {
     found.or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.into())
 }
 
-/// The way from one folder to a path, both absolute; none on another volume, or where it is no text.
+/// Returns the way from one folder to a path, both absolute. Returns `None` on another volume, or if the path is not
+/// text.
 fn relative(from: &Path, to: &Path) -> Option<String> {
     let (from, to): (Vec<_>, Vec<_>) = (from.components().collect(), to.components().collect());
     let common = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
@@ -121,27 +123,27 @@ fn relative(from: &Path, to: &Path) -> Option<String> {
     Some(up.chain(down).collect::<Option<Vec<_>>>()?.join("/"))
 }
 
-/// A digest under way.
+/// A digest that is being computed.
 #[derive(Default)]
 pub struct Digester(Sha256);
 
 impl Digester {
-    /// Takes in bytes, and how many they are, so that no two lists of parts give one digest.
+    /// Adds bytes and their number, so that no two lists of parts give the same digest.
     pub fn part(&mut self, bytes: &[u8]) {
         self.0.update((bytes.len() as u64).to_le_bytes());
         self.0.update(bytes);
     }
 
-    /// The digest of all parts, hexadecimal.
+    /// Returns the digest of all parts in hexadecimal.
     pub fn finish(self) -> String {
         self.0.finalize()[..KEPT].iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
 
-/// The digest of a regular file's bytes.
+/// Returns the digest of a regular file's bytes.
 ///
 /// # Errors
-/// The system's; [`io::ErrorKind::InvalidInput`] for what is no regular file.
+/// Returns the errors of the system, and [`io::ErrorKind::InvalidInput`] for anything but a regular file.
 pub fn digest_file(file: &Path) -> io::Result<String> {
     let mut digest = Digester::default();
     io::copy(&mut BufReader::with_capacity(1 << 18, read::open(file)?), &mut digest.0)?;
@@ -163,14 +165,15 @@ mod tests {
         record.written_in(&at("a/out"));
         assert_eq!(record.relative.as_deref(), Some("../scene"));
         let text = serde_json::to_string(&record).unwrap();
-        // Moved with all around it, it is found beside; alone, where it was.
+        // If the result is moved with its surroundings, the file is found relative to it. Otherwise it is found at its
+        // old path.
         fs::create_dir_all(at("b")).unwrap();
         let mut read: FileRecord = serde_json::from_str(&text).unwrap();
         read.read_in(&at("b/out"));
         let was = here.path().canonicalize().unwrap().join("a/scene");
         assert_eq!(read.places(), [at("b/out/../scene"), was.clone()]);
         assert_eq!(read, record);
-        // Written elsewhere, it says the way from there.
+        // A result that is written elsewhere has the way from there.
         read.written_in(&at("b"));
         assert_eq!((read.relative.as_deref(), read.absolute.as_deref()), (Some("../a/scene"), was.to_str()));
     }

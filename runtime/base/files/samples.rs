@@ -1,4 +1,4 @@
-//! Stored values of a decoded picture.
+//! Holds the stored values of a decoded picture.
 
 #![cfg_attr(not(feature = "image-formats"), allow(dead_code, reason = "decoders use it"))]
 
@@ -7,32 +7,32 @@ use super::Primaries;
 /// Stored values of a picture, interleaved.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Samples {
-    /// 8 bits.
+    /// Values of 8 bits.
     U8(Vec<u8>),
-    /// 16 bits.
+    /// Values of 16 bits.
     U16(Vec<u16>),
-    /// Floating point. A pixel that an EXR file leaves out is NaN.
+    /// Floating-point values. A pixel that an EXR file leaves out is NaN.
     F32(Vec<f32>),
 }
 
 /// Decoded picture, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pixels {
-    /// Rows.
+    /// Rows of the picture.
     pub height: usize,
-    /// Columns.
+    /// Columns of the picture.
     pub width: usize,
-    /// Values per pixel: 1 gray, 2 gray and alpha, 3 red, green, blue, 4 those and alpha.
+    /// Values per pixel. 1 is gray, 2 is gray and alpha, 3 is red, green and blue, and 4 has alpha in addition.
     pub channels: usize,
-    /// Whether colors are multiplied by alpha already.
+    /// True if colors are already multiplied by alpha.
     pub premultiplied: bool,
-    /// EXIF orientation by which it was turned, 1 to 8; 1 is as stored.
+    /// EXIF orientation by which it was turned, 1 to 8. 1 is as stored.
     pub orientation: u8,
     /// ICC profile that the file holds.
     pub profile: Option<Vec<u8>>,
-    /// Color primaries that the file states beside a profile.
+    /// Color primaries that the file states in addition to a profile.
     pub primaries: Option<Primaries>,
-    /// Its values.
+    /// The stored values.
     pub samples: Samples,
 }
 
@@ -43,11 +43,11 @@ pub enum ColorSpace {
     Srgb,
     /// Linear light with the primaries of sRGB.
     Linear,
-    /// Another one, with its values converted to sRGB.
+    /// Another color space, with the values converted to sRGB.
     Other {
         /// Name of the profile.
         name: String,
-        /// sRGB values as shares of full scale, interleaved like the stored ones; alpha is unchanged.
+        /// sRGB values as shares of full scale, interleaved like the stored ones. Alpha is unchanged.
         values: Vec<f32>,
     },
 }
@@ -73,13 +73,13 @@ impl Samples {
 }
 
 impl Pixels {
-    /// A picture as it is stored, of (rows, columns), without premultiplied colors and stated color spaces.
+    /// Makes a picture as it is stored, of (rows, columns), without premultiplied colors and stated color spaces.
     pub(super) fn new([height, width]: [usize; 2], channels: usize, samples: Samples) -> Self {
         let (profile, primaries) = (None, None);
         Self { height, width, channels, premultiplied: false, orientation: 1, profile, primaries, samples }
     }
 
-    /// The picture turned by an EXIF orientation.
+    /// Returns the picture turned by an EXIF orientation.
     pub fn turned(self, orientation: u8) -> Self {
         if !(2..=8).contains(&orientation) {
             return self;
@@ -102,12 +102,12 @@ impl Pixels {
         Self { height, width, samples, orientation, ..self }
     }
 
-    /// Whether a pixel has red, green and blue.
+    /// Returns true if a pixel has red, green and blue.
     pub fn has_color(&self) -> bool {
         self.channels >= 3
     }
 
-    /// Whether the last channel is alpha.
+    /// Returns true if the last channel is alpha.
     pub fn has_alpha(&self) -> bool {
         self.channels.is_multiple_of(2)
     }

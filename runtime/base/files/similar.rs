@@ -1,12 +1,13 @@
-//! The name that was probably meant.
+//! Finds the existing file name that is most like a misspelled one.
 
 use super::atomic::parent;
 use std::path::Path;
 
-/// Letters in which names may differ.
+/// Number of letters in which names may differ.
 const MOST: usize = 2;
 
-/// The file or folder beside a path that does not exist whose name is most like it; what stands behind a question mark stays.
+/// Returns the file or folder with the most similar name, in the folder of a path that does not exist. The text after a
+/// question mark stays.
 pub fn similar(path: &str) -> Option<String> {
     let (file, query) = path.split_once('?').map_or((path, String::new()), |(file, query)| (file, format!("?{query}")));
     let file = Path::new(file);
@@ -15,12 +16,13 @@ pub fn similar(path: &str) -> Option<String> {
     let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
     let likely =
         names.map(|other| (apart(&name, &other.to_lowercase()), other)).filter(|(letters, _)| *letters <= MOST);
-    // Short names are alike by accident.
+    // Short names are often similar by accident.
     let (_, other) = likely.filter(|(letters, _)| 3 * letters < name.chars().count()).min()?;
     Some(format!("{}{query}", file.with_file_name(other).display()))
 }
 
-/// Letters to insert, remove or exchange until both are the same; two that are swapped count as one.
+/// Returns the number of letters to insert, remove or exchange until both are the same. Two swapped letters count as
+/// one.
 fn apart(a: &str, b: &str) -> usize {
     let [a, b] = [a, b].map(|text| text.chars().collect::<Vec<_>>());
     let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];

@@ -1,21 +1,22 @@
-//! The kind of a file on the disk: from its first bytes, of archives from the names in them.
+//! Determines the kind of a file on the disk from its first bytes, and of archives from the names in them.
 
 use super::{FileKind, read, zip};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-/// Bytes from which the kind of a file is determined: the name of a `tar` entry ends at 512, HDF5 may begin there.
+/// Bytes from which the kind of a file is determined. The mark of a `tar` entry ends before 512, and HDF5 may begin
+/// there.
 const HEAD: u64 = 4096;
 
-/// Endings of raw pictures that are TIFF files inside.
+/// Extensions of raw pictures that are TIFF files inside.
 const RAW_ENDINGS: [&str; 10] = ["dng", "nef", "nrw", "cr2", "arw", "srw", "pef", "3fr", "iiq", "sr2"];
 
 impl FileKind {
     /// Determines the kind of a regular file.
     ///
     /// # Errors
-    /// The system's, as [`read::open`].
+    /// Returns the errors of the system, like [`read::open`].
     pub fn of(file: &Path) -> io::Result<Self> {
         let mut opened = read::open(file)?;
         let mut head = Vec::new();
@@ -25,7 +26,7 @@ impl FileKind {
         Ok(match kind {
             Self::Zip => in_archive(opened).unwrap_or(Self::Zip),
             Self::Tiff if RAW_ENDINGS.contains(&ending.as_str()) || head.get(8..10) == Some(b"CR") => Self::CameraRaw,
-            // Version 4 and Truevision files begin with nothing of their own.
+            // MATLAB files of version 4 and Truevision files have no distinctive first bytes.
             Self::Unknown if ending == "mat" => Self::Matlab,
             Self::Unknown if ending == "tga" => Self::OtherPicture("Targa"),
             other => other,
@@ -33,7 +34,7 @@ impl FileKind {
     }
 }
 
-/// What a ZIP archive holds, from the names in it.
+/// Determines the kind of a ZIP archive from the names in it.
 fn in_archive(opened: File) -> Option<FileKind> {
     let length = opened.metadata().ok()?.len();
     let entries = zip::entries(&mut BufReader::new(opened), length).ok()?;

@@ -1,6 +1,8 @@
-//! Drafts: what is written beside its place before it is renamed. Each is locked by the program that writes it, so that the
-//! next one that writes beside it can tell those of programs that are gone, and removes them. A program that a signal ends can
-//! remove its own ([`end_without_drafts`]).
+//! Manages the temporary files and folders that are written next to a destination before they are renamed.
+//!
+//! The program that writes a temporary file (called draft here) locks it. The next program that writes in the same
+//! folder can then recognize the drafts of programs that have ended, and removes them. A program that a signal ends can
+//! remove its own drafts ([`end_without_drafts`]).
 
 use super::os::{is_same, open_own, permit};
 use std::collections::BTreeSet;
@@ -13,7 +15,7 @@ use tempfile::{NamedTempFile, TempDir};
 const HEAD: &str = ".eyebox-";
 const TAIL: &str = ".part";
 
-/// Whether a file or folder of this name is a draft.
+/// Returns true if a file or folder of this name is a draft.
 pub fn is_draft(name: &str) -> bool {
     let middle = name.strip_prefix(HEAD).and_then(|rest| rest.strip_suffix(TAIL));
     middle.is_some_and(|middle| middle.bytes().all(|b| b.is_ascii_alphanumeric()))
@@ -26,12 +28,12 @@ fn open_drafts() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     OPEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// As long as it lives, what is at its path is a draft of this program's.
+/// Marks a path as a draft of this program, until this is dropped.
 #[derive(Debug)]
 pub(super) struct Open(PathBuf);
 
 impl Open {
-    /// Makes a draft; between its beginning and its being known nothing ends the program in [`end_without_drafts`].
+    /// Makes a draft and records it. In between, [`end_without_drafts`] cannot end the program.
     fn make<T>(make: impl FnOnce() -> io::Result<T>, path: impl Fn(&T) -> &Path) -> io::Result<(T, Self)> {
         let mut open = open_drafts();
         let draft = make()?;
@@ -47,27 +49,27 @@ impl Drop for Open {
     }
 }
 
-/// Ends the program: what it was writing, and had not put in its place, is removed before. For programs that end by a signal,
-/// from a thread of its own.
+/// Ends the program by `end`, and removes its drafts first. It is for programs that end by a signal, and is called from
+/// a separate thread.
 pub fn end_without_drafts(end: impl FnOnce()) {
-    // Held until the end: no draft is begun any more.
+    // The lock is held until the end, so no new draft begins.
     let open = open_drafts();
     for path in &*open {
-        // Whoever writes into a folder may go on until the end, which makes removing it fail.
+        // Another thread may write into a folder until the end, which makes removing it fail.
         let _ = (0..10).find(|_| fs::remove_file(path).is_ok() || fs::remove_dir_all(path).is_ok());
     }
     end();
 }
 
-/// A file in the making; gone with the value unless it is put in its place.
+/// A temporary file, which is removed when this is dropped, unless it was put in place.
 #[derive(Debug)]
 pub(super) struct FileDraft {
     pub file: NamedTempFile,
-    /// Behind the file: what it says holds until that is gone.
+    /// This field comes after the file, because the path is a draft until the file is gone.
     _open: Open,
 }
 
-/// A new file in `folder`.
+/// Makes a new temporary file in `folder`.
 pub(super) fn file(folder: &Path) -> io::Result<FileDraft> {
     loop {
         let (file, open) = Open::make(|| builder(0o666, TAIL).tempfile_in(folder), |draft| draft.path())?;
@@ -78,11 +80,11 @@ pub(super) fn file(folder: &Path) -> io::Result<FileDraft> {
     }
 }
 
-/// A new folder in `folder`, and its lock.
+/// Makes a new temporary folder in `folder`, with its lock.
 pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<File>, Open)> {
     loop {
         let (draft, open) = Open::make(|| builder(0o777, TAIL).tempdir_in(folder), |draft| draft.path())?;
-        // Only Unix opens folders.
+        // Only Unix can open folders.
         let Ok(lock) = File::open(draft.path()) else { return Ok((draft, None, open)) };
         if is_mine(&lock, draft.path()) {
             remove_the_dead(folder, &lock);
@@ -91,12 +93,13 @@ pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<File>, Open)>
     }
 }
 
-/// A new folder for what is moved aside: nobody removes it but who made it.
+/// Makes a new folder for contents that are moved aside. No other program removes it.
 pub(super) fn aside(folder: &Path) -> io::Result<TempDir> {
     builder(0o777, ".old").tempdir_in(folder)
 }
 
-/// Temporary names, with the permissions that any new file gets (the umask applies) instead of the owner's alone.
+/// Returns a builder of temporary names, with the permissions of any new file (minus the umask) instead of permissions
+/// for the owner only.
 fn builder(mode: u32, suffix: &'static str) -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(HEAD).suffix(suffix);
@@ -104,8 +107,8 @@ fn builder(mode: u32, suffix: &'static str) -> tempfile::Builder<'static, 'stati
     builder
 }
 
-/// Locks a draft. Whoever looked for those of the dead may have found it first, and have removed it. A file system without
-/// locks has none that are removed.
+/// Locks a draft. Another program that removes drafts of ended programs may have found it first, and may have removed
+/// it. A file system without locks has no drafts that are removed.
 fn is_mine(draft: &File, path: &Path) -> bool {
     match draft.try_lock() {
         Err(TryLockError::WouldBlock) => false,
@@ -114,7 +117,7 @@ fn is_mine(draft: &File, path: &Path) -> bool {
     }
 }
 
-/// Removes drafts of the user's whose is `mine` and whose programs are gone, once for each folder.
+/// Removes the drafts whose programs have ended, once for each folder. They belong to the user of `mine`.
 fn remove_the_dead(folder: &Path, mine: &File) {
     static LOOKED_AT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let first = |path| LOOKED_AT.lock().is_ok_and(|mut known| known.insert(path));
@@ -130,10 +133,11 @@ fn remove_unlocked(folder: &Path, mine: &File) {
             continue;
         }
         let Ok(open) = open_own(&path, mine) else { continue };
-        // Locked while it is removed: who made it a moment ago finds that it is gone, and makes another.
+        // The draft is locked while it is removed. A program that made it a moment ago finds that it is gone, and makes
+        // another.
         if open.try_lock().is_ok() && is_same(&open, &path) {
             let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
-            tracing::debug!("{}: a draft of a program that is gone was removed", path.display());
+            tracing::debug!("{}: removed a temporary file of a program that has ended", path.display());
         }
     }
 }
@@ -160,7 +164,7 @@ mod tests {
         let mine = [file.path(), folder.path()].map(Path::to_path_buf);
         assert_eq!(left, kept.iter().map(|name| at.join(name)).chain(mine).collect());
         assert!(data.path().join("x").exists());
-        // Once its writer is gone, so is a draft.
+        // When its writer is gone, the draft is removed.
         let path = folder.keep();
         drop(lock);
         remove_unlocked(at, file.as_file());

@@ -1,12 +1,13 @@
-//! Text as programs write it: UTF-8 or UTF-16, with or without a mark, lines ended by LF, CR LF or CR alone.
+//! Decodes text as programs write it, in UTF-8 or UTF-16, with or without a mark, and with any ends of lines.
 
-/// Decodes text to UTF-8 without a mark, of which every line ends in LF or CR LF. Bytes in another encoding come back.
+/// Decodes text to UTF-8 without a mark, in which every line ends in LF or CR LF. A CR alone also ends a line of the
+/// input. Bytes in another encoding are returned as the error.
 pub fn decode(bytes: Vec<u8>) -> Result<String, Vec<u8>> {
     let text = match &bytes[..] {
         [0xff, 0xfe, rest @ ..] => utf16(rest, u16::from_le_bytes),
         [0xfe, 0xff, rest @ ..] => utf16(rest, u16::from_be_bytes),
         [0xef, 0xbb, 0xbf, rest @ ..] => str::from_utf8(rest).ok().map(str::to_owned),
-        // Without a mark: of UTF-16 in Latin letters every second byte is 0, and of UTF-8 none is.
+        // Without a mark, every second byte of UTF-16 is 0 for Latin letters, and no byte of UTF-8 is.
         [first, 0, ..] if *first != 0 => utf16(&bytes, u16::from_le_bytes),
         [0, second, ..] if *second != 0 => utf16(&bytes, u16::from_be_bytes),
         _ => match String::from_utf8(bytes) {
@@ -24,7 +25,7 @@ fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Option<String> {
     text.ok().filter(|text| pairs.remainder().is_empty() && !text.contains('\0'))
 }
 
-/// A CR that no LF follows ends a line.
+/// Turns each CR without a following LF into an end of a line.
 fn with_lines(text: String) -> String {
     let alone = text.bytes().zip(text.bytes().skip(1).chain([0])).any(|(a, b)| a == b'\r' && b != b'\n');
     if !alone {
@@ -64,7 +65,7 @@ mod tests {
             let read: Vec<String> = lines(&file, 1000).unwrap().lines().map(Result::unwrap).collect();
             assert_eq!(read, ["level,phase", "0,0.5", "1,\u{3c0}"], "{bytes:x?}");
         }
-        // Both ends of a line are kept as they are, and what is no text comes back.
+        // LF and CR LF are both kept, and bytes that are not text are returned.
         assert_eq!(decode(b"a\r\nb\r\n".to_vec()).unwrap(), "a\r\nb\r\n");
         for bytes in [&[0xff, 0xfe, 0x00][..], &[0x80, 0x81], &[0xff, 0xfe, 0x00, 0xd8]] {
             assert_eq!(decode(bytes.to_vec()).unwrap_err(), bytes);

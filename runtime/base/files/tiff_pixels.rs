@@ -1,4 +1,4 @@
-//! TIFF pictures: gray or red, green, blue, with or without alpha; 8 or 16 bits, or floats.
+//! Reads TIFF pictures in gray or color, with or without alpha, of 8 or 16 bits or floats.
 
 use super::{FileError, Pixels, Primaries, Samples, read};
 use crate::error::Reason;
@@ -18,7 +18,7 @@ fn open(file: &Path) -> Result<Opened, FileError> {
     Ok(Decoder::new(read::buffered(file)?).map_err(|e| FileError::damaged(file, e))?.with_limits(limits))
 }
 
-/// Rows and columns of the first page.
+/// Returns rows and columns of the first page.
 pub(super) fn size(file: &Path) -> Result<[usize; 2], FileError> {
     let (width, height) = open(file)?.dimensions().map_err(|e| FileError::damaged(file, e))?;
     if (1..=65536).contains(&width) && (1..=65536).contains(&height) {
@@ -30,13 +30,13 @@ pub(super) fn size(file: &Path) -> Result<[usize; 2], FileError> {
     ))
 }
 
-/// The EXIF orientation that its tag states; 1 without a sound one.
+/// Returns the EXIF orientation that the tag states. It is 1 without a valid tag.
 pub(super) fn orientation(file: &Path) -> Result<u8, FileError> {
     let found = open(file)?.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
     Ok(found.filter(|n| (1..=8).contains(n)).unwrap_or(1))
 }
 
-/// Whether its values are floats.
+/// Returns true if the values are floats.
 pub(super) fn is_float(file: &Path) -> bool {
     let format = open(file).map(|mut tiff| tiff.find_tag_unsigned_vec::<u16>(Tag::SampleFormat));
     let float = SampleFormat::IEEEFP.to_u16();
@@ -47,7 +47,7 @@ pub(super) fn is_float(file: &Path) -> bool {
 const WHITE_POINT: Tag = Tag::Unknown(318);
 const PRIMARIES: Tag = Tag::Unknown(319);
 
-/// The color primaries that its tags state. Either of the two is that of sRGB if only the other is there.
+/// Returns the color primaries that the tags state. If only one of the two is there, the other is the one of sRGB.
 fn primaries(tiff: &mut Opened) -> Option<Primaries> {
     let mut rationals = |tag: Tag| match tiff.find_tag(tag) {
         Ok(Some(Value::List(all))) => all.iter().map(rational).collect::<Option<Vec<f64>>>(),
@@ -72,7 +72,7 @@ fn rational(value: &Value) -> Option<f64> {
     }
 }
 
-/// Reads the only page.
+/// Reads the picture, which must have one page.
 pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
     let wrong = |reason: Reason| Err(FileError::content(file, reason));
     let [height, width] = size(file)?;
@@ -125,7 +125,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
         }
     };
     let found = samples.count();
-    // Planes lie one after the other.
+    // Planes follow one after the other.
     let (is_whole, pixels) = (found.is_multiple_of(planes), found / planes);
     let place = |i: usize| (0..planes).map(move |plane| plane * pixels + i);
     let samples = if planes > 1 && is_whole { samples.at((0..pixels).flat_map(place)) } else { samples };
@@ -139,9 +139,9 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
     Ok(Pixels { premultiplied, profile, primaries, ..Pixels::new([height, width], channels, samples) })
 }
 
-/// Whether another page of the same size follows; smaller copies and thumbnails do not count.
+/// Returns true if another page of the same size follows. Smaller copies and thumbnails do not count.
 fn second_page(tiff: &mut Opened, [height, width]: [usize; 2]) -> bool {
-    // A chain of pages may lead back to itself: what follows the second one does not matter.
+    // A chain of pages may lead back to itself, so the pages after the second one are not visited.
     tiff.more_images()
         && tiff.next_image().is_ok()
         && tiff.dimensions().is_ok_and(|(w, h)| (h as usize, w as usize) == (height, width))

@@ -1,4 +1,4 @@
-//! Pipes and devices that are written to, as long as somebody takes what is written.
+//! Writes to pipes and devices as long as a reader takes the data.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
@@ -8,41 +8,41 @@ use std::sync::{Arc, OnceLock};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// How long a pipe may take nothing, and wait for its reader.
+/// Time that a pipe may take no data, or wait for its reader.
 const PIPE_TIMEOUT: Duration = Duration::from_secs(5);
-/// The same once the program was asked to end.
+/// Time that replaces `PIPE_TIMEOUT` after the program was requested to end.
 const TO_END: Duration = Duration::from_secs(1);
-/// How often it is asked again.
+/// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Whether the program was asked to end. A program that catches ctrl-C sets it from there: a pipe that takes nothing is then given
-/// up after a second and not after five.
+/// Returns the flag that requests the end of the program. A program that catches Ctrl-C sets it. A pipe that takes no
+/// data is then given up after one second instead of five.
 pub fn asked_to_end() -> &'static Arc<AtomicBool> {
     static ASKED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     ASKED.get_or_init(Arc::default)
 }
 
-/// A file, or a pipe that is given up when it takes nothing for `PIPE_TIMEOUT`.
+/// A file, or a pipe that is given up if it takes no data for `PIPE_TIMEOUT`.
 #[derive(Debug)]
 pub struct TimeoutWriter(File);
 
 impl TimeoutWriter {
-    /// A file; a pipe has to be open so that it does not block.
+    /// Wraps an open file. A pipe must be open in non-blocking mode.
     pub fn new(file: File) -> Self {
         Self(file)
     }
 
-    /// A pipe or a device that is there.
+    /// Opens a pipe or a device that exists.
     ///
     /// # Errors
-    /// The system's; [`ErrorKind::TimedOut`] for a pipe that nobody reads.
+    /// Returns the errors of the system, and [`ErrorKind::TimedOut`] for a pipe that nobody reads.
     pub fn open(file: &Path) -> io::Result<Self> {
         let mut options = File::options();
         options.write(true);
         #[cfg(unix)]
         {
             std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, rustix::fs::OFlags::NONBLOCK.bits() as i32);
-            // Opened for writing without waiting, a pipe without a reader is no such device.
+            // A non-blocking open of a pipe without a reader for writing fails with this error.
             let no_reader = Some(rustix::io::Errno::NXIO.raw_os_error());
             Self::wait(|| options.open(file), |e| e.raw_os_error() == no_reader).map(Self)
         }
@@ -57,7 +57,7 @@ impl TimeoutWriter {
             match attempt() {
                 Err(e) if waits(&e) && begun.elapsed() < patience => sleep(PAUSE),
                 Err(e) if waits(&e) => {
-                    let why = format!("nobody reads it: nothing was taken for {} s", patience.as_secs());
+                    let why = format!("nobody reads it: it took no data for {} s", patience.as_secs());
                     return Err(io::Error::new(ErrorKind::TimedOut, why));
                 }
                 other => return other,

@@ -1,25 +1,26 @@
-//! ZIP archives, as far as NumPy's `.npz` needs them: stored and deflated files, with sizes of 32 or 64 bits.
+//! Reads ZIP archives as far as NumPy's `.npz` requires it.
 //!
-//! Format: PKWARE's APPNOTE.TXT 6.3.10. It is read here because a crate for it brings encryption and more than it replaces.
+//! It has stored and deflated files, with sizes of 32 or 64 bits. Format: PKWARE's APPNOTE.TXT 6.3.10. The reader is
+//! here because a crate for it brings encryption, and more code than it replaces.
 
 use flate2::{Crc, read::DeflateDecoder};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
-/// The longest comment behind the last record, with that record.
+/// Length of the last record with the longest comment after it, in bytes.
 const END: u64 = 65535 + 22;
-/// The longest table of contents that is read, bytes.
+/// Longest table of contents that is read, in bytes.
 const CONTENTS: u64 = 16 << 20;
 
 /// A file in an archive.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     pub name: String,
-    /// Bytes of it when it is unpacked.
+    /// Length of the unpacked file in bytes.
     pub length: u64,
     method: u16,
     packed: u64,
     crc: u32,
-    /// Where its own header begins.
+    /// Position of the local header in the archive.
     at: u64,
 }
 
@@ -32,17 +33,17 @@ fn number(bytes: &[u8], at: usize, width: usize) -> io::Result<u64> {
     Ok(part.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)))
 }
 
-/// The table of contents of an archive of `length` bytes.
+/// Returns the table of contents of an archive of `length` bytes.
 ///
 /// # Errors
-/// Those of reading; [`io::ErrorKind::InvalidData`] for what is no such archive.
+/// Returns the errors of reading, and [`io::ErrorKind::InvalidData`] for a file that is not such an archive.
 pub(super) fn entries<R: Read + Seek>(from: &mut R, length: u64) -> io::Result<Vec<Entry>> {
     let tail = part(from, length.saturating_sub(END), length.min(END))?;
     let last = tail.windows(4).rposition(|w| w == b"PK\x05\x06");
-    let last = last.ok_or_else(|| wrong("it is no ZIP archive, or cut short: it has no table of contents"))?;
+    let last = last.ok_or_else(|| wrong("it is not a ZIP archive, or it is cut short: it has no table of contents"))?;
     let mut table = [number(&tail, last + 12, 4)?, number(&tail, last + 16, 4)?];
     if table.contains(&u64::from(u32::MAX)) {
-        // What does not fit 32 bits stands in a record of its own; the one before the last says where.
+        // Values that do not fit 32 bits are in a separate record. The one before the last record has its position.
         let locator = last.checked_sub(20).filter(|at| tail[*at..].starts_with(b"PK\x06\x07"));
         let at = number(&tail, locator.ok_or_else(|| wrong("the archive lacks its ZIP64 record"))? + 8, 8)?;
         let record = part(from, at, 56)?;
@@ -62,7 +63,7 @@ pub(super) fn entries<R: Read + Seek>(from: &mut R, length: u64) -> io::Result<V
     Ok(found)
 }
 
-/// One file of the table, and where the next begins.
+/// Returns one file of the table, and the position of the next.
 fn entry(table: &[u8], at: usize) -> io::Result<(Entry, usize)> {
     if !table[at..].starts_with(b"PK\x01\x02") {
         return Err(wrong("the archive's table of contents is damaged"));
@@ -70,7 +71,7 @@ fn entry(table: &[u8], at: usize) -> io::Result<(Entry, usize)> {
     let field = |offset: usize, width: usize| number(table, at + offset, width);
     let lengths = [field(28, 2)?, field(30, 2)?, field(32, 2)?].map(|n| n as usize);
     let name = table.get(at + 46..at + 46 + lengths[0]).ok_or_else(|| wrong("the archive is cut short"))?;
-    // Unpacked and packed size, and the place: those that are full stand in the extra field, in this order.
+    // The unpacked size, the packed size and the position. Values that are full are in the extra field, in this order.
     let mut sizes = [field(24, 4)?, field(20, 4)?, field(42, 4)?];
     let (mut extra, end) = (at + 46 + lengths[0], at + 46 + lengths[0] + lengths[1]);
     while extra + 4 <= end {
@@ -92,7 +93,7 @@ fn entry(table: &[u8], at: usize) -> io::Result<(Entry, usize)> {
     Ok((entry, end + lengths[2]))
 }
 
-/// So many bytes from a place on; what is not there is not taken memory for.
+/// Returns `count` bytes from a position on. Memory is allocated only for bytes that exist.
 fn part<R: Read + Seek>(from: &mut R, at: u64, count: u64) -> io::Result<Vec<u8>> {
     from.seek(SeekFrom::Start(at))?;
     let mut bytes = Vec::new();
@@ -101,10 +102,11 @@ fn part<R: Read + Seek>(from: &mut R, at: u64, count: u64) -> io::Result<Vec<u8>
 }
 
 impl Entry {
-    /// Its bytes, unpacked; reading the last of them fails where they are not those that were packed.
+    /// Returns a reader of the unpacked bytes. Reading the last of them fails if their checksum is wrong.
     ///
     /// # Errors
-    /// Those of reading; [`io::ErrorKind::InvalidData`] for a damaged archive, and for what is packed in another way.
+    /// Returns the errors of reading, and [`io::ErrorKind::InvalidData`] for a damaged archive or an unknown packing
+    /// method.
     pub fn open<R: Read + Seek + Send + 'static>(&self, mut from: R) -> io::Result<Box<dyn Read + Send>> {
         let header = part(&mut from, self.at, 30)?;
         if !header.starts_with(b"PK\x03\x04") {
@@ -122,7 +124,7 @@ impl Entry {
     }
 }
 
-/// Bytes whose checksum is known.
+/// Bytes with an expected checksum.
 struct Checked {
     from: Box<dyn Read + Send>,
     left: u64,
@@ -152,7 +154,7 @@ pub(super) mod tests {
     use flate2::{Compression, write::DeflateEncoder};
     use std::io::{Cursor, Write};
 
-    /// An archive of these files, every second one deflated; with sizes of 64 bits where `wide`.
+    /// Returns an archive of these files, with every second one deflated. If `wide` is true, sizes have 64 bits.
     pub(in crate::files) fn archive(files: &[(&str, &[u8])], wide: bool) -> Vec<u8> {
         let (mut out, mut table) = (Vec::new(), Vec::new());
         for (i, (name, bytes)) in files.iter().enumerate() {

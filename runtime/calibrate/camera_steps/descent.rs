@@ -1,4 +1,4 @@
-//! The steps, and what they are judged by.
+//! Takes steps with the camera and judges them by held-out pictures.
 
 use super::pictures::{CameraBench, CapturedLight, OfColor};
 use super::registration::{PLACE, Pair, registered};
@@ -12,57 +12,57 @@ use eyebox_solve::evaluate::Sums;
 use eyebox_solve::solve::{Diameters, Problem, PupilRange, Sampler, Sequence, Settings, Update, cosine, take_seen};
 use std::sync::Arc;
 
-/// Pupils of a step.
+/// Number of pupils per step.
 const PUPILS: usize = 6;
-/// Pupils that no step uses, by which it is judged.
+/// Number of pupils that no step uses and that judge the steps.
 const HELD_OUT: usize = 6;
-/// Verdicts on the way.
+/// Number of verdicts during the steps.
 const VERDICTS: usize = 4;
-/// Gain of the first and of the last step, and what is left of it where a verdict says that it was too much.
+/// Gain of the first and of the last step, and the factor on it after a verdict that it was too much.
 const GAIN: [f64; 2] = [1.0, 0.3];
 const DAMPED: f64 = 0.5;
-/// The projection's own (OPTICS 6).
+/// The overlap power of the projection (OPTICS 6).
 const OVERLAP_POWER: f64 = 0.5;
-/// A hologram is better where the held-out pictures' mean gain is more than so many of its standard errors.
+/// A hologram is better if the mean gain of the held-out pictures exceeds this many of its standard errors.
 const SURE: f64 = 2.0;
-/// Pictures that correlate less with what the model predicts show something else.
+/// Pictures that correlate less than this with the model's prediction show something else.
 const ALIKE: f64 = 0.2;
 
-/// What is to be improved: a colour of a hologram.
+/// The color of a hologram that the steps improve.
 #[derive(Clone, Copy)]
 pub struct CameraJob<'a> {
     /// The scene on the display with its model.
     pub problem: &'a Problem,
-    /// Which colour.
+    /// The color to improve.
     pub color: Color,
-    /// Of the solve: pupils, depths, levels, seed.
+    /// Settings of the solve, such as pupils, depths, levels and seed.
     pub settings: &'a Settings,
-    /// The exposure that it was solved for.
+    /// The exposure (intensity scale) of the solve.
     pub exposure: f64,
 }
 
-/// What a camera's steps came to.
+/// The result of a camera's steps.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct CameraGain {
-    /// The colour.
+    /// The color that was improved.
     pub color: Color,
-    /// Steps taken,
+    /// Number of steps that were taken.
     pub taken: usize,
-    /// and those behind the phases that are kept: 0 where the hologram is the one before.
+    /// Number of steps behind the phases that are kept. It is 0 if the hologram did not change.
     pub kept: usize,
-    /// Pictures answered.
+    /// Number of pictures that were answered.
     pub pictures: usize,
-    /// PSNR of each held-out picture against the scene's photograph over the camera's pixels, dB, at one exposure: before the
-    /// first step,
+    /// PSNR of each held-out picture against the scene's target image over the camera's pixels, dB, at one exposure,
+    /// before the first step.
     pub before: Vec<f64>,
-    /// and of the hologram that is kept.
+    /// PSNR of the same pictures for the hologram that is kept, dB.
     pub after: Vec<f64>,
-    /// What ended the steps before their time.
+    /// The error that ended the steps early.
     pub trouble: Option<CalibrateError>,
 }
 
-/// A colour's steps under way.
+/// The state of the steps of one color.
 struct Run<'r, 'a> {
     bench: &'r mut CameraBench<'a>,
     of: usize,
@@ -71,13 +71,13 @@ struct Run<'r, 'a> {
     engine: &'r mut dyn Engine,
     held_out: Vec<Pupil>,
     targets: Vec<(Vec<f32>, Grid)>,
-    /// What a millisecond's light is of the model's intensity.
+    /// Factor from the model's intensity to the camera's light per millisecond.
     gain: f64,
 }
 
 impl CameraBench<'_> {
-    /// Takes the steps of one colour from these phases ((frames, height, width), radians), which become the better ones; they stay
-    /// as they are where the held-out pictures do not show that others are better.
+    /// Takes the steps of one color from these phases ((frames, height, width), radians). The better phases replace
+    /// them. They stay as they are if the held-out pictures do not show that others are better.
     pub fn improve(
         &mut self,
         job: CameraJob,
@@ -131,7 +131,7 @@ impl<'r, 'a> Run<'r, 'a> {
     ) -> Result<(), CalibrateError> {
         let (steps, color) = (self.bench.steps, self.job.color);
         let every = steps.div_ceil(VERDICTS).max(1);
-        // Pictures, of all that are to be taken.
+        // Number of all pictures that will be taken.
         let all = (steps * PUPILS + HELD_OUT * (1 + steps.div_ceil(every))) as f64;
         let mut done = 0;
         let mut tell = |taken: usize, more: usize, best: &[f64]| {
@@ -175,7 +175,7 @@ impl<'r, 'a> Run<'r, 'a> {
         Ok(())
     }
 
-    /// The phases as the SLM is to show them.
+    /// The phases as the SLM should show them.
     fn shown(&mut self) -> Result<Vec<f32>, CalibrateError> {
         let phases = self.engine.read(Buffer::Phases)?;
         let Some(levels) = self.job.settings.levels.table() else { return Ok(phases) };
@@ -199,7 +199,7 @@ impl<'r, 'a> Run<'r, 'a> {
         self.planner.grid.share(iris.diameter)
     }
 
-    /// Pictures through the held-out pupils, which become those that were there.
+    /// Takes pictures through the held-out pupils. The true pupils of the pictures replace them.
     fn held_out(&mut self, phases: &[f32]) -> Result<Vec<CapturedLight>, CalibrateError> {
         let CameraBench { camera, colors, .. } = &mut *self.bench;
         let mut all = Vec::with_capacity(HELD_OUT);
@@ -212,8 +212,7 @@ impl<'r, 'a> Run<'r, 'a> {
         Ok(all)
     }
 
-    /// What should be seen through the held-out pupils, and what the camera makes of light, by what the model has of the first
-    /// pictures.
+    /// Computes the target images of the held-out pupils, and fits the gain of the camera by the first pictures.
     fn look_at_once(&mut self, seen: &[CapturedLight]) -> Result<(), CalibrateError> {
         let whole = Planner { factor: WindowFactor::Full, ..self.planner.clone() };
         let mut predicted = Vec::with_capacity(seen.len());
@@ -230,18 +229,20 @@ impl<'r, 'a> Run<'r, 'a> {
             correlation(pairs.filter(|[_, l]| l.is_finite()))
         });
         let alike = mean(&alike.collect::<Vec<_>>());
-        tracing::debug!("pictures and model: correlation {alike:.3}, {:.3e} of full scale a ms", self.gain);
+        tracing::debug!("correlation of pictures and model {alike:.3}, {:.3e} of full scale per ms", self.gain);
         if alike.is_nan() || alike < ALIKE {
             return Err(reason!(
                 "other-pictures",
-                "the camera's pictures are not of what is shown: their correlation with what the model predicts is {alike:.2}; \
-                 calibrate first, and take the dots again if the camera was moved"
-            ).into());
+                "the camera's pictures do not show the hologram: their correlation with the prediction is {alike:.2}. \
+                 Calibrate first, and take the dots again if the camera was moved"
+            )
+            .into());
         }
         Ok(())
     }
 
-    /// Where the camera looks, and what it makes of light, by pictures beside the model's. Returns what its pixels see of the model's.
+    /// Fits the place of the camera and its gain by comparing pictures with predictions. Returns the predictions at the
+    /// camera's pixels.
     fn register(&mut self, seen: &[CapturedLight], predicted: &[Fine], free: &[usize]) -> Vec<Vec<f32>> {
         let of = &mut self.bench.colors[self.of];
         let pairs = seen.iter().zip(predicted).map(|(seen, predicted)| Pair { light: &seen.light, predicted });
@@ -273,7 +274,7 @@ impl<'r, 'a> Run<'r, 'a> {
         Ok(sums.iter().map(|s| s.psnr(exposure)).collect())
     }
 
-    /// One step over what the camera sees through these pupils.
+    /// Takes one step with the pictures through these pupils.
     fn step(&mut self, phases: &[f32], pupils: &[Pupil], gain: f64) -> Result<(), CalibrateError> {
         let CameraBench { camera, colors, .. } = &mut *self.bench;
         let mut seen = Vec::with_capacity(pupils.len());
@@ -284,7 +285,7 @@ impl<'r, 'a> Run<'r, 'a> {
             return Err(camera.refused("take any picture of a step"));
         }
         let exposure = self.job.exposure / self.job.problem.unit();
-        // What ten pupils ask for is the unit, as in a solve.
+        // Ten pupils are the unit of the gain, as in a solve.
         let share = (seen.len() as f64 / 10.0).powf(1.0 - OVERLAP_POWER);
         let update = Update::Projection { gain: gain / share, momentum: 0.0, overlap_power: OVERLAP_POWER };
         let viewpoints: Vec<Viewpoint> = seen.iter().map(|s| Viewpoint::Pupil(s.pupil)).collect();
@@ -301,7 +302,7 @@ impl<'r, 'a> Run<'r, 'a> {
         let loss = take_seen(&mut *self.engine, &step, |slot, image, fields| -> Result<Vec<f32>, CalibrateError> {
             let (grid, gain, share) = looks[slot];
             let fine = Fine::of_fields(fields, gain * share, grid);
-            // The camera's less the model's, where the camera looks: what is finer than its pixels stays the model's.
+            // The camera's light minus the model's. Detail that is finer than the camera's pixels stays the model's.
             let rest = seen[slot].light.iter().zip(sensor.see(&fine));
             let rest: Vec<f32> =
                 rest.map(|(l, m)| ((f64::from(*l) * of_light - f64::from(m)) / share) as f32).collect();
@@ -309,11 +310,11 @@ impl<'r, 'a> Run<'r, 'a> {
             predicted.push(fine);
             Ok(image.iter().zip(rest).map(|(i, r)| (i + r).max(0.0)).collect())
         })?;
-        // The picture creeps over the camera, and the laser's power drifts: the next step knows.
+        // The picture creeps over the camera and the laser's power drifts, so the next step uses a new fit.
         self.register(&seen, &predicted, &PLACE);
         match loss.is_finite() {
             true => Ok(()),
-            false => Err(reason!("camera-step-not-finite", "a camera step gave numbers that are not finite").into()),
+            false => Err(reason!("camera-step-not-finite", "a camera step: the result is not finite").into()),
         }
     }
 }
@@ -327,7 +328,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Whether scores are higher than those before by more than chance.
+/// True if scores are higher than before by more than chance.
 fn is_better(before: &[f64], after: &[f64]) -> bool {
     let gains: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
     let (n, mean) = (gains.len() as f64, mean(&gains));

@@ -1,9 +1,10 @@
-//! Steps with a camera's pictures (camera in the loop, Peng et al. 2020): after a solve, what the camera sees through each pupil
-//! of a step takes the place of the simulated intensity, and the way back is the fitted model's. So what the model has no
-//! term for is corrected as well, as far as it shows in pictures.
+//! Runs the last steps of a solve with a camera's pictures (camera in the loop, Peng et al. 2020).
 //!
-//! What comes of it is judged by pictures through pupils that no step uses; a hologram that they do not show to be better is
-//! not kept.
+//! After a solve, the light that the camera sees through each pupil of a step replaces the simulated intensity. The
+//! gradient uses the fitted model. This also corrects faults that the model has no term for, as far as they show in
+//! pictures.
+//!
+//! Pictures through pupils that no step uses judge the result. A hologram is kept only if they show that it is better.
 
 mod descent;
 mod pictures;

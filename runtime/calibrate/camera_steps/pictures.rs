@@ -1,4 +1,4 @@
-//! The bench of a solve: where its camera looks, and pictures through pupils.
+//! Locates the camera of a bench for a solve, and takes pictures through pupils.
 
 use super::sensor::Sensor;
 use crate::acquire::{check, two_pi_level};
@@ -13,13 +13,13 @@ use eyebox_base::reason;
 use eyebox_optics::{Color, Display, Pupil};
 use std::path::PathBuf;
 
-/// Light on average over the SLM's image, as a share of full scale, below which a picture is black.
+/// A picture is black if the mean light over the SLM's image is below this share of full scale.
 const BLACK: f64 = 0.002;
-/// Where the brightest thousandth is to be and may be at least, for cameras that do not choose, as shares of full scale; and how
-/// often it is tried.
+/// Target and least value of the brightest thousandth, as shares of full scale, for cameras that do not choose their
+/// exposure. `EXPOSURES` is the number of tries.
 const BRIGHT: [f32; 2] = [0.7, 0.25];
 const EXPOSURES: usize = 4;
-/// Dots that are so far off, as a share of their spacing, RMS, say nothing of where the camera looks.
+/// Dots that are this far off, share of their spacing, RMS, do not locate the camera.
 const OFF: f64 = 0.1;
 
 /// A bench whose camera takes part in a solve.
@@ -29,41 +29,41 @@ pub struct CameraBench<'a> {
     pub(super) steps: usize,
 }
 
-/// What shows patterns and takes pictures.
+/// Shows patterns and takes pictures.
 pub(super) struct Camera<'a> {
     pub(super) session: Session<'a>,
     slm: [usize; 2],
-    /// Where an iris stands that does not move, where the command does not say so.
+    /// Place of an iris that does not move, if the command does not report it.
     iris_mm: Option<[f64; 3]>,
 }
 
-/// What is known of the bench in a colour.
+/// The properties of the bench in one color.
 pub(super) struct OfColor {
     pub(super) color: Color,
-    /// The bench's nm.
+    /// The bench's wavelength, nm.
     nm: f64,
     two_pi_level: f64,
     pub(super) sensor: Sensor,
-    /// Dark level, a share of full scale; none where there is no picture of it.
+    /// Dark level, share of full scale, or none without a dark picture.
     dark: Option<f64>,
 }
 
-/// What the camera's pixels saw through a pupil.
+/// The light at the camera's pixels through a pupil.
 pub(super) struct CapturedLight {
-    /// Where the iris was.
+    /// The place of the iris.
     pub(super) pupil: Pupil,
-    /// Light in a millisecond, in the order of the sensor's pixels; not a number where it was saturated.
+    /// Light per millisecond, in the order of the sensor's pixels, or NaN if a pixel was saturated.
     pub(super) light: Vec<f32>,
 }
 
 impl<'a> CameraBench<'a> {
-    /// Starts the camera's command, sees that the bench is the display's, and looks where the camera looks, in each of these
-    /// colours. `steps` is the number of steps of each. In a folder that a calibration kept, the pictures are added to its own, and its
-    /// picture of the dots is not taken again. `shows`: what shows the patterns, where the command does not. `say` is told lines that are not for
-    /// this program.
+    /// Starts the camera's command, checks that the bench matches the display, and locates the camera in each of these
+    /// colors. `steps` is the number of steps of each color. In a folder that a calibration kept, the pictures are
+    /// added to its own, and its picture of the dots is not taken again. `shows` shows the patterns if the command does
+    /// not. The callback `say` receives lines that are not part of the protocol.
     ///
     /// # Errors
-    /// [`CalibrateError`].
+    /// Returns a [`CalibrateError`] if the bench or its pictures cannot be used.
     pub fn open(
         display: &Display,
         colors: &[Color],
@@ -73,11 +73,11 @@ impl<'a> CameraBench<'a> {
         say: &'a mut dyn FnMut(&str),
     ) -> Result<Self, CalibrateError> {
         if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
-            let reason = reason!("prescription", "a camera has no eye's prescription: solve with `prescription` none");
+            let reason = reason!("prescription", "a camera has no prescription. Solve with `prescription` none");
             return Err(CalibrateError::bench(display, reason));
         }
         if colors.iter().any(|color| !display.modes(*color).is_empty()) {
-            let reason = reason!("source-modes", "steps with a camera know one mode of a source: leave out [source]");
+            let reason = reason!("source-modes", "camera steps support one mode of a source only. Leave out [source]");
             return Err(CalibrateError::bench(display, reason));
         }
         let (link, hello) = Link::start(command.command, command.limit, say)?;
@@ -94,14 +94,14 @@ impl<'a> CameraBench<'a> {
         Ok(Self { camera, colors: of_colors, steps })
     }
 
-    /// Says bye to the camera's command.
+    /// Sends bye to the camera's command.
     pub fn close(mut self) {
         self.camera.session.end();
     }
 }
 
 impl Camera<'_> {
-    /// Where the camera looks, by the dots, and its dark level: of pictures that lie there already, or taken now.
+    /// Locates the camera by the dots and finds its dark level, from existing pictures or new ones.
     fn look_about(&mut self, display: &Display, (color, nm): (Color, f64)) -> Result<OfColor, CalibrateError> {
         let (optics, two_pi_level) = (display.optics(color)?, two_pi_level(display, color));
         let camera = self.session.hello.camera.resolution;
@@ -123,16 +123,16 @@ impl Camera<'_> {
         };
         let unclear = |reason: Reason| {
             CalibrateError::Pictures(reason.reworded(|text| {
-                format!("in the picture of the dots {text}: is the SLM lit, and in focus on the camera?")
+                format!("in the picture of the dots {text}. Check that the SLM is lit and in focus on the camera")
             }))
         };
         let (map, rms) = dots::find(&picture, self.slm).map_err(unclear)?;
         let spacing = pattern::spacing(self.slm) * map.zoom();
-        tracing::debug!("{color}: the camera's map is off by {rms:.2} of its pixels");
+        tracing::debug!("the camera's map of {color} is off by {rms:.2} of its pixels");
         if rms > OFF * spacing {
             return Err(unclear(reason!(
                 "dots-off",
-                "dots are {rms:.1} camera pixels off where they should be, {spacing:.0} apart"
+                "the dots are {rms:.1} camera pixels off, with a spacing of {spacing:.0}"
             )));
         }
         let dark = match had.iter().rfind(|shot| shot.show.is_none()) {
@@ -145,13 +145,13 @@ impl Camera<'_> {
         Ok(OfColor { color, nm, two_pi_level, sensor: Sensor::new(map), dark })
     }
 
-    /// What the bench said last of what it could not do.
+    /// The error for a step that the bench refused, with the bench's last message.
     pub(super) fn refused(&self, what: &str) -> CalibrateError {
-        let text = self.session.left_out.last().cloned().unwrap_or_else(|| "it did not say why".into());
+        let text = self.session.left_out.last().cloned().unwrap_or_else(|| "no reason given".into());
         CalibrateError::Refused { what: what.into(), text }
     }
 
-    /// A picture that is bright enough, as far as the camera goes; none where the bench could not.
+    /// Takes a picture that is bright enough, as far as the camera allows. Returns none if the bench could not.
     fn shot(&mut self, ask: &Ask) -> Result<Option<(Shot, Picture)>, CalibrateError> {
         let camera = self.session.hello.camera.clone();
         for tried in 1.. {
@@ -168,7 +168,7 @@ impl Camera<'_> {
         Ok(None)
     }
 
-    /// The pupil nearest to this one that the bench has.
+    /// The nearest pupil that the bench can reach.
     fn within_reach(&self, pupil: Pupil) -> (Option<[f64; 3]>, f64) {
         let within = |v: f64, [low, high]: [f64; 2]| v.clamp(low, high);
         let ([x, y, d, z], hello) = (pupil.to_mm(), &self.session.hello);
@@ -176,8 +176,8 @@ impl Camera<'_> {
         (iris, hello.focus_mm.map_or(0.0, |range| within(z, range)))
     }
 
-    /// How many of a set's sub-frames are shown in turn at a time: as many as the bench can, or as this machine's display has places
-    /// for, in whole shares.
+    /// Number of sub-frames of a set that are shown in turn at a time. It is limited by the bench, or by the places of
+    /// this machine's display. It divides both numbers for the latter.
     fn at_once(&self, frames: usize) -> usize {
         match &self.session.shows {
             None => self.session.hello.slm.sub_frames.min(frames),
@@ -188,8 +188,8 @@ impl Camera<'_> {
         }
     }
 
-    /// What the camera sees of a set of sub-frames (phases, sub-frame by sub-frame) through a pupil, or the nearest that the bench
-    /// has; none where the bench could not.
+    /// The light that the camera sees of a set of sub-frames (phases, sub-frame by sub-frame) through a pupil. The
+    /// pupil is the nearest one that the bench can reach. It is none if the bench could not.
     pub(super) fn see(
         &mut self,
         of: &OfColor,
@@ -210,7 +210,7 @@ impl Camera<'_> {
             let share = part.len() as f64 / phases.len() as f64;
             let light = of.light(&shot, &picture)?;
             let Some([x, y, d]) = shot.iris_mm.or(self.iris_mm) else {
-                let reason = "its answer has no iris_mm: of a fixed iris the camera's command has to say where it is, or \
+                let reason = "its answer has no iris_mm. For a fixed iris, answer iris_mm, or give \
                               `iris` X,Y,DIAMETER in mm";
                 return Err(CalibrateError::captures(&shot.file, Reason::new("no-iris", reason)));
             };
@@ -223,11 +223,12 @@ impl Camera<'_> {
 }
 
 impl OfColor {
-    /// Light in a millisecond over the dark, in shares of full scale.
+    /// Light per millisecond above the dark level, in shares of full scale.
     fn light(&self, shot: &Shot, picture: &Picture) -> Result<Vec<f32>, CalibrateError> {
         let of = |at: &usize| picture.values[*at];
         let dark = self.dark.unwrap_or_else(|| {
-            // Where nothing is lit; if nothing is, the least of what is.
+            // The dark level comes from pixels that no light reaches. If there are too few, it is the lowest percent of
+            // the lit ones.
             let (from, share) = match self.sensor.beside.len() {
                 0..100 => (&self.sensor.pixels, 100),
                 _ => (&self.sensor.beside, 2),
@@ -241,7 +242,7 @@ impl OfColor {
         if mean.is_nan() || mean < BLACK {
             let reason = reason!(
                 "black",
-                "is black: over the SLM's image it has {:.2} % of full scale after {:.3} ms; is the laser on, and the iris open?",
+                "is black, with {:.2} % of full scale on the SLM's image after {:.3} ms. Check laser and iris",
                 100.0 * mean,
                 shot.exposure_ms
             );

@@ -1,37 +1,39 @@
-//! Where the camera looks, by its pictures beside what the model predicts of them. The dots alone leave half a pixel, and a
-//! bench's picture creeps over its camera.
+//! Fits the place of the camera's picture by comparing pictures with predictions.
+//!
+//! The dots alone leave an error of half a pixel, and a bench's picture creeps over its camera.
 
 use super::sensor::{Fine, Sensor};
 use crate::fit::dot;
 use eyebox_optics::linear::solve;
 
-/// Numbers of a [`CameraMap`](crate::map::CameraMap) that say where the picture lies.
+/// Numbers of a [`CameraMap`](crate::map::CameraMap) that give the position of the picture.
 pub(super) const PLACE: [usize; 2] = [2, 5];
-/// Rounds of Gauss and Newton; a round that does not help is tried with a quarter of its step, so often.
+/// Gauss-Newton rounds. A round that does not help is repeated with a quarter of its step, up to `TRIES` steps in all.
 const ROUNDS: usize = 8;
 const TRIES: usize = 3;
-/// Change of a number for its slope: of half a picture's width.
+/// Change of a number for its slope, in units of half a picture's width.
 const STEP: f64 = 2e-4;
-/// Share of what is left by which a round has to reduce it to be followed by another.
+/// Another round follows only if a round reduces the share that is left by more than this fraction.
 const WORTH: f64 = 1e-3;
-/// Pixels that are looked at.
+/// Number of pixels that are compared.
 const PIXELS: usize = 20_000;
 
-/// A picture's light by camera pixels (not a number where it was saturated), and what the model predicts.
+/// The light of a picture by camera pixels (NaN if a pixel was saturated), and its prediction by the model.
 pub(super) struct Pair<'a> {
     pub(super) light: &'a [f32],
     pub(super) predicted: &'a Fine,
 }
 
-/// What is left of the pictures, and the normal equations of what moves.
+/// The rest of the pictures, and the normal equations of the moving numbers.
 struct Left {
-    /// Share of a picture's variance, mean over the pictures.
+    /// Share of a picture's variance that is left, mean over the pictures.
     share: f64,
     normal: Vec<Vec<f64>>,
     right: Vec<f64>,
 }
 
-/// A sensor whose map's numbers `free` fit the pictures; each picture has its own gain and offset.
+/// Returns the sensor with the numbers `free` of its map fitted to the pictures. Each picture has its own gain and
+/// offset.
 pub(super) fn registered(sensor: &Sensor, pairs: &[Pair], free: &[usize]) -> Sensor {
     let every = sensor.pixels.len().div_ceil(PIXELS).max(1);
     let mut now = sensor.thinned(every);
@@ -105,7 +107,7 @@ fn centre(values: &mut [f64]) {
     values.iter_mut().for_each(|v| *v -= mean);
 }
 
-/// Takes out of values what is a multiple of others; answers the multiple.
+/// Subtracts the multiple of `of` from values that it explains. Returns the factor.
 fn take_out(values: &mut [f64], of: &[f64]) -> f64 {
     let gain = dot(values, of) / dot(of, of).max(f64::MIN_POSITIVE);
     values.iter_mut().zip(of).for_each(|(v, o)| *v -= gain * o);
@@ -122,7 +124,7 @@ mod tests {
     use eyebox_solve::solve::SplitMix;
     use std::f64::consts::TAU;
 
-    /// A prediction: waves in all directions.
+    /// A prediction with waves in all directions.
     fn predicted() -> Fine {
         let place = modulate::Args { height: 40, width: 48, grid_height: 48, grid_width: 60, top: 4, left: 6 };
         let mut random = SplitMix(3);
@@ -148,7 +150,7 @@ mod tests {
         let mut truth = dots;
         let off = [0.012, -0.004, 0.015, 0.006, -0.01, -0.012, 0.004, 0.006, -0.004];
         ALL.iter().zip(off).for_each(|(p, off)| truth.numbers[*p] += off);
-        // Another gain, some veiling light, and pixels that are full.
+        // The picture has another gain, some veiling light, and saturated pixels.
         let mut light: Vec<f32> = sensor.moved(truth).see(&predicted).iter().map(|v| 0.3 * v + 0.2).collect();
         light.iter_mut().step_by(17).for_each(|v| *v = f32::NAN);
         let pairs = [Pair { light: &light, predicted: &predicted }];
@@ -163,7 +165,7 @@ mod tests {
         let found = registered(&sensor, &pairs, &ALL);
         assert!(far(dots) > 1.0 && far(found.map) < 0.02, "{} pixels off, then {}", far(dots), far(found.map));
         assert_eq!((found.pixels.len(), found.map.slm), (sensor.pixels.len(), dots.slm));
-        // Moved alone: the rest stays as it was.
+        // If the position alone is free, the other numbers stay as they were.
         let placed = registered(&found, &pairs, &PLACE);
         assert!(far(placed.map) < 0.02 && placed.map.numbers[0] == found.map.numbers[0]);
     }

@@ -1,4 +1,4 @@
-//! Between an image on a window's grid and the pixels of the camera.
+//! Converts between an image on a window's grid and the pixels of the camera.
 
 use crate::classified::CAMERA_PIXEL;
 use crate::map::CameraMap;
@@ -7,10 +7,11 @@ use crate::seen::points_of_pixel;
 use eyebox_kernels::{Complex64, fft, modulate};
 use rayon::prelude::*;
 
-/// Samples of an image along an axis up to which it is made four times as fine for the camera, and twice beyond.
+/// Up to this number of samples along an axis an image is made four times as fine for the camera. Larger images are
+/// made twice as fine.
 const SMALL: usize = 512;
 
-/// A grid of samples over the SLM and what pads it.
+/// A grid of samples over the SLM and its padding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Grid {
     pub(super) rows: usize,
@@ -19,12 +20,12 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// How many times finer it is looked at: what is between samples is then found from four of them.
+    /// The factor of a finer grid, on which four samples are enough to interpolate between samples.
     fn times(&self) -> usize {
         if self.rows.max(self.columns) > SMALL { 2 } else { 4 }
     }
 
-    /// Where a pixel of the SLM (x, y) lies among the samples.
+    /// The place of a pixel of the SLM (x, y) among the samples.
     fn of(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let place = &self.place;
         let along =
@@ -33,17 +34,17 @@ impl Grid {
     }
 }
 
-/// An image in more samples than its grid has.
+/// An image with more samples than its grid.
 #[derive(Debug)]
 pub(super) struct Fine {
     values: Vec<f32>,
     grid: Grid,
-    /// How many times as fine as the grid.
+    /// Factor by which it is finer than the grid.
     times: usize,
 }
 
 impl Fine {
-    /// Of an image on a grid that holds its spectrum.
+    /// Refines an image on a grid that holds its spectrum.
     pub(super) fn of_image(image: &[f32], grid: Grid) -> Self {
         let times = grid.times();
         let image = image.iter().map(|v| Complex64::new(f64::from(*v), 0.0)).collect();
@@ -51,14 +52,14 @@ impl Fine {
         Self { values: fine.iter().map(|v| v.re as f32).collect(), grid, times }
     }
 
-    /// The intensity of fields (sub-frame, row, column; pairs of numbers) whose spectra the grid holds: `gain` times the sum of
-    /// their squares. Intensity has twice the field's bandwidth, which the samples hold.
+    /// The intensity of fields (sub-frame, row, column, pairs of numbers) whose spectra fit on the grid. It is `gain`
+    /// times the sum of their squares. Intensity has twice the bandwidth of the field, and the samples hold it.
     pub(super) fn of_fields(fields: &[f32], gain: f64, grid: Grid) -> Self {
         let times = grid.times();
         let mut values = vec![0.0f32; grid.rows * grid.columns * times * times];
         for frame in fields.chunks_exact(2 * grid.rows * grid.columns) {
             let frame = frame.chunks_exact(2).map(|v| Complex64::new(f64::from(v[0]), f64::from(v[1]))).collect();
-            // A window's bins follow each other: what is finer lies behind them.
+            // The bins of a window follow each other, so finer bins come behind them.
             let field = finer(frame, &grid, times, |n, _| n);
             values.iter_mut().zip(field).for_each(|(sum, v)| *sum += (gain * v.norm_sqr()) as f32);
         }
@@ -70,11 +71,11 @@ impl Fine {
 #[derive(Debug, Clone)]
 pub(super) struct Sensor {
     pub(super) map: CameraMap,
-    /// Their numbers in the picture.
+    /// Their indices in the picture.
     pub(super) pixels: Vec<usize>,
-    /// Those of some that look past it.
+    /// Indices of pixels that look past the image.
     pub(super) beside: Vec<usize>,
-    /// Where they look, (x, y) in pixels of the SLM.
+    /// Places that the pixels look at, (x, y) in pixels of the SLM.
     places: Vec<[f64; 2]>,
     /// Camera pixels per pixel of the SLM.
     zoom: f64,
@@ -97,14 +98,14 @@ impl Sensor {
         Self { map, pixels, beside, places, zoom: map.zoom() }
     }
 
-    /// The same pixels behind another map.
+    /// The same pixels with another map.
     pub(super) fn moved(&self, map: CameraMap) -> Self {
         let place = |at: &usize| map.to_slm([(at % map.camera[1]) as f64, (at / map.camera[1]) as f64]);
         let (pixels, beside) = (self.pixels.clone(), self.beside.clone());
         Self { map, places: pixels.iter().map(place).collect(), pixels, beside, zoom: map.zoom() }
     }
 
-    /// One pixel in `every`.
+    /// The sensor with one pixel in `every`.
     pub(super) fn thinned(&self, every: usize) -> Self {
         let pixels = self.pixels.iter().copied().step_by(every).collect();
         let places = self.places.iter().copied().step_by(every).collect();
@@ -133,8 +134,8 @@ impl Sensor {
         self.places.par_iter().map(pixel).collect()
     }
 
-    /// What the pixels have, on a grid: a mean over those around each sample, as far as the coarser of the two reaches. Pixels
-    /// that are no number count for nothing, and where there are none it is 0.
+    /// Spreads values of the pixels onto a grid. Each sample is a mean over the pixels around it, as far as the coarser
+    /// of the two pitches reaches. NaN pixels have no weight. A sample without pixels is 0.
     pub(super) fn spread(&self, values: &[f32], grid: &Grid) -> Vec<f32> {
         let place = &grid.place;
         let pitch = |samples: usize, all: u32| (samples as f64 / f64::from(all) / self.zoom).max(1.0);
@@ -159,16 +160,16 @@ impl Sensor {
     }
 }
 
-/// Lagrange's weights of four samples around a place between the middle two.
+/// Lagrange weights of four samples around a place between the middle two.
 fn cubic(t: f64) -> [f64; 4] {
     let (a, b, c) = (t + 1.0, t - 1.0, t - 2.0);
     [-t * b * c / 6.0, a * b * c / 2.0, -t * a * c / 2.0, t * a * b / 6.0]
 }
 
-/// Values at `up` times as many samples along both axes, by their spectrum; of each axis's bins those before `half(n, 2)` stand
-/// at its start.
+/// Values at `up` times as many samples along both axes, by their spectrum. The bins before `half(n, 2)` of each axis
+/// stay at its start.
 fn finer(values: Vec<Complex64>, grid: &Grid, up: usize, half: fn(usize, usize) -> usize) -> Vec<Complex64> {
-    // Along a line, then along the other: each comes back transposed.
+    // The transform runs along one axis, then along the other, and each returns its lines transposed.
     let axis = |mut lines: Vec<Complex64>, n: usize| {
         fft::transform_f64(&mut lines, n, fft::Direction::Forward);
         let (mut wide, half) = (vec![Complex64::default(); lines.len() * up], half(n, 2));
@@ -188,7 +189,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// A camera that stands askew, over a grid with padding.
+    /// A rotated and shifted camera over a grid with padding.
     fn bench() -> (Sensor, Grid, CameraMap) {
         let numbers = [0.9, 0.03, 0.02, -0.03, 0.91, -0.05, 0.02, -0.01, 0.01, 0.0];
         let map = CameraMap { numbers, slm: [40, 48], camera: [84, 90] };
@@ -205,7 +206,7 @@ mod tests {
         assert!(sensor.pixels.len() > 1500 && !sensor.beside.is_empty());
         for (at, seen) in sensor.pixels.iter().zip(seen) {
             let [x, y] = map.to_slm([(at % 90) as f64, (at / 90) as f64]);
-            // A pixel's own size takes a little.
+            // The size of a pixel lowers the contrast a little.
             assert!((f64::from(seen) - wave(x, y)).abs() < 0.02, "at {x}, {y}: {seen}, not {}", wave(x, y));
         }
     }
@@ -213,7 +214,7 @@ mod tests {
     #[test]
     fn fields_are_seen_with_all_the_bandwidth_of_their_squares() {
         let (sensor, grid, map) = bench();
-        // Two waves at the ends of the grid's bins: their beat lies beyond its samples.
+        // The two waves are at the ends of the grid's bins, and the samples do not hold their beat.
         let phases = |x: f64, y: f64| [0.0, TAU * (17.0 * (x + 6.0) / 60.0 + 11.0 * (y + 4.0) / 48.0)];
         let field = |x: f64, y: f64| {
             let [a, b] = phases(x, y).map(Complex64::cis);

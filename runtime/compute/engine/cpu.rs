@@ -1,12 +1,13 @@
-//! The CPU engine: RustFFT, all cores, SIMD. The embedded default where there is no GPU, and what the Vulkan engine
-//! is compared with.
+//! Runs lists of kernels on the CPU, with RustFFT, SIMD and all cores.
 //!
-//! Neighbouring kernels of one scope run depth first: a sub-frame (or a pupil) goes through all of them while it is in
-//! the cache. Pupils, and the sub-frames of a large pupil, run in parallel; sums are in a fixed order, so the result is
-//! the same bits for any number of threads.
+//! It is the embedded default without a GPU, and the reference of the Vulkan engine.
 //!
-//! Fields stored as halves are for comparison: values stay float32 in memory and are rounded to halves wherever a kernel
-//! stores them, between the axes of a transform too. That takes longer than float32 and saves nothing.
+//! Neighboring kernels of one scope run depth first. A sub-frame, or a pupil, goes through all of them while it is in
+//! the cache. Pupils, and the sub-frames of a large pupil, run in parallel. Sums have a fixed order, so the result
+//! has the same bits for any number of threads.
+//!
+//! Fields stored as halves are for comparison. Values stay float32 in memory and are rounded to halves wherever a
+//! kernel stores them, also between the axes of a transform. That takes longer than float32 and saves nothing.
 
 mod buffers;
 mod frames;
@@ -54,24 +55,24 @@ impl Clock {
 pub struct CpuEngine {
     shape: Shape,
     views: Option<Arc<Pyramid>>,
-    /// Whose tables the buffers hold.
+    /// The model whose tables the buffers hold.
     model: Option<Arc<ModelTables>>,
     buffers: Buffers,
     plans: Plans,
-    /// Room of transforms that all threads take together, and lists of losses that were given back.
+    /// Scratch of transforms that use all threads together, and returned lists of losses.
     wide: Vec<Complex32>,
     spare: Vec<Vec<f64>>,
     clock: Clock,
-    /// What is done before each part of a list: it may wait, count or fail.
+    /// Runs before each part of a list. It may wait, count or fail.
     #[cfg(any(test, feature = "test-hooks"))]
     before_part: Option<Box<dyn FnMut() -> Result<(), EngineError> + Send>>,
 }
 
-/// Sub-frames that are under way at once.
+/// Sub-frames under way at once.
 const AT_ONCE: usize = 64;
 
 impl CpuEngine {
-    /// An engine without buffers: [`load`](Engine::load) makes them.
+    /// Makes an engine without buffers. [`load`](Engine::load) makes them.
     pub fn new() -> Self {
         Self {
             shape: Shape::empty(),
@@ -87,13 +88,13 @@ impl CpuEngine {
         }
     }
 
-    /// The same, which does something before each part of a list: it may wait, count or fail.
+    /// Makes an engine that runs `before_part` before each part of a list. It may wait, count or fail.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn watched(before_part: impl FnMut() -> Result<(), EngineError> + Send + 'static) -> Self {
         Self { before_part: Some(Box::new(before_part)), ..Self::new() }
     }
 
-    /// Frame by frame through all of `group`.
+    /// Runs each frame through all of `group`.
     fn run_frames(&mut self, step: &Step, group: &[Dispatch]) {
         let Self { shape, buffers, plans, clock, wide: scratch, .. } = self;
         let (pixels, points) = (shape.pixels().max(1), shape.points().max(1));
@@ -152,7 +153,7 @@ impl CpuEngine {
             return;
         }
         loop {
-            // On the stack: a list of them would be made anew for every group of kernels.
+            // These are on the stack, because a list would be allocated for every group of kernels.
             let mut some: [Option<Frame<'_>>; AT_ONCE] = std::array::from_fn(|_| frames.next());
             let count = some.iter().flatten().count();
             some[..count].par_iter_mut().flatten().for_each(run);
@@ -162,7 +163,7 @@ impl CpuEngine {
         }
     }
 
-    /// Pupil pass by pupil pass through all of `group`, which has one range of pupil passes.
+    /// Runs each pupil pass through all of `group`, which has one range of pupil passes.
     fn run_pupil_passes(&mut self, step: &Step, group: &[Dispatch]) -> Result<(), EngineError> {
         let pupil_passes = &step.pupil_passes[group[0].pupil_passes.clone()];
         let Self { shape, buffers: Buffers { slots, field, relay, .. }, plans, clock, views, .. } = self;
@@ -172,7 +173,7 @@ impl CpuEngine {
         let (views, relay) = (views.as_deref(), complex(relay));
         let looks = |d: &Dispatch| d.kernel.binds().iter().any(|(_, resource)| *resource == Resource::Views);
         if views.is_none() && group.iter().any(looks) {
-            return Err(EngineError::mismatch("a photograph is asked for and no views were loaded"));
+            return Err(EngineError::mismatch("a step needs target images, but no views were loaded"));
         }
         let (frames, points, field) = (shape.frames, shape.points(), complex(field));
         let store = storing(shape.storage);
@@ -184,7 +185,7 @@ impl CpuEngine {
         slots.par_iter_mut().zip(pupil_passes).for_each(|(slot, pass)| {
             let mut rest = group;
             while let [first, ..] = rest {
-                // Kernels that take one sub-frame at a time run depth first as well.
+                // Kernels that take one sub-frame at a time also run depth first.
                 let framewise = rest.iter().take_while(|d| d.kernel.scope() == Scope::Windows).count();
                 let (now, later) = rest.split_at(framewise.max(1));
                 rest = later;
@@ -196,7 +197,7 @@ impl CpuEngine {
                 let count = pass.count();
                 let Slot { transfer, window, image, .. } = &mut *slot;
                 let (transfer, window) = (complex(transfer), complex_mut(window));
-                // Sub-frame by sub-frame of each mode of the source.
+                // Each index is one sub-frame of one mode of the source.
                 let work = |i: usize, window: &mut [Complex32]| {
                     let (mode, index) = (i / frames, i % frames);
                     let (field, pass) = (&field[index * points..][..points], pass.mode(mode));
@@ -218,7 +219,7 @@ impl CpuEngine {
         Ok(())
     }
 
-    /// These entries of a step's list, neighbours of one scope together.
+    /// Runs these entries of a step's list, with neighbors of one scope together.
     fn run_list(&mut self, step: &Step, mut rest: &[Dispatch], losses: &mut [f64]) -> Result<(), EngineError> {
         while let [first, ..] = rest {
             let scope = first.kernel.scope();
@@ -250,7 +251,7 @@ impl CpuEngine {
         Ok(())
     }
 
-    /// Once for all sub-frames. Returns whether all that was looked at is finite.
+    /// Runs once for all sub-frames. Returns false if a checked value is not finite.
     fn run_whole(&mut self, step: &Step, dispatch: &Dispatch) -> bool {
         let Buffers { field, change, hits, energy, wave, .. } = &mut self.buffers;
         let passes = &step.pupil_passes[dispatch.pupil_passes.clone()];
@@ -271,7 +272,7 @@ impl Default for CpuEngine {
 
 impl Engine for CpuEngine {
     fn lists(&self) -> &'static str {
-        "neighbouring kernels depth first"
+        "neighboring kernels depth first"
     }
 
     fn describe(&self) -> String {
@@ -331,7 +332,7 @@ impl Engine for CpuEngine {
     }
 
     fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
-        // They are whole binary angles, which every shape stores as they are.
+        // The phases are whole binary angles, which every shape stores exactly.
         let phases = &mut self.buffers.phases;
         if phases.len() != of.count() {
             return Err(misfit(Buffer::Phases, phases.len(), of.count()));
@@ -358,7 +359,8 @@ impl Engine for CpuEngine {
         losses.resize(step.pupil_passes.len(), 0.0);
         let list = &step.list[part];
         if !list.is_empty() {
-            // On the threads that compute from here on: they are handed the list once, not kernel by kernel.
+            // The list runs on the computing threads from here, so that they receive it once and not kernel by
+            // kernel.
             rayon::scope(|_| self.run_list(step, list, &mut losses))?;
         }
         Ok(losses)
@@ -368,7 +370,8 @@ impl Engine for CpuEngine {
         self.spare.push(losses);
     }
 
-    /// Plans of transforms, and room for any of these pupil passes, which takes no memory before it is used.
+    /// Makes plans of transforms, and reserves room for any of these pupil passes. The room takes no memory before
+    /// its use.
     fn prepare(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
         for step in steps {
             let count = at_once.unwrap_or(0);

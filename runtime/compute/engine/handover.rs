@@ -1,36 +1,35 @@
-//! Two engines, one list: the first runs it up to a kernel, the second from there on.
+//! Runs a list on one engine up to a kernel, and on a second one from there.
 //!
-//! If a step goes wrong on Vulkan and right on the CPU, handing over later and later finds the kernel that is to blame.
+//! If a step fails on Vulkan and works on the CPU, handovers at later and later kernels find the faulty one.
 
 use super::{Buffer, Engine, EngineError, Kernel, Memory, Resource, Shape, Step, Timing, not_kept, nothing_kept};
 use crate::scene::Pyramid;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Where in a list the second engine takes over.
+/// The place in a list at which the second engine takes over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum At {
-    /// Before this entry of the list; at its end if the list is shorter.
+    /// Before this entry of the list, or at its end if the list is shorter.
     Index(usize),
-    /// Before the first entry with this kernel; at the list's end if there is none.
+    /// Before the first entry with this kernel, or at the list's end if there is none.
     Kernel(Kernel),
 }
 
-/// Runs the front of each list on one engine and its rest on another. Whenever the other one takes over, it is given
-/// all buffers.
+/// Runs the front of each list on one engine and its rest on another. An engine that takes over receives all buffers.
 pub struct Handover {
     first: Box<dyn Engine>,
     second: Box<dyn Engine>,
     at: At,
     shape: Option<Shape>,
-    /// Which engine ran last: only it knows what the kernels wrote.
+    /// True if the second engine ran last. Only that engine has the results of the kernels.
     last_is_second: Option<bool>,
-    /// Phases that are kept, for both.
+    /// The kept phases, for both engines.
     kept: Option<Vec<f32>>,
 }
 
 impl Handover {
-    /// `first` up to `at`, `second` from there on.
+    /// Makes an engine that runs lists on `first` up to `at`, and on `second` from there.
     pub fn new(first: Box<dyn Engine>, second: Box<dyn Engine>, at: At) -> Self {
         Self { first, second, at, shape: None, last_is_second: None, kept: None }
     }
@@ -47,13 +46,13 @@ impl Handover {
     }
 }
 
-/// Copies what the kernels from entry `at` on may read: all buffers of the shape, and those of the pupil passes whose kernels
-/// the list is in the middle of.
+/// Copies the data that kernels from entry `at` on may read. These are all buffers of the shape, and the buffers of
+/// the pupil passes whose kernels the list is in the middle of.
 fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, at: usize) -> Result<(), EngineError> {
     for buffer in shape.buffers() {
         to.write(buffer, &from.read(buffer)?)?;
     }
-    // A group of pupil passes that starts here brings nothing along.
+    // A group of pupil passes that starts here needs no data from before.
     let Some(next) = step.list[at..].iter().find(|d| !d.pupil_passes.is_empty()) else { return Ok(()) };
     let before = step.list[..at].iter().rev().find(|d| !d.pupil_passes.is_empty());
     if before.is_none_or(|b| b.pupil_passes != next.pupil_passes) {
@@ -64,7 +63,7 @@ fn copy(from: &mut dyn Engine, to: &mut dyn Engine, shape: &Shape, step: &Step, 
             let (Some(buffer), length) = (resource.buffer(slot), pupil_pass.extent(resource, shape).floats()) else {
                 continue;
             };
-            // A buffer that is not this long was not computed for this pupil pass yet.
+            // A buffer of another length was not yet computed for this pupil pass.
             match from.read(buffer) {
                 Ok(data) if length > 0 && data.len() == length => to.write(buffer, &data)?,
                 Ok(_) | Err(EngineError::Mismatch { .. }) => {}
@@ -81,7 +80,7 @@ impl Engine for Handover {
             At::Index(index) => format!("entry {index}"),
             At::Kernel(kernel) => kernel.name().to_owned(),
         };
-        format!("{}; from {at} on: {}", self.first.describe(), self.second.describe())
+        format!("{}, from {at} on {}", self.first.describe(), self.second.describe())
     }
 
     fn memory(&self) -> Memory {
@@ -152,7 +151,7 @@ impl Engine for Handover {
             if self.last_is_second.is_some_and(|last| last != second) {
                 copy(&mut **ran, &mut **runs, &shape, step, part.start)?;
             }
-            // Also when it fails: what it left is what there is to read.
+            // This also holds if the run fails, because its results are then the ones to read.
             self.last_is_second = Some(second);
             let more = runs.run_part(step, part)?;
             losses.iter_mut().zip(more).for_each(|(loss, more)| *loss += more);

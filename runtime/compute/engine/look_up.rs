@@ -1,4 +1,4 @@
-//! First phases by a table, on whatever engine holds the phases.
+//! Looks up first phases in a table, for whichever engine holds the phases.
 
 use super::EngineError;
 use crate::scene::Pyramid;
@@ -7,57 +7,58 @@ use eyebox_kernels::table_start::{self, LEVELS, table_start};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Rows that are looked up together: their light stays in the first cache for all sub-frames.
+/// Rows of one look-up. Their light stays in the first-level cache for all sub-frames.
 const BAND: usize = 8;
 
-/// A table, and the picture whose phases are looked up in it.
+/// A table, and the picture whose phases the look-up finds in it.
 #[derive(Debug, Clone)]
 pub struct LookUp {
     /// Binary angles (sub-frames, side, side, levels).
     pub table: Arc<[u16]>,
-    /// The views, which an engine that runs them has already.
+    /// The views, which an engine that runs them already has.
     pub views: Arc<Pyramid>,
-    /// Which of them are seen, each by its share.
+    /// The visible views, each with its share.
     pub shares: Vec<Share>,
-    /// Where the SLM lies in the views, as the host has them.
+    /// Place of the SLM in the views, in the layout of the host.
     pub place: pupil_light::Args,
-    /// Sizes and brightness, of phases as the host has them.
+    /// Sizes and brightness, for phases in the layout of the host.
     pub args: table_start::Args,
-    /// What each pixel [needs](table_start::need) because it has other light; none where all have the same.
+    /// The [need](table_start::need) of each pixel because of its own light, or none if all pixels have the same.
     pub needs: Option<Arc<[u32]>>,
 }
 
 impl LookUp {
-    /// The phases (sub-frames, height, width), radians in -pi .. pi: whole binary angles, computed on the host.
+    /// Returns the phases (sub-frames, height, width), radians in -pi .. pi. They are whole binary angles, computed
+    /// on the host.
     ///
     /// # Errors
-    /// Views on a device that does not answer.
+    /// [`EngineError`] if the views are on a device that does not answer.
     pub fn phases(&self) -> Result<Vec<f32>, EngineError> {
         let mut phases = vec![0.0; self.count()];
         self.phases_into(&mut phases)?;
         Ok(phases)
     }
 
-    /// How many phases that is.
+    /// Returns the number of phases.
     pub(super) fn count(&self) -> usize {
         [self.args.frames, self.args.height, self.args.width].map(|n| n as usize).iter().product()
     }
 
-    /// The same into memory of their number that is there already: new memory takes longer than the look-up.
+    /// Fills existing memory of the right length with the phases, because new memory takes longer than the look-up.
     pub(super) fn phases_into(&self, phases: &mut [f32]) -> Result<(), EngineError> {
         let views = super::on_host(&self.views)?;
         self.phases_of(phases, &|row, light| self.light(&views, row, light));
         Ok(())
     }
 
-    /// The drives (sub-frames, height, width) that all colors share, as phases of one turn in -pi .. pi: looked up by gray, the mean
-    /// brightness of the colors, in the table of the first.
+    /// Returns the drives (sub-frames, height, width) that all colors share, as phases of one turn in -pi .. pi. The
+    /// look-up is by gray, the mean brightness of the colors, in the table of the first color.
     ///
     /// # Errors
-    /// No color; views on a device that does not answer.
+    /// [`EngineError`] if there is no color, or the views are on a device that does not answer.
     pub fn drives(colors: &[Self]) -> Result<Vec<f32>, EngineError> {
         let Some(first) = colors.first() else {
-            return Err(EngineError::mismatch("no color has a drive"));
+            return Err(EngineError::mismatch("no color was given"));
         };
         let views = colors.iter().map(|color| super::on_host(&color.views)).collect::<Result<Vec<_>, _>>()?;
         let of_gray = Self { args: first.args.as_it_is(), needs: None, ..first.clone() };
@@ -75,17 +76,17 @@ impl LookUp {
         Ok(phases)
     }
 
-    /// The light of whole rows of the SLM, from `row` on: 2^32 is full light.
+    /// Computes the light of whole rows of the SLM, from `row` on. 2^32 is full light.
     fn light(&self, views: &Pyramid, row: usize, light: &mut [u32]) {
         let first = self.place.first + row as u32 * self.place.line;
         let place = pupil_light::Args { height: light.len() as u32 / self.place.width, first, ..self.place };
         pupil_light(&place, &views.levels[0].views, &self.shares, light);
     }
 
-    /// The same for light that is made for whole rows of the SLM, from a row on.
+    /// Fills `phases` from light that `make` computes for whole rows of the SLM, from a row on.
     fn phases_of(&self, phases: &mut [f32], make: &(dyn Fn(usize, &mut [u32]) + Sync)) {
         let [height, width, side] = [self.args.height, self.args.width, self.args.side].map(|n| n as usize);
-        // The same rows of all sub-frames.
+        // Each band holds the same rows of all sub-frames.
         let mut bands: Vec<Vec<&mut [f32]>> = (0..height.div_ceil(BAND)).map(|_| Vec::new()).collect();
         for frame in phases.chunks_exact_mut(height * width) {
             bands.iter_mut().zip(frame.chunks_mut(BAND * width)).for_each(|(band, rows)| band.push(rows));

@@ -1,8 +1,8 @@
-//! Runs lists of kernels over buffers: on the [`cpu`], on [`vulkan`], or on both in turn ([`Handover`]).
+//! Runs lists of kernels over buffers on the [`cpu`], on [`vulkan`], or on both in turn ([`Handover`]).
 //!
-//! A [`Step`] is plain data: a short list of named kernels ([`Dispatch`]) and, per pupil, the arguments and tables that
-//! they take ([`PupilPass`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]), so that a wrong
-//! kernel is found by running the list on one engine up to it and on the other after it.
+//! A [`Step`] is plain data. It is a short list of named kernels ([`Dispatch`]), with the arguments and tables that
+//! each pupil needs ([`PupilPass`]). Every engine runs the same list and keeps the same buffers ([`Buffer`]). To find
+//! a wrong kernel, run the list on one engine up to it and on the other after it.
 
 mod choose;
 pub mod cpu;
@@ -27,172 +27,173 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Where an engine's buffers lie.
+/// Location of an engine's buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Memory {
-    /// In the host's memory, as part of the program.
+    /// The host's memory, as part of the program.
     Host,
-    /// In the host's memory, behind a driver: what the host gives it is there twice.
+    /// The host's memory behind a driver. Data that the host passes to it exists twice.
     Shared,
-    /// In the device's own.
+    /// The device's own memory.
     Device,
 }
 
 #[cfg(feature = "vulkan")]
 impl Memory {
-    /// Of a device of this kind.
+    /// Returns the location for a device of this kind.
     pub fn of(kind: crate::gpu::DeviceKind) -> Self {
         use crate::gpu::DeviceKind::{Cpu, Integrated};
         if matches!(kind, Cpu | Integrated) { Self::Shared } else { Self::Device }
     }
 }
 
-/// What came of a step.
+/// The result of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResult {
-    /// The loss (a sum over pixels) of each pupil pass. Where one is no finite number the phases stayed as they were.
+    /// Loss of each pupil pass, a sum over its pixels. If one is not finite, the phases did not change.
     pub losses: Vec<f64>,
-    /// Seconds that it took: by the device's clock, where it has one.
+    /// Duration in seconds, by the device's clock if it has one.
     pub seconds: f64,
 }
 
-/// A step that was begun, which [`Engine::end_step`] takes.
+/// A started step, which [`Engine::end_step`] takes.
 #[derive(Debug)]
 pub struct PendingStep(State);
 
 #[derive(Debug)]
 enum State {
     Over(StepResult),
-    /// It has the number that its engine gave it.
+    /// The number that the engine gave to the step.
     #[cfg(feature = "vulkan")]
     UnderWay(u64),
 }
 
 impl PendingStep {
-    /// Whether its losses are known already.
+    /// Returns true if its losses are available.
     pub fn is_over(&self) -> bool {
         matches!(self.0, State::Over(_))
     }
 }
 
 fn misfit(buffer: Buffer, has: usize, given: usize) -> EngineError {
-    EngineError::mismatch(format!("{buffer:?} holds {has} values, {given} were given"))
+    EngineError::mismatch(format!("{buffer:?} holds {has} values, but {given} were given"))
 }
 
-/// Views for an engine that has none of a device's memory.
+/// Returns views for an engine without a device's memory.
 pub fn on_host(views: &Arc<Pyramid>) -> Result<Arc<Pyramid>, EngineError> {
-    views.on_host().map_err(|reason| EngineError::mismatch(format!("the views are on a device: {reason}")))
+    views.on_host().map_err(|reason| EngineError::mismatch(format!("views on a device cannot be read: {reason}")))
 }
 
-/// What [`Engine::keep`] does not keep.
+/// Returns the error for a buffer that [`Engine::keep`] does not keep.
 fn not_kept(buffer: Buffer) -> EngineError {
-    EngineError::mismatch(format!("{buffer:?} is not kept, phases and what is shown are"))
+    EngineError::mismatch(format!("{buffer:?} cannot be kept, only Phases and Shown can"))
 }
 
-/// Pupil passes of more modes than the display's model has tables for.
+/// Returns the error for pupil passes with more modes than the display's model has tables for.
 fn other_source(modes: usize, tables: usize) -> EngineError {
     EngineError::mismatch(format!(
-        "a pupil pass has {modes} modes of a source, the display's model tables for {tables}: `Planner::with_source` \
-         makes both"
+        "a pupil pass has {modes} modes of a source, but the display's model has tables for {tables}. \
+         `Planner::with_source` sets both"
     ))
 }
 
 #[cfg(feature = "vulkan")]
 fn not_under_way() -> EngineError {
-    EngineError::mismatch("the step that is to be ended is not under way")
+    EngineError::mismatch("the step to end is not under way")
 }
 
 fn nothing_kept() -> EngineError {
-    EngineError::mismatch("nothing was kept")
+    EngineError::mismatch("no phases were kept")
 }
 
-/// Runs steps. Times are kept per kernel.
+/// Runs steps, and counts the time of each kernel.
 pub trait Engine: Send {
-    /// What it is and what it runs on, in one line.
+    /// Describes the engine and its device in one line.
     fn describe(&self) -> String;
 
-    /// How it runs lists: `kernel by kernel`, or what it does together.
+    /// Describes how it runs lists, such as `kernel by kernel` or with several kernels together.
     fn lists(&self) -> &'static str {
         "kernel by kernel"
     }
 
-    /// Where its buffers lie.
+    /// Returns the location of its buffers.
     fn memory(&self) -> Memory {
         Memory::Host
     }
 
-    /// How complex fields are best stored where halves are exact enough: as halves on a GPU, whose time is bytes.
+    /// Returns the best storage of complex fields if halves are exact enough. A GPU, whose time is bytes, prefers
+    /// halves.
     fn preferred_storage(&self) -> Storage {
         Storage::F32
     }
 
-    /// Makes the buffers for this shape, all zero, and takes the views (float32 targets need none).
+    /// Makes the buffers for this shape, all zero, and takes the views. Targets as float32 need no views.
     ///
     /// # Errors
-    /// Out of memory, or a device that is too small.
+    /// [`EngineError`] if memory runs out or the device is too small.
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError>;
 
-    /// Takes other views in place of those that it was loaded with; its buffers stay as they are.
+    /// Replaces the loaded views by others. The buffers keep their content.
     ///
     /// # Errors
-    /// Out of memory; a lost device.
+    /// [`EngineError`] if memory runs out or the device is lost.
     fn take_views(&mut self, views: Arc<Pyramid>) -> Result<(), EngineError>;
 
-    /// Fills a buffer (complex ones as pairs of float32).
+    /// Fills a buffer, with complex values as pairs of float32.
     ///
     /// # Errors
-    /// A length that is not the buffer's; a lost device.
+    /// [`EngineError`] if the length is not the buffer's, or the device is lost.
     fn write(&mut self, buffer: Buffer, data: &[f32]) -> Result<(), EngineError>;
 
-    /// Reads a buffer, whole. Pupil pass buffers have the size that the last step gave them.
+    /// Reads a whole buffer. Pupil pass buffers have the size that the last step gave them.
     ///
     /// # Errors
-    /// A buffer that the shape does not have; a lost device.
+    /// [`EngineError`] if the shape does not have the buffer, or the device is lost.
     fn read(&mut self, buffer: Buffer) -> Result<Vec<f32>, EngineError>;
 
-    /// The phases where they are, if that is in a device's memory.
+    /// Returns the phases in place, if they are in a device's memory.
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
         None
     }
 
-    /// Keeps a copy of [`Buffer::Phases`] or [`Buffer::Shown`] beside the buffers, where they are, in place of the one kept
-    /// before. [`load`](Self::load) forgets it.
+    /// Keeps a copy of [`Buffer::Phases`] or [`Buffer::Shown`] next to the buffers, instead of the copy kept before.
+    /// [`load`](Self::load) deletes it.
     ///
     /// # Errors
-    /// A buffer that is neither, or that the shape does not have; out of memory; a lost device.
+    /// [`EngineError`] if it is another buffer, the shape does not have it, memory runs out, or the device is lost.
     fn keep(&mut self, buffer: Buffer) -> Result<(), EngineError>;
 
-    /// Reads what was kept.
+    /// Reads the copy that was kept.
     ///
     /// # Errors
-    /// Nothing was kept; a lost device.
+    /// [`EngineError`] if no phases were kept, or the device is lost.
     fn kept(&mut self) -> Result<Vec<f32>, EngineError>;
 
-    /// What was kept becomes the phases again, and the [moments](Self::clear_moments) zero, with nothing passing through the
-    /// host where the buffers are a device's.
+    /// Copies the kept phases back to the phases and sets the [moments](Self::clear_moments) to zero. Nothing passes
+    /// through the host if the buffers are on a device.
     ///
     /// # Errors
-    /// Nothing was kept; a lost device.
+    /// [`EngineError`] if no phases were kept, or the device is lost.
     fn restore(&mut self) -> Result<(), EngineError>;
 
-    /// Fills the phases by a table, from the views that were taken last.
+    /// Fills the phases from a table, with the views that were loaded last.
     ///
     /// # Errors
-    /// Another number of phases; a lost device.
+    /// [`EngineError`] if the number of phases differs, or the device is lost.
     fn look_up(&mut self, of: &LookUp) -> Result<(), EngineError> {
         self.write(Buffer::Phases, &of.phases()?)
     }
 
-    /// Makes [`Buffer::Momentum`] and [`Buffer::Second`] zero, as far as the shape has them.
+    /// Sets [`Buffer::Momentum`] and [`Buffer::Second`] to zero, if the shape has them.
     ///
     /// # Errors
-    /// A lost device.
+    /// [`EngineError`] if the device is lost.
     fn clear_moments(&mut self) -> Result<(), EngineError>;
 
-    /// As [`read`](Self::read), into memory that is there already.
+    /// Reads a buffer like [`read`](Self::read), into existing memory.
     ///
     /// # Errors
-    /// Those of [`read`](Self::read); a length that is not the buffer's.
+    /// The errors of [`read`](Self::read), and a length that is not the buffer's.
     fn read_into(&mut self, buffer: Buffer, to: &mut [f32]) -> Result<(), EngineError> {
         let data = self.read(buffer)?;
         if data.len() != to.len() {
@@ -202,27 +203,27 @@ pub trait Engine: Send {
         Ok(())
     }
 
-    /// Runs the dispatches `part` of the step's list. Returns the loss (a sum over pixels) of each pupil pass that
-    /// `compare` saw in this part, zero for others.
+    /// Runs the dispatches `part` of the step's list. Returns the loss of each pupil pass that `compare` saw in this
+    /// part, as a sum over its pixels, and zero for the others.
     ///
     /// # Errors
-    /// A step that does not fit the loaded shape; a lost device.
+    /// [`EngineError`] if the step does not fit the loaded shape, or the device is lost.
     fn run_part(&mut self, step: &Step, part: Range<usize>) -> Result<Vec<f64>, EngineError>;
 
     /// Runs the whole list.
     ///
     /// # Errors
-    /// As [`run_part`](Self::run_part).
+    /// The errors of [`run_part`](Self::run_part).
     fn run(&mut self, step: &Step) -> Result<Vec<f64>, EngineError> {
         self.run_part(step, 0..step.list.len())
     }
 
-    /// Takes a step, or these parts of its list, in order. All losses are known before phases may change: with one that is no
-    /// finite number they stay as they are, and where steps are under way behind it, through those as well. On a device the
-    /// step may be under way when this returns, one at most; it is ended before another two are begun.
+    /// Starts a step, or these parts of its list in order. All losses are computed before phases may change. If one
+    /// is not finite, the phases stay unchanged, also through steps that are already under way after it. On a device
+    /// the step may still be under way when this returns, one at most. It must be ended before another two are begun.
     ///
     /// # Errors
-    /// As [`run_part`](Self::run_part).
+    /// The errors of [`run_part`](Self::run_part).
     fn begin_step(&mut self, step: &Step, parts: &[Range<usize>]) -> Result<PendingStep, EngineError> {
         let (start, update) = (Instant::now(), step.before_update());
         let mut losses: Option<Vec<f64>> = None;
@@ -249,10 +250,10 @@ pub trait Engine: Send {
         Ok(PendingStep(State::Over(StepResult { losses, seconds: start.elapsed().as_secs_f64() })))
     }
 
-    /// What came of a step, when it is over.
+    /// Waits for a step and returns its result.
     ///
     /// # Errors
-    /// A step of another engine, or of long ago; a lost device.
+    /// [`EngineError`] if the step is from another engine or too old, or the device is lost.
     fn end_step(&mut self, begun: PendingStep) -> Result<StepResult, EngineError> {
         match begun.0 {
             State::Over(taken) => Ok(taken),
@@ -261,30 +262,32 @@ pub trait Engine: Send {
         }
     }
 
-    /// A list of losses that it gave is done with: it may be filled again.
+    /// Takes back a list of losses that the engine returned, to fill it again.
     fn recycle(&mut self, _losses: Vec<f64>) {}
 
-    /// Makes what these steps need: memory, pipelines, tables. With `at_once` they may be over any of their pupil passes, so many
-    /// at a time; without, they are as they are given. Nothing is run, and steps find all of it there.
+    /// Makes the memory, pipelines and tables of these steps without running anything, so that steps find all of
+    /// them. With `at_once` the steps may have any of their pupil passes, that number at a time. Without it, they are
+    /// as given.
     ///
     /// # Errors
-    /// Those of [`run_part`](Self::run_part); out of memory.
+    /// The errors of [`run_part`](Self::run_part), and lack of memory.
     fn prepare(&mut self, _steps: &mut dyn Iterator<Item = Step>, _at_once: Option<usize>) -> Result<(), EngineError> {
         Ok(())
     }
 
-    /// Whether kernels are timed one by one from now on, where that takes time itself.
+    /// Turns timing of single kernels on or off, on engines for which it costs time.
     fn time_kernels(&mut self, _on: bool) {}
 
-    /// Time and calls per kernel since the last reset, in the order of [`Kernel::ALL`]; on a device, since kernels are
-    /// [timed](Self::time_kernels).
+    /// Returns time and calls per kernel since the last reset, in the order of [`Kernel::ALL`]. On a device they
+    /// count only while kernels are [timed](Self::time_kernels).
     fn timings(&self) -> Vec<Timing>;
 
-    /// Forgets the times.
+    /// Sets all times to zero.
     fn reset_timings(&mut self);
 }
 
-/// Refuses buffers on the host that memory does not hold, before any is taken; a complex value takes `complex` bytes.
+/// Refuses buffers on the host that exceed the available memory, before any is allocated. A complex value takes
+/// `complex` bytes.
 pub(crate) fn check_shape(shape: &Shape, complex: u64) -> Result<(), EngineError> {
     let bytes = crate::plan::shared_bytes(shape, complex);
     match crate::memory::available() {

@@ -1,13 +1,14 @@
-//! The threads that compute: one pool for the process.
+//! Makes the threads that compute, one pool for the process.
 
 use rayon::ThreadPoolBuilder;
 
-/// More threads than any machine's cores; more asked for is a mistake that would take minutes to start.
+/// More threads than any machine has cores. A larger request is a mistake that would take minutes to start.
 const MOST: usize = 512;
-/// More than this for each core only stand in each other's way.
+/// More threads than this per core only obstruct each other.
 const A_CORE: usize = 16;
 
-/// As many threads as `RAYON_NUM_THREADS` says or there are cores, within reason; and how many were asked for.
+/// Returns the usual number of threads and the requested number, from `RAYON_NUM_THREADS` or the cores. The first is
+/// limited.
 fn usual() -> (usize, usize) {
     let stated = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -15,7 +16,8 @@ fn usual() -> (usize, usize) {
     (wanted.min(MOST).min(A_CORE * cores), wanted)
 }
 
-/// A pool of so many threads, 0 for the usual number; of fewer where the system does not give so many.
+/// Makes a pool of `threads` threads, or of the usual number for 0. It has fewer threads if the system provides no
+/// more.
 pub fn pool(threads: usize) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildError> {
     let mut count = if threads > 0 { threads } else { usual().0 };
     loop {
@@ -26,26 +28,26 @@ pub fn pool(threads: usize) -> Result<rayon::ThreadPool, rayon::ThreadPoolBuildE
     }
 }
 
-/// Makes the pool, of as many threads as `RAYON_NUM_THREADS` says or there are cores; where the system does not give so many,
-/// of fewer, with a warning. Programs may call it first thing; what was made before stays.
+/// Makes the global pool, with the number of threads in `RAYON_NUM_THREADS` or one per core. If the system provides
+/// fewer threads, the pool has fewer, with a warning. Call it first in a program, because an existing pool stays.
 pub fn prepare_threads() {
     let (mut count, wanted) = usual();
     if count < wanted {
-        tracing::warn!("{wanted} threads were asked for: {count} are made");
+        tracing::warn!("{wanted} threads are too many, so {count} are used");
     }
-    // A pool of the process that could not be made cannot be made again: whether there are threads is found out before.
+    // A global pool that failed cannot be made again, so the threads are tested before.
     while count > 1 && !has_threads(count) {
         count /= 2;
-        tracing::warn!("the system does not give so many threads: {count} are tried");
+        tracing::warn!("the system does not provide enough threads, so {count} are tried");
     }
-    // One needs none of the system: it is this thread then.
+    // A single thread needs none of the system, because it is the current thread.
     let alone = count == 1 && !has_threads(1);
-    // Made before, by whoever computed something, it stays.
+    // A pool from an earlier computation stays.
     let pool = ThreadPoolBuilder::new().num_threads(count);
     let _ = if alone { pool.use_current_thread().build_global() } else { pool.build_global() };
 }
 
-/// Whether the system gives so many threads at once.
+/// Returns true if the system provides this number of threads at once.
 fn has_threads(count: usize) -> bool {
     let (go, wait) = std::sync::mpsc::channel::<()>();
     let wait = std::sync::Arc::new(std::sync::Mutex::new(wait));

@@ -1,4 +1,4 @@
-//! A build without the feature `vulkan`: there is no device, and no value of [`Gpu`].
+//! Replaces the device in a build without the feature `vulkan`, with no value of [`Gpu`].
 
 use super::error::EngineError;
 use super::report::{DeviceReport, Options};
@@ -13,35 +13,35 @@ impl Gpu {
     /// Opens the device that the options name, or the best one.
     ///
     /// # Errors
-    /// [`EngineError::NoDevice`], always.
+    /// The error is always [`EngineError::NoDevice`].
     pub fn open(_: &Options) -> Result<Self, EngineError> {
         Err(EngineError::NoDevice { reason: "this program was built without the feature `vulkan`".into() })
     }
 
-    /// The device.
+    /// Returns the report of the device.
     pub fn report(&self) -> &DeviceReport {
         match self.0 {}
     }
 
-    /// Whether it stopped answering.
+    /// Returns true if it stopped answering.
     pub fn is_lost(&self) -> bool {
         match self.0 {}
     }
 
-    /// There is no value to call this with.
+    /// Marks unreachable code, because no value can call this.
     pub(crate) fn absent(&self) -> ! {
         match self.0 {}
     }
 }
 
-/// Phases that lie on a device, of which this build has none.
+/// Phases on a device, of which this build has none.
 #[derive(Debug, Clone, Copy)]
 pub struct PhasesOnDevice<'a>(Infallible, PhantomData<&'a ()>);
 
-/// All devices that can be found.
+/// Lists all devices that the loader finds.
 ///
 /// # Errors
-/// [`EngineError::NoDevice`], always.
+/// The error is always [`EngineError::NoDevice`].
 pub fn devices() -> Result<Vec<DeviceReport>, EngineError> {
     Err(EngineError::NoDevice { reason: "this program was built without the feature `vulkan`".into() })
 }

@@ -1,101 +1,103 @@
-//! What can go wrong on a device, or with what a device is asked.
+//! Defines the errors of a device, and of requests that a device cannot fulfill.
 
 #[cfg(feature = "vulkan")]
 use ash::vk;
 
-/// What an engine can answer instead of a result.
+/// An error of an engine.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EngineError {
     /// No device, no driver or no loader.
-    #[error("there is no Vulkan device: {reason}; on Debian or Ubuntu, `tools/setup.sh` installs a software one")]
+    #[error("no Vulkan device: {reason}. On Debian or Ubuntu, `tools/setup.sh` installs a software one.")]
     NoDevice {
-        /// What the loader or the driver said.
+        /// The reason from the loader or the driver.
         reason: String,
     },
     /// A device that cannot run the kernels.
     #[error("{device} cannot run this: {reason}")]
     Unsuitable {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// The limit that is too small, and what is needed.
+        /// The limit that is too small, and the needed value.
         reason: String,
     },
-    /// A device that computes something else than it should.
+    /// A device that computes wrong results.
     #[error(
-        "{device} computes {what} wrongly: {error:.1e} of the power is error, {allowed:.0e} at most is right; update its driver \
-         ({driver}), choose another device with `device`, or take the CPU with `engine` cpu"
+        "{device} computes {what} wrongly: {error:.1e} of the power is error, {allowed:.0e} is allowed. \
+         Update its driver ({driver}), name another device in `device`, or set `engine` to cpu."
     )]
     WrongResults {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// Its driver.
+        /// Name of its driver.
         driver: String,
-        /// What was tried.
+        /// The operation that was tested.
         what: &'static str,
         /// Error power over signal power.
         error: f64,
-        /// What is right.
+        /// Largest error that passes.
         allowed: f64,
     },
-    /// Memory ran out.
+    /// The host or a device ran out of memory.
     #[error(
-        "out of {device} memory: {} for {what} could not be had; use fewer sub-frames, a smaller size or fewer pupils a step",
+        "out of {device} memory: {} for {what} is not available. \
+         Use fewer sub-frames, a smaller size or fewer pupils per step.",
         amount(*.wanted)
     )]
     OutOfMemory {
-        /// Host or a device's name.
+        /// The host, or the name of a device.
         device: String,
         /// The buffer, or the call that needs memory.
         what: String,
-        /// Bytes, where they are known: a driver does not say how much it wants for itself.
+        /// Number of bytes, if available. A driver does not report how much it needs for itself.
         wanted: Option<u64>,
     },
     /// The device stopped answering.
-    #[error("{device} was lost while it ran {during}; try again, or run on the CPU")]
+    #[error("{device} was lost while it ran {during}. Try again, or run on the CPU.")]
     DeviceLost {
-        /// Its name.
+        /// Name of the device.
         device: String,
         /// The kernel or the transfer.
         during: String,
     },
-    /// The screen takes no pictures any more.
+    /// The screen accepts no more pictures.
     #[error("{device}: {reason}")]
     ScreenLost {
-        /// The device's name.
+        /// Name of the device.
         device: String,
-        /// What became of it.
+        /// The reason for the loss.
         reason: String,
     },
-    /// Another answer of Vulkan's.
-    #[error("{device}: {call} answered {result}")]
+    /// Another error code of Vulkan.
+    #[error("{device}: {call} returned {result}")]
     Vulkan {
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// The call.
+        /// Name of the Vulkan call.
         call: &'static str,
-        /// The code.
+        /// Name of the error code.
         result: String,
     },
-    /// The job that it worked for was stopped.
+    /// The job of the engine was stopped.
     #[error("the job was stopped")]
     Stopped,
-    /// A step that does not fit what was loaded.
+    /// A step that does not fit the loaded data.
     #[error("the step does not fit the engine: {reason}")]
     Mismatch {
-        /// What differs.
+        /// Description of the difference.
         reason: String,
     },
 }
 
 impl EngineError {
-    /// A step that does not fit, for this reason.
+    /// Makes the error of a step that does not fit, for this reason.
     pub(crate) fn mismatch(reason: impl Into<String>) -> Self {
         Self::Mismatch { reason: reason.into() }
     }
 
-    /// An answer of Vulkan's: `call` names the call, `during` the kernel, the transfer or the buffer.
+    /// Turns an error code of Vulkan into an error. `call` names the call, `during` the kernel, the transfer or the
+    /// buffer.
     #[cfg(feature = "vulkan")]
     pub fn vulkan(device: &str, call: &'static str, during: &str, result: vk::Result) -> Self {
         let device = device.to_owned();
@@ -110,7 +112,7 @@ impl EngineError {
     }
 }
 
-/// Bytes as a person reads them, rounded up.
+/// Formats bytes in KiB or MiB, rounded up.
 fn amount(bytes: Option<u64>) -> String {
     match bytes {
         None => "room".into(),

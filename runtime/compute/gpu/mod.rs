@@ -1,4 +1,5 @@
-//! One Vulkan device, opened once and shared. Without the feature `vulkan` there is none, and no value of [`Gpu`].
+//! Opens one Vulkan device, which its users share. Without the feature `vulkan` there is none, and no value of
+//! [`Gpu`].
 
 #[cfg(not(feature = "vulkan"))]
 mod absent;

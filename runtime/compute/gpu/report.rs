@@ -1,25 +1,26 @@
-//! What a device is, and how one is asked for: plain data.
+//! Describes devices and the choice of one as plain data.
 
 use std::path::PathBuf;
 
-/// How a device is chosen and watched.
+/// Options that choose a device and how it is opened.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Its number or a part of its name; the best one if none is given.
+    /// Number of the device or a part of its name. The best one is taken if none is given.
     pub device: Option<String>,
-    /// Whether a software device may be taken where no better one is.
+    /// True if a software device may be taken without a better one.
     pub allow_cpu: bool,
-    /// Whether the validation layer watches (slow; it must be installed). See [`Gpu::messages`](super::Gpu).
+    /// True if the validation layer checks all calls. It is slow and must be installed. See
+    /// [`Gpu::messages`](super::Gpu).
     pub validation: bool,
-    /// Folder in which compiled pipelines are kept for the next start; the user's (`$XDG_CACHE_HOME/eyebox` or
-    /// `~/.cache/eyebox`) if none is given.
+    /// Folder for compiled pipelines, which serve the next start. The default is the user's (`$XDG_CACHE_HOME/eyebox`
+    /// or `~/.cache/eyebox`).
     pub cache: Option<PathBuf>,
-    /// Whether pictures are to be presented from it, in windows or on displays, where it can do that.
+    /// True if the device should present pictures in windows or on displays, as far as it can.
     pub present: bool,
-    /// Whether all is recorded and nothing is run: results are whatever memory held, losses are 0. See
+    /// True if everything is recorded and nothing runs. Results are then arbitrary memory, and losses are 0. See
     /// [`Gpu::recorded`](super::Gpu).
     pub record_only: bool,
-    /// Whether lists are recorded as for a device of this kind, whatever this one is.
+    /// Kind of device for which lists are recorded, instead of the real kind.
     pub plan_as: Option<DeviceKind>,
 }
 
@@ -33,9 +34,9 @@ pub enum DeviceKind {
     Integrated,
     /// A GPU of a virtual machine.
     Virtual,
-    /// Something else.
+    /// Another kind of device.
     Other,
-    /// A software Vulkan, which runs on the CPU: taken only when it is asked for.
+    /// A software Vulkan, which runs on the CPU. It is taken only on request.
     Cpu,
 }
 
@@ -51,12 +52,12 @@ impl std::fmt::Display for DeviceKind {
     }
 }
 
-/// What a device's driver allows, as far as the kernels care. Sizes in bytes.
+/// Limits of a device's driver that matter for the kernels. Sizes are in bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Largest range that a kernel may see of one buffer.
+    /// Largest range of one buffer that a kernel may bind.
     pub storage_range: u64,
-    /// Where such a range may start.
+    /// Alignment of the start of such a range.
     pub offset_alignment: u64,
     /// Memory shared by a workgroup.
     pub shared_memory: u32,
@@ -64,48 +65,49 @@ pub struct Limits {
     pub invocations: u32,
     /// Workgroups in a dispatch, per axis.
     pub groups: [u32; 3],
-    /// Buffers that a kernel may see.
+    /// Buffers that a kernel may bind.
     pub buffers: u32,
-    /// Invocations that run in step, at which kernels are never allowed to guess.
+    /// Invocations that run in lockstep. Kernels must not depend on it.
     pub subgroup: u32,
-    /// Largest single allocation.
+    /// Bytes of the largest single allocation.
     pub allocation: u64,
-    /// Memory of its own, or what it may use of the host's as if it were: its largest heap that is `DEVICE_LOCAL`.
+    /// Bytes of the largest `DEVICE_LOCAL` heap. It is the device's own memory, or the part of the host's memory that
+    /// it uses as such.
     pub memory: u64,
     /// Nanoseconds per tick of the timestamps, 0 if there are none.
     pub timestamp_period: f32,
 }
 
-/// How a device did when it was tried: error power over signal power, against float64.
+/// Results of the test of a device, as error power over signal power against float64.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Tested {
-    /// When, seconds since 1970.
+    /// Time of the test, seconds since 1970.
     pub at_unix_s: u64,
-    /// Of the propagation kernel.
+    /// Error of the propagation kernel.
     pub transfer: f64,
-    /// Of a transform.
+    /// Error of a transform.
     pub transform: f64,
-    /// Whether halves are what they should be, all of them, as the device packs them: if not, kernels make their bits.
+    /// True if the device packs all halves exactly. Otherwise kernels compute their bits.
     pub halves: bool,
 }
 
-/// One device, and whether it can be used.
+/// A device, with the reason if it cannot be used.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceReport {
-    /// Its number, by which it can be chosen.
+    /// Number of the device, by which it can be chosen.
     pub index: usize,
-    /// Its name, by any part of which it can be chosen.
+    /// Name of the device. Any part of it can choose the device.
     pub name: String,
-    /// Its kind.
+    /// Kind of the device.
     pub kind: DeviceKind,
-    /// Its driver and the driver's version.
+    /// Name and version of its driver.
     pub driver: String,
-    /// The Vulkan that it speaks, as `1.3.230`.
+    /// Vulkan version of the device, such as `1.3.230`.
     pub api: String,
-    /// What it allows.
+    /// Limits of the device.
     pub limits: Limits,
-    /// Why it cannot be used, if it cannot.
+    /// The reason if it cannot be used.
     pub usable: Result<(), String>,
-    /// When it was tried with this driver and these kernels, if it was: the first engine on it does that.
+    /// Result of its test with this driver and these kernels, if any. The first engine on a device tests it.
     pub tested: Option<Tested>,
 }

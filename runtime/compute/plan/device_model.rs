@@ -1,37 +1,39 @@
-//! What a recorded step would take on a GPU: bytes through a cache beside arithmetic on waves, stages and submissions.
+//! Models the time of a recorded step on a GPU, from bytes, arithmetic, stages and submissions.
 //!
-//! Modelled: the bytes are those of the recording. The H200's time for a value and between stages was fitted to its steps of
-//! 256 to 1920 pixels (docs/results/gpu-h200.json), within 20 % of each. The other devices' arithmetic is the H200's by what
-//! their data sheets say of float32, and their bandwidths are those of data sheets; none of them was measured.
+//! Bytes pass through a cache while arithmetic on waves runs. The bytes come from the recording, and the rest is
+//! modeled. The H200's time per value and between stages was fitted to its steps of 256 to 1920 pixels
+//! (docs/results/gpu-h200.json), within 20 % of each. The arithmetic of the other devices is scaled from the H200 by
+//! the float32 rates in their data sheets. Their bandwidths are from data sheets too, and neither device was
+//! measured.
 
 use super::traffic::{Move, Recording, Stage};
 use super::{Group, Kernel};
 use std::collections::{BTreeMap, HashMap};
 use std::time::Duration;
 
-/// A device, as far as the model goes.
+/// The parameters of a device in this model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeviceModel {
-    /// What it is called.
+    /// Name of the device.
     pub name: &'static str,
-    /// Bytes a second from and to its memory, as reached.
+    /// Memory bandwidth that is reached, bytes per second.
     pub bandwidth: f64,
-    /// Bytes of its last cache that a list has to itself.
+    /// Bytes of the last cache that a list has to itself.
     pub cache: u64,
-    /// Bytes a second from and to that cache.
+    /// Bandwidth of that cache, bytes per second.
     pub cache_bandwidth: f64,
-    /// Seconds for each complex value that a kernel of waves reads or writes, whatever its bytes: transforms wait for their own
-    /// arithmetic, not for memory.
+    /// Seconds per complex value that a kernel of waves reads or writes, independent of its bytes. Transforms wait
+    /// for their own arithmetic, not for memory.
     pub value_s: f64,
-    /// Seconds from the end of a stage's work to the beginning of the next one's.
+    /// Seconds from the end of a stage's work to the beginning of the next stage.
     pub stage_s: f64,
-    /// Seconds for each further dispatch in a stage.
+    /// Seconds per further dispatch in a stage.
     pub dispatch_s: f64,
-    /// Seconds from the end of a recording to its begin on the device, and back to the host.
+    /// Seconds from the end of a recording to its start on the device, and back to the host.
     pub submission_s: f64,
 }
 
-/// The devices that are compared.
+/// The devices of the comparison.
 pub const DEVICES: [DeviceModel; 3] = [
     DeviceModel {
         name: "H200",
@@ -65,37 +67,37 @@ pub const DEVICES: [DeviceModel; 3] = [
     },
 ];
 
-/// Bytes that a dispatch moves at most on a GPU: 10 ms on the slowest that is compared.
+/// Most bytes that a dispatch moves on a GPU, which take 10 ms on the slowest device of the comparison.
 pub(crate) const DISPATCH_BYTES: u64 = (DEVICES[DEVICES.len() - 1].bandwidth * 10e-3) as u64;
 
-/// Bytes from which on what follows in a list is another submission: with one more dispatch, and what lies between stages, 100 ms
-/// there. Drivers give up work that takes seconds.
+/// Bytes after which the rest of a list becomes another submission. With one more dispatch and the gaps between
+/// stages these take 100 ms on the slowest device. Drivers abort work that takes seconds.
 pub(crate) const SUBMISSION_BYTES: u64 = 8 * DISPATCH_BYTES;
 
-/// What a step would take.
+/// The modeled time of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Estimate {
-    /// Moving bytes.
+    /// Time to move bytes.
     pub memory: Duration,
-    /// Arithmetic on waves, which goes on meanwhile.
+    /// Time of arithmetic on waves, which runs while bytes move.
     pub arithmetic: Duration,
-    /// Between stages, and dispatches of one.
+    /// Time between stages, and of further dispatches within one.
     pub stages: Duration,
-    /// Waiting for the host, which waits for the device.
+    /// Time in which the device waits for the host while the host waits for the device.
     pub submissions: Duration,
 }
 
 impl Estimate {
-    /// All of it, while the host does nothing.
+    /// Returns the total time, if the host does nothing meanwhile.
     pub fn total(self) -> Duration {
         self.memory.max(self.arithmetic) + self.stages + self.submissions
     }
 }
 
 impl DeviceModel {
-    /// What these recordings, of waves of so many bytes a value, would take there, each met with a cache that holds what the
-    /// one before it left: the mean over
-    /// all but the first, which finds it empty.
+    /// Estimates the time of these recordings on this device, with `value_bytes` bytes per value of a wave. Each
+    /// recording starts with the cache contents that the one before it left. The result is the mean over all but the
+    /// first, whose cache is empty.
     pub fn estimate(&self, recordings: &[&Recording], value_bytes: usize) -> Estimate {
         let mut cache = Cache { room: self.cache, ..Cache::default() };
         let all: Vec<_> = recordings.iter().map(|recording| self.one(recording, value_bytes, &mut cache)).collect();
@@ -109,7 +111,8 @@ impl DeviceModel {
         }
     }
 
-    /// What the dispatch of a recording that moves most bytes would take there, and the submission, no cache helping.
+    /// Estimates the longest dispatch and the longest submission of a recording, each by its bytes and without a
+    /// cache.
     pub fn longest(&self, recording: &Recording) -> [Duration; 2] {
         recording.largest().map(|bytes| Duration::from_secs_f64(bytes as f64 / self.bandwidth))
     }
@@ -134,26 +137,26 @@ impl DeviceModel {
     }
 }
 
-/// Bytes of a piece of the cache.
+/// Bytes of one piece in the modeled cache.
 const PIECE: u64 = 1 << 20;
 
-/// A place, and which piece of what lies there.
+/// The place of a move and the number of a piece in it.
 type Key = ((u64, u64), u64);
 
-/// A cache that forgets what was not used for longest; what was written goes to memory when it is forgotten.
+/// A least-recently-used cache. Written pieces go to memory when they are evicted.
 #[derive(Default)]
 struct Cache {
     room: u64,
     used: u64,
     clock: u64,
-    /// By place and piece: when it was used, its bytes, whether it was written.
+    /// Time of last use, bytes, and true if written, for each place and piece.
     held: HashMap<Key, (u64, u64, bool)>,
-    /// Which was used when.
+    /// The pieces by time of last use.
     order: BTreeMap<u64, Key>,
 }
 
 impl Cache {
-    /// Bytes that go from or to memory in a stage.
+    /// Returns the bytes that go from or to memory in a stage.
     fn pass(&mut self, stage: &Stage<'_>) -> u64 {
         stage.iter().flat_map(|moves| moves.iter()).map(|m| self.touch(m)).sum()
     }
@@ -207,7 +210,7 @@ mod tests {
         let of = |at, bytes, write| Move { place: (at, 0), bytes, write };
         assert_eq!(cache.touch(&of(1, 4 * PIECE, false)), 4 * PIECE);
         assert_eq!(cache.touch(&of(1, 4 * PIECE, false)), 0);
-        // Written: costs nothing until it has to make room.
+        // Written pieces cost nothing until they have to make room.
         assert_eq!(cache.touch(&of(2, 4 * PIECE, true)), 0);
         assert_eq!(cache.touch(&of(3, 4 * PIECE, false)), 4 * PIECE);
         assert_eq!(cache.touch(&of(4, 4 * PIECE, false)), 8 * PIECE);
@@ -245,7 +248,8 @@ mod tests {
         assert!((estimate.memory.as_secs_f64() - 2.0).abs() < 1e-9);
         assert!((estimate.stages.as_secs_f64() - 2.1e-3).abs() < 1e-9);
         assert!((estimate.total().as_secs_f64() - 2.5021).abs() < 1e-9);
-        // Values half as large are twice as many: 5e8 of them take longer than their bytes; of photographs none is counted.
+        // Values of half the bytes are twice the number: 5e8 values take longer than their bytes. Kernels of target
+        // images count no values.
         let halves = device.estimate(&[&recording], 4);
         assert!((halves.arithmetic.as_secs_f64() - 2.5).abs() < 1e-9 && estimate.memory == halves.memory);
         assert!((halves.total().as_secs_f64() - 3.0021).abs() < 1e-9);

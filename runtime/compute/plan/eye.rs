@@ -1,4 +1,4 @@
-//! The eye that looks, as the kernel takes it (OPTICS 11).
+//! Prepares the imperfect eye of the viewer for its kernel (OPTICS 11).
 
 use crate::optics::{Optics, Prescription, Pupil, Window};
 use eyebox_kernels::eye::Terms;
@@ -8,23 +8,24 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq)]
 pub struct EyeTables {
     prescription: Prescription,
-    /// Its path in metres: coefficients of x^i y^j, metres from the pupil's centre.
+    /// Optical path in meters, as coefficients of x^i y^j, with x and y in meters from the center of the pupil.
     path: Vec<Vec<f64>>,
 }
 
 impl EyeTables {
-    /// Of this eye; none where it is perfect.
+    /// Returns the tables of this eye, or none if it is perfect.
     pub fn new(prescription: Option<&Prescription>) -> Option<Arc<Self>> {
         let prescription = prescription.filter(|p| !p.is_perfect())?.clone();
         Some(Arc::new(Self { path: prescription.path(), prescription }))
     }
 
-    /// What is wrong with it.
+    /// Returns the errors of this eye.
     pub fn prescription(&self) -> &Prescription {
         &self.prescription
     }
 
-    /// What it does to the bins of a window: the polynomial in units of the pupil's radius, in the list of one that is over.
+    /// Returns the terms of the error over the bins of a window, with the polynomial in units of the pupil's radius.
+    /// `over` lends its list of coefficients.
     pub(super) fn terms(&self, grid: &Optics, pupil: &Pupil, window: &Window, over: Option<Terms>) -> Terms {
         let ((bin_y, bin_x), r) = (grid.bin_size(), 0.5 * pupil.diameter);
         let first = [window.x0 as f64 * bin_x - pupil.x, window.y0 as f64 * bin_y - pupil.y].map(|at| at / r);

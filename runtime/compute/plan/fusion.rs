@@ -1,63 +1,67 @@
-//! Which entries of a list are recorded together, as one kernel that reads and writes once what they hand to each other.
+//! Decides which entries of a list are recorded together, as one fused kernel.
 //!
-//! The list stays what is computed, and its kernels, one by one, what fused ones are compared with. Fused are neighbours on
-//! either side of a transform whose lines go through shared memory: what is before it is done where its values are fetched,
-//! what is behind it where they are put. The CPU engine has no twins of these: it runs neighbours of the list depth first.
+//! A fused kernel reads and writes only once the values that its entries pass on to each other. The list still
+//! defines the computation, and its single kernels are the reference for the fused ones. Entries are fused if they
+//! are neighbors around a transform whose lines go through shared memory. The entry before the transform is computed
+//! where values are fetched, and the entry after it where they are stored. The CPU engine has no twins of fused
+//! kernels, because it runs neighbors of the list depth first.
 
 use super::lists::THROUGH_A_WINDOW;
 use super::{Dispatch, Kernel, Step};
 
-/// [`THROUGH_A_WINDOW`] where no eye moves.
+/// [`THROUGH_A_WINDOW`] for eyes that do not move.
 const THROUGH_A_STILL_WINDOW: [Kernel; 6] = {
     let [pass, _, inverse, intensity, compare, factor, forward, _] = THROUGH_A_WINDOW;
     [pass, inverse, intensity, compare, factor, forward]
 };
 
-/// Pupils whose changes one kernel can gather.
+/// Largest number of pupils whose changes one kernel can gather.
 const MOST_GATHERED: usize = 64;
 
 /// How an entry of a list is recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fusion {
-    /// By itself.
+    /// It has a kernel of its own.
     Alone,
-    /// With another entry.
+    /// Another entry's kernel does its work.
     Elsewhere,
-    /// `modulate` and `field_forward`.
+    /// The fusion of `modulate` and `field_forward`.
     FieldFromPhases,
-    /// `drive`, `lag` and crosstalk, those of them that the model has.
+    /// `drive`, `lag` and crosstalk, as far as the model has them.
     DriveTiles,
-    /// `modulate_wave` and `field_forward`.
+    /// The fusion of `modulate_wave` and `field_forward`.
     FieldFromWave,
     /// From `pass_pupil` to `intensity`.
     See,
     /// From `pass_pupil` to `window_forward`.
     ThroughWindows,
-    /// `pupil_adjoint`, and the overlap; of the last pupils with `divide_by_overlap` and the columns of `change_inverse`.
+    /// `pupil_adjoint` and the overlap. The last pupils also take `divide_by_overlap` and the columns of
+    /// `change_inverse`.
     Gather {
-        /// Whether other pupils were gathered before.
+        /// True if other pupils were gathered before.
         adds: bool,
-        /// Whether these are the last.
+        /// True if these pupils are the last.
         last: bool,
     },
     /// The rows of `change_inverse`.
     ChangeRows,
-    /// And what is behind them, at its entry: what judges losses comes before it.
+    /// The rows of `change_inverse` with the epilogue. They run at the entry of the epilogue, because losses are
+    /// judged before it.
     ChangeRowsAnd(Epilogue),
-    /// With the columns before.
+    /// `change_inverse` with the columns before, and the epilogue.
     ChangeAnd(Epilogue),
-    /// Crosstalk and lag back, those of them that the model has, `drive_adjoint` and `project`, at its entry.
+    /// The adjoints of crosstalk and lag that the model has, `drive_adjoint`, and `project` at its entry.
     ProjectTiles,
 }
 
-/// What is done where rows of the change are put.
+/// The kernel that runs where rows of the change are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Epilogue {
-    /// `project`.
+    /// The kernel is `project`.
     Project,
-    /// `adam`.
+    /// The kernel is `adam`.
     Adam,
-    /// `phase_gradient`.
+    /// The kernel is `phase_gradient`.
     PhaseGradient,
 }
 
@@ -72,27 +76,27 @@ impl Epilogue {
     }
 }
 
-/// What a device fuses of a step.
+/// The fusions of a step that a device supports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Fusable {
-    /// Transforms of the grid.
+    /// Transforms of the grid are fused.
     pub grid: bool,
-    /// Those of all pupils' windows.
+    /// Transforms of the windows of all pupils are fused.
     pub windows: bool,
-    /// The windows of a group in one range, and their propagation kernels.
+    /// The windows of a group are in one range, and so are their propagation kernels.
     pub gather: bool,
-    /// What a display's model does to phases and on their way back, in all sub-frames of a tile of pixels and what is around it.
+    /// A display's model and its adjoint run on all sub-frames of a tile of pixels with its surroundings.
     pub tiles: bool,
 }
 
-/// One for each of these entries of the step's list.
+/// Returns one fusion for each of these entries of the step's list.
 pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Fusion> {
     let mut ways = vec![Fusion::Alone; list.len()];
-    // The image of several modes is known when all of them have passed.
+    // With several modes, the image is complete only when all of them have passed.
     let one_mode = step.pupil_passes.iter().all(|pass| pass.modes.is_empty());
     let fusable = Fusable { windows: fusable.windows && one_mode, gather: fusable.gather && one_mode, ..fusable };
     let (driven, back) = of_tiles(step);
-    // Who stops at the intensity leaves no retinal field.
+    // `See` leaves no retinal field, so no later entry may need it.
     let ends_there = step.list.iter().all(|d| d.kernel != Kernel::ApplyFactor);
     for at in 0..list.len() {
         let here = |kernels: &[Kernel]| runs(&list[at..], kernels);
@@ -121,7 +125,7 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Fus
         return ways;
     };
     let gathers = fusable.gather && gather(step, list, inverse, &mut ways);
-    // What is stored of the change is checked where it is gathered.
+    // The check of the change takes place where it is gathered and stored.
     let checks = list.get(inverse + 1).is_some_and(|d| d.kernel == Kernel::CheckFinite);
     let behind = inverse + 1 + usize::from(checks);
     match list.get(behind).and_then(|d| Epilogue::of(d.kernel)) {
@@ -135,13 +139,13 @@ pub(crate) fn ways(step: &Step, list: &[&Dispatch], fusable: Fusable) -> Vec<Fus
     ways
 }
 
-/// Whether the list starts with these, over the same pupil passes.
+/// Returns true if the list starts with these kernels, over the same pupil passes.
 fn runs(list: &[&Dispatch], kernels: &[Kernel]) -> bool {
     list.len() >= kernels.len()
         && list.iter().zip(kernels).all(|(d, kernel)| d.kernel == *kernel && d.pupil_passes == list[0].pupil_passes)
 }
 
-/// What a step's model does to phases, and what it hands back to them up to `project`.
+/// Returns the kernels from phases to the model's result, and the kernels from there back up to `project`.
 fn of_tiles(step: &Step) -> (Vec<Kernel>, Vec<Kernel>) {
     use Kernel::{CrosstalkColumns, CrosstalkColumnsBack, CrosstalkRows, CrosstalkRowsBack};
     let lags = step.drive.lag > 0.0;
@@ -155,7 +159,7 @@ fn of_tiles(step: &Step) -> (Vec<Kernel>, Vec<Kernel>) {
     (driven, back)
 }
 
-/// What a display's model hands back to the phases, where all of it is in this part.
+/// Fuses the adjoint of a display's model up to `project`, if this part of the list has all of it.
 fn project_tiles(back: &[Kernel], list: &[&Dispatch], ways: &mut [Fusion]) {
     let Some(project) = list.iter().position(|d| d.kernel == Kernel::Project) else { return };
     let Some(first) = (project + 1).checked_sub(back.len()) else { return };
@@ -165,8 +169,8 @@ fn project_tiles(back: &[Kernel], list: &[&Dispatch], ways: &mut [Fusion]) {
     }
 }
 
-/// What is returned to the spectrum, where all of it up to the field's change, entry `inverse`, is in this part: what lies between
-/// is in no buffer. Whether that is so.
+/// Fuses the return to the spectrum, and returns true if it did. This part must hold all entries up to the field's
+/// change at entry `inverse`, because no buffer holds the values in between.
 fn gather(step: &Step, list: &[&Dispatch], inverse: usize, ways: &mut [Fusion]) -> bool {
     let Some(end) = list.iter().rposition(|d| d.kernel == Kernel::PupilAdjoint) else { return false };
     let divides = end + 1 < inverse && list[end + 1].kernel == Kernel::DivideByOverlap;
@@ -186,7 +190,7 @@ fn gather(step: &Step, list: &[&Dispatch], inverse: usize, ways: &mut [Fusion]) 
     true
 }
 
-/// Whether the step divides by the overlap.
+/// Returns true if the step divides by the overlap.
 pub(crate) fn divides(step: &Step) -> bool {
     step.list.iter().any(|d| d.kernel == Kernel::DivideByOverlap)
 }
@@ -204,14 +208,14 @@ mod tests {
         Planner::new(optics, 2, WindowFactor::Two)
     }
 
-    /// A step of two pupils, in one group or in two.
+    /// Returns a step of two pupils, in one group or in two.
     fn step(in_flight: usize) -> Step {
         let pupil = |x| Pupil { x, y: 0.0, diameter: 4e-3, depth: 1e-3 };
         let passes = [0.0, 2e-3].map(|x| planner().pupil_pass(&pupil(x), &Comparison::default()));
         planner().project_step(passes.to_vec(), in_flight, 0.5, 1.0, 0.0)
     }
 
-    /// Kernels that carry something, with how.
+    /// Returns the kernels that carry a fusion, with that fusion.
     fn carried(step: &Step, entries: std::ops::Range<usize>, fusable: Fusable) -> Vec<(Kernel, Fusion)> {
         let list: Vec<&Dispatch> = step.list[entries].iter().collect();
         let ways = ways(step, &list, fusable);
@@ -233,11 +237,12 @@ mod tests {
             (Kernel::Project, Fusion::ChangeRowsAnd(Epilogue::Project)),
         ];
         assert_eq!(got, want);
-        // A device that fuses nothing takes the list as it is.
+        // A device that fuses nothing runs the list unchanged.
         assert!(carried(&step, 0..step.list.len(), Fusable::default()).iter().all(|(_, way)| *way == Fusion::Alone));
     }
 
-    /// Adam's last kernel as the projection's; where something stands between the pupils and the field's change, both of its axes.
+    /// Adam's last kernel fuses like the projection's. If another entry is between the pupils and the field's change,
+    /// the last kernel takes both axes of the transform.
     #[test]
     fn the_last_kernels_of_other_lists_are_fused() {
         let last = |step: &Step| carried(step, 0..step.list.len(), ALL).pop().unwrap();
@@ -249,7 +254,7 @@ mod tests {
         assert!(carried.contains(&(Kernel::PupilAdjoint, Fusion::Alone)), "{carried:?}");
     }
 
-    /// Of a display's model, what is done to pixels is an entry on the way there and one on the way back.
+    /// The parts of a display's model that act on pixels are one entry on the way there and one on the way back.
     #[test]
     fn a_model_is_two_entries_and_two_in_their_transforms() {
         let mut planner = planner();
@@ -265,7 +270,7 @@ mod tests {
         let want =
             [Fusion::DriveTiles, Fusion::FieldFromWave, Fusion::ThroughWindows, gather, back, Fusion::ProjectTiles];
         assert_eq!(ways, want);
-        // Without tiles its entries are as they are.
+        // Without tiles, the entries stay single.
         let singly = carried(&step, 0..step.list.len(), Fusable { tiles: false, ..ALL });
         assert!(
             [Kernel::Lag, Kernel::CrosstalkRowsBack, Kernel::Project]
@@ -288,10 +293,10 @@ mod tests {
         assert_eq!(gathers(0..at(Kernel::PupilAdjoint)), []);
         assert_eq!(gathers(0..at(Kernel::ChangeInverse)), []);
         assert_eq!(gathers(at(Kernel::PupilAdjoint)..step.list.len()), [last]);
-        // The retinal field is there for who comes behind.
+        // The retinal field remains for the entries after it.
         let seen = carried(&step, 0..at(Kernel::Compare), ALL);
         assert!(seen.contains(&(Kernel::Intensity, Fusion::Alone)), "{seen:?}");
-        // Who only looks needs none.
+        // A list that only views needs no retinal field.
         let view = planner().view_step(step.pupil_passes.clone());
         assert!(carried(&view, 0..view.list.len(), ALL).contains(&(Kernel::PassPupil, Fusion::See)));
     }

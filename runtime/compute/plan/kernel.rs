@@ -1,4 +1,4 @@
-//! The kernels, each a row of the table in `kernels/table.rs`: names, scopes, what is read and written, work, arguments.
+//! Defines the kernels from the table in `kernels/table.rs`, with their scopes, buffers, work and arguments.
 
 use super::{ModelTables, PupilPass, Resource, Shape};
 use eyebox_kernels::fft::Columns;
@@ -6,79 +6,79 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What a kernel runs over; neighbours of one scope may run frame by frame, or pupil pass by pupil pass.
+/// The unit over which a kernel runs. Neighbors of one scope may run frame by frame, or pupil pass by pupil pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scope {
     /// Each sub-frame by itself.
     Frames,
     /// Each sub-frame of each pupil by itself.
     Windows,
-    /// Each pupil by itself, all sub-frames.
+    /// Each pupil by itself, with all its sub-frames.
     PupilPasses,
-    /// Once.
+    /// All sub-frames in one run.
     Whole,
 }
 
 impl Scope {
-    /// Whether pupils go through such kernels one by one.
+    /// Returns true if such kernels take one pupil at a time.
     pub(crate) fn is_per_pupil(self) -> bool {
         matches!(self, Self::Windows | Self::PupilPasses)
     }
 }
 
-/// What a kernel does with a resource.
+/// The access of a kernel to a resource.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Reads it.
+    /// Reads the resource only.
     Read,
-    /// Replaces what is there.
+    /// Replaces the resource's content.
     Write,
-    /// Reads it and leaves something else, or adds to it.
+    /// Reads the resource and changes it, or adds to it.
     Update,
 }
 
-/// Kernels that take about the same time per unit of work wherever they stand.
+/// Kernels with about the same time per unit of work, wherever they are in a list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Group {
     /// From phases to the spectrum, all sub-frames.
     Field,
-    /// `quantise` alone: only SLMs with levels need it.
+    /// `quantise` alone, which only SLMs with levels need.
     Levels,
-    /// The photographs of the pupils.
+    /// The target images of the pupils.
     Photograph,
-    /// Everything that looks through a pupil's window, down and up.
+    /// Everything in a pupil's spectral window, to the image and back.
     Window,
-    /// From the changed spectrum to the phases.
+    /// Kernels from the changed spectrum to the phases.
     Update,
 }
 
 impl Group {
-    /// All of them.
+    /// All groups, in order.
     pub const ALL: [Self; 5] = [Self::Field, Self::Levels, Self::Photograph, Self::Window, Self::Update];
 }
 
 /// One entry of the list.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dispatch {
-    /// Which kernel.
+    /// The kernel that runs.
     pub kernel: Kernel,
-    /// Over which pupil passes, where the kernel looks at pupil passes. Pupil pass `i` uses slot `i - pupil_passes.start`.
+    /// Range of pupil passes, empty for a kernel that reads none. Pupil pass `i` uses slot `i - pupil_passes.start`.
     pub pupil_passes: Range<usize>,
 }
 
-/// Time spent in one kernel. On the CPU, the sum over threads.
+/// Time spent in one kernel. On the CPU it is the sum over threads.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timing {
-    /// Which.
+    /// The kernel that ran.
     pub kernel: Kernel,
-    /// How often it ran (per frame or pupil pass on the CPU).
+    /// Number of runs, on the CPU per frame or per pupil pass.
     pub calls: u64,
-    /// Seconds in all.
+    /// Total time in seconds.
     pub seconds: f64,
 }
 
-/// A row of the table, as far as plans look at it.
+/// A row of the table, with the columns that plans need.
 struct Row {
     name: &'static str,
     scope: Scope,
@@ -101,15 +101,15 @@ macro_rules! define {
             shader: $how:ident $shader:expr,
         }
     )*) => {
-        /// A kernel of the list. Each has a module of its name in `kernels`; the transforms are one kernel over three
-        /// buffers.
+        /// A kernel of the list. Each kernel has a module of its name in `kernels`, but the transforms are one kernel
+        /// over three buffers.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum Kernel {
             $($(#[$doc])* $kernel,)*
         }
 
         impl Kernel {
-            /// All of them, in the order of a step.
+            /// All kernels, in the order of a step.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kernel),*];
 
             const ROWS: [Row; Self::ALL.len()] = [$(Row {
@@ -126,16 +126,16 @@ macro_rules! define {
             }),*];
         }
 
-        /// A list and its arguments: one step of a solve, or a look at a hologram.
+        /// A list with its arguments, which is one step of a solve, or the simulation of a hologram's images.
         #[derive(Debug, Clone, PartialEq)]
         pub struct Step {
             /// The kernels, in order.
             pub list: Vec<Dispatch>,
-            /// The pupils.
+            /// The passes of the pupils.
             pub pupil_passes: Vec<PupilPass>,
-            /// Columns of the spectrum that any pupil passes.
+            /// Columns of the spectrum that at least one pupil passes.
             pub columns: Columns,
-            /// What the display does to the light beside showing phases.
+            /// Effects of the display on the light besides showing phases.
             pub model: Option<Arc<ModelTables>>,
             $($(
                 #[doc = concat!("Arguments of `", $name, "`.")]
@@ -151,12 +151,12 @@ impl Kernel {
         &Self::ROWS[self as usize]
     }
 
-    /// The name by which it is timed and chosen, and that its module has.
+    /// Returns the name of the kernel in timings and options, which is also the name of its module.
     pub fn name(self) -> &'static str {
         self.row().name
     }
 
-    /// The kernel of this name, or of the name that it had before.
+    /// Returns the kernel of this name, or of a former name.
     pub fn by_name(name: &str) -> Option<Self> {
         let before = [
             ("weigh", "apply_factor"),
@@ -174,43 +174,44 @@ impl Kernel {
         Self::ALL.into_iter().find(|k| k.name() == name)
     }
 
-    /// What the CPU engine runs it over.
+    /// Returns the unit over which the CPU engine runs it.
     pub(crate) fn scope(self) -> Scope {
         self.row().scope
     }
 
-    /// Whose rate its work is priced with.
+    /// Returns the group whose rate prices its work.
     pub fn group(self) -> Group {
         self.row().group
     }
 
-    /// What it reads and writes, in the order of its shader's bindings.
+    /// Returns the resources that it reads and writes, in the order of its shader's bindings.
     pub(crate) fn binds(self) -> &'static [(Access, Resource)] {
         self.row().binds
     }
 
-    /// What it leaves something in.
+    /// Returns the resources that it changes.
     pub fn writes(self) -> impl Iterator<Item = Resource> {
         self.binds().iter().filter(|(access, _)| *access != Access::Read).map(|(_, resource)| *resource)
     }
 
-    /// Whether it looks at the pupil passes of its dispatch.
+    /// Returns true if it reads the pupil passes of its dispatch.
     pub(crate) fn takes_pupil_passes(self) -> bool {
         self.binds().iter().any(|(_, resource)| resource.is_per_pupil())
     }
 
-    /// Whether the pupil passes of a dispatch add to the same values: one after the other, in their order.
+    /// Returns true if the pupil passes of a dispatch add to the same values. They then run one after the other, in
+    /// order.
     pub fn accumulates_over_pupils(self) -> bool {
         self.takes_pupil_passes() && self.writes().any(|resource| resource.is_shared())
     }
 
-    /// Whether the step's arguments for it are for buffers of this shape.
+    /// Returns true if the step's arguments of this kernel fit buffers of this shape.
     pub fn fits(self, step: &Step, shape: &Shape) -> bool {
         (self.row().fits)(step, shape)
     }
 }
 
-/// What a kernel's work is counted of: a pupil pass, or a sub-frame.
+/// The unit in which a kernel's work is counted, a pupil pass or a sub-frame.
 struct Unit<'a> {
     step: &'a Step,
     shape: &'a Shape,
@@ -230,33 +231,33 @@ impl Unit<'_> {
         self.shape.points() as f64
     }
 
-    /// Pixels of the window.
+    /// Returns the pixels of the spectral window.
     fn window(&self) -> f64 {
         self.pass.map_or(0.0, |pass| pass.count() as f64)
     }
 
-    /// Values of all retinal fields: of each mode of the source, of each sub-frame.
+    /// Returns the values of all retinal fields, over the modes of the source and the sub-frames.
     fn fields(&self) -> f64 {
         self.pass.map_or(0.0, |pass| pass.mode_count() as f64) * self.frames() * self.window()
     }
 
-    /// Bins that the pupil passes, in all modes.
+    /// Returns the bins that the pupil passes, in all modes.
     fn passing(&self) -> f64 {
         self.pass.map_or(0.0, |pass| pass.passing() as f64)
     }
 
-    /// Work of shifting all sub-frames, where the eye moves.
+    /// Returns the work of shifting all sub-frames, 0 if the eye does not move.
     fn moving(&self) -> f64 {
         if self.pass.is_some_and(PupilPass::moves) { self.frames() * self.passing() } else { 0.0 }
     }
 
-    /// Pixels of the photograph before it is resampled.
+    /// Returns the pixels of the target image before it is resampled.
     fn level(&self) -> f64 {
         let shot = self.pass.and_then(|pass| pass.shot.as_ref());
         shot.map_or(0.0, |shot| f64::from(shot.args.height * shot.args.width))
     }
 
-    /// Samples of views that the photograph reads.
+    /// Returns the samples of views that the target image reads.
     fn taps(&self) -> f64 {
         let shot = self.pass.and_then(|pass| pass.shot.as_ref());
         shot.map_or(0.0, |s| 0.5 * s.taps.len() as f64 * f64::from(s.args.height) * f64::from(s.args.width))
@@ -267,13 +268,13 @@ impl Unit<'_> {
         transform(place.grid_height as usize, place.grid_width as usize, self.step.columns.count)
     }
 
-    /// All rows and columns of the grid.
+    /// Returns the work of a transform over all rows and columns of the grid.
     fn full_transform(&self) -> f64 {
         let place = &self.shape.place;
         transform(place.grid_height as usize, place.grid_width as usize, place.grid_width as usize)
     }
 
-    /// Pixels of the mask.
+    /// Returns the pixels of the mask.
     fn masked(&self) -> f64 {
         (self.shape.model.mask * self.shape.model.mask) as f64 * self.pixels()
     }
@@ -282,13 +283,14 @@ impl Unit<'_> {
         self.shape.subpixels() as f64
     }
 
-    /// Along one axis, to or from all sub-pixels along it: the mean of both axes.
+    /// Returns the work along one axis, to or from all sub-pixels along it, as the mean of both axes.
     fn crosstalk(&self) -> f64 {
         let [down, along] = self.shape.model.crosstalk.unwrap_or_default();
         CROSSTALK * (down + along + 1) as f64 * self.subpixels() * self.pixels()
     }
 
-    /// Between the field's spectrum and all sub-pixels' fields: rows of all, and columns of as many as there are along y.
+    /// Returns the work between the field's spectrum and the fields of all sub-pixels. All of them need their rows,
+    /// but only those along y need columns.
     fn subpixels_transform(&self) -> f64 {
         let (place, p) = (&self.shape.place, self.subpixels());
         let (rows, columns) = (place.grid_height as usize, place.grid_width as usize);
@@ -302,10 +304,10 @@ impl Unit<'_> {
     }
 }
 
-/// What a weight of crosstalk takes for a pixel.
+/// Units of work of one weight of crosstalk per pixel.
 const CROSSTALK: f64 = 0.04;
 
-/// A transform of `rows` x `columns` points of which `used` columns are needed.
+/// Returns the work of a transform of `rows` x `columns` points, of which `used` columns are needed.
 fn transform(rows: usize, columns: usize, used: usize) -> f64 {
     let along = |n: usize| 0.2 * (n.max(2) as f64).log2();
     let (rows, columns, used) = (rows as f64, columns as f64, used as f64);
@@ -313,12 +315,12 @@ fn transform(rows: usize, columns: usize, used: usize) -> f64 {
 }
 
 impl Dispatch {
-    /// A kernel that looks at no pupil pass.
+    /// Makes a dispatch of a kernel that reads no pupil pass.
     pub fn whole(kernel: Kernel) -> Self {
         Self { kernel, pupil_passes: 0..0 }
     }
 
-    /// Units of its work in a step; about a nanosecond of one core each.
+    /// Returns the units of its work in a step. A unit is about a nanosecond of one core.
     pub fn work(&self, step: &Step, shape: &Shape) -> f64 {
         let of = |pass| (self.kernel.row().work)(&Unit { step, shape, pass });
         if self.kernel.takes_pupil_passes() {

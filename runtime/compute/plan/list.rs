@@ -1,70 +1,70 @@
-//! The buffers of a list as data: what kernels read and write, and how large it is.
+//! Describes the buffers of a list as data, with their values and sizes.
 
 use super::Storage;
 use eyebox_kernels::{crosstalk, energy, modulate, multiply, quantise};
 
-/// A buffer. Pupil pass buffers are named by their slot: the pupil pass's place in its dispatch's range.
+/// A buffer. Buffers of a pupil pass are named by their slot, the index of the pupil pass in its dispatch's range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Buffer {
     /// Phases, radians: (frames, height, width).
     Phases,
-    /// The levels nearest to them, which the SLM shows: (frames, height, width).
+    /// The nearest levels to the phases, which the SLM shows: (frames, height, width).
     Shown,
-    /// Phases of the levels, ascending: `quantise::MOST`, of which the first are used.
+    /// Phases of the levels, ascending, `quantise::MOST` values of which the first are used.
     Levels,
-    /// The projection's velocity, Adam's first moment: (frames, height, width).
+    /// The projection's velocity or Adam's first moment: (frames, height, width).
     Momentum,
     /// Adam's second moment: (frames, height, width).
     Second,
-    /// The field, then its spectrum: complex (frames, grid height, grid width).
+    /// The field, then its spectrum, complex: (frames, grid height, grid width).
     Field,
-    /// The change of the spectrum, then of the field: complex (frames, grid height, grid width).
+    /// The change of the spectrum, then of the field, complex: (frames, grid height, grid width).
     Change,
-    /// How many pupils pass each bin: (grid height, grid width).
+    /// Number of pupils that pass each bin: (grid height, grid width).
     Hits,
-    /// Light per patch of the eyebox: `energy::MOST` squared, of which the first `patches` squared are used.
+    /// Light per patch of the eyebox, `energy::MOST` squared, of which the first `patches` squared are used.
     Energy,
-    /// Of each sub-pixel the phases between a drive and the field, and, on their way back, what is asked of them: (frames,
-    /// sub-pixels along y, along x, height, width). Drives, which a pixel has one of, lie in the first sub-pixel's place.
+    /// Phases of each sub-pixel between a drive and the field, and their wanted changes on the way back: (frames,
+    /// sub-pixels along y, along x, height, width). Drives, one per pixel, use the plane of the first sub-pixel.
     Wave,
-    /// The same between crosstalk along x and along y: (frames, sub-pixels along x, height, width).
+    /// The same values between crosstalk along x and along y: (frames, sub-pixels along x, height, width).
     Blurred,
-    /// The field of each sub-pixel, where a pixel has several, then its spectrum: complex (frames, sub-pixels along y, along x,
-    /// grid height, grid width).
+    /// The field of each sub-pixel, if a pixel has several, then its spectrum, complex: (frames, sub-pixels along y,
+    /// along x, grid height, grid width).
     Subpixels,
-    /// Of each pixel its look-up table's level, the source's amplitude, real and imaginary part of the undiffracted light:
-    /// (4, height, width). An engine fills it from the step's model, as the two that follow.
+    /// For each pixel the level of its look-up table, the source's amplitude, and the real and imaginary part of the
+    /// zero order: (4, height, width). An engine fills it from the step's model, like the two buffers that follow.
     Pixels,
     /// Weights of crosstalk, along y and along x: (sub-pixels, 2 reach + 1).
     Crosstalk,
-    /// By what each sub-pixel's place moves the spectrum: (sub-pixels, grid height) along y, (sub-pixels, grid width) along x,
-    /// each (re, im).
+    /// Factors by which the place of each sub-pixel moves the spectrum: (sub-pixels, grid height) along y,
+    /// (sub-pixels, grid width) along x, each (re, im).
     Offsets,
-    /// What the pixels' aperture and the relay do to each bin: (modes, grid height, grid width), each (re, im).
+    /// Factors of the pixels' aperture and the relay for each bin: (modes, grid height, grid width), each (re, im).
     Relay,
     /// The static mask, (rows, columns) of its pixels over the SLM, each (re, im).
     Mask,
-    /// Propagation from the SLM to a mask at a distance: (grid height, grid width), each (re, im).
+    /// Propagation from the SLM to a distant mask: (grid height, grid width), each (re, im).
     MaskTransfer,
-    /// K on the window: complex (modes, rows, columns).
+    /// The transfer function K on the spectral window, complex: (modes, rows, columns).
     Transfer(usize),
-    /// The retinal fields: complex (modes, frames, rows, columns).
+    /// The retinal fields, complex: (modes, frames, rows, columns).
     Window(usize),
     /// The intensity, then the factor: (rows, columns).
     Image(usize),
-    /// The photograph: (rows, columns).
+    /// The target image: (rows, columns).
     Target(usize),
-    /// The photograph on its level of the pyramid.
+    /// The target image at its pyramid level.
     Accumulator(usize),
-    /// What `exposure` sums: (parts, 6).
+    /// Partial sums of `exposure`: (parts, 6).
     Sums(usize),
 }
 
-/// Pairs buffers with the resources of the same name: those of the shape, and those of a slot.
+/// Pairs buffers with the resources of the same name, for buffers of the shape and of a slot.
 macro_rules! buffers {
     (shape: $($shared:ident)*; slot: $($own:ident)*) => {
         impl Buffer {
-            /// Returns it as a resource, with its slot if it belongs to a pupil pass.
+            /// Returns the buffer as a resource, with its slot if it belongs to a pupil pass.
             pub fn resource(self) -> (Resource, Option<usize>) {
                 match self {
                     $(Self::$shared => (Resource::$shared, None),)*
@@ -80,7 +80,8 @@ macro_rules! buffers {
             /// The buffers of a slot.
             pub const OF_SLOT: [Self; 6] = [$(Self::$own),*];
 
-            /// Returns the buffer, of this slot if it belongs to a pupil pass. What comes with a step or is its answer has none.
+            /// Returns the buffer, with this slot if it belongs to a pupil pass. Resources that come with a step or
+            /// return from it have no buffer.
             pub fn buffer(self, slot: usize) -> Option<Buffer> {
                 match self {
                     $(Self::$shared => Some(Buffer::$shared),)*
@@ -97,91 +98,91 @@ buffers! {
     slot: Transfer Window Image Target Accumulator Sums
 }
 
-/// What kernels are bound to: buffers, of whatever slot, and what comes with a step.
+/// A binding of a kernel, to a buffer of any slot or to data that comes with a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Resource {
-    /// [`Buffer::Phases`].
+    /// A binding of [`Buffer::Phases`].
     Phases,
-    /// [`Buffer::Shown`]; the phases themselves where the SLM has no levels.
+    /// [`Buffer::Shown`], or the phases if the SLM has no levels.
     Shown,
-    /// [`Buffer::Levels`].
+    /// A binding of [`Buffer::Levels`].
     Levels,
-    /// [`Buffer::Momentum`].
+    /// A binding of [`Buffer::Momentum`].
     Momentum,
-    /// [`Buffer::Second`].
+    /// A binding of [`Buffer::Second`].
     Second,
-    /// [`Buffer::Field`].
+    /// A binding of [`Buffer::Field`].
     Field,
-    /// [`Buffer::Change`].
+    /// A binding of [`Buffer::Change`].
     Change,
-    /// [`Buffer::Hits`].
+    /// A binding of [`Buffer::Hits`].
     Hits,
-    /// [`Buffer::Energy`].
+    /// A binding of [`Buffer::Energy`].
     Energy,
-    /// [`Buffer::Wave`].
+    /// A binding of [`Buffer::Wave`].
     Wave,
-    /// [`Buffer::Blurred`].
+    /// A binding of [`Buffer::Blurred`].
     Blurred,
-    /// [`Buffer::Subpixels`].
+    /// A binding of [`Buffer::Subpixels`].
     Subpixels,
-    /// [`Buffer::Pixels`].
+    /// A binding of [`Buffer::Pixels`].
     Pixels,
-    /// [`Buffer::Crosstalk`].
+    /// A binding of [`Buffer::Crosstalk`].
     Crosstalk,
-    /// [`Buffer::Offsets`].
+    /// A binding of [`Buffer::Offsets`].
     Offsets,
-    /// [`Buffer::Relay`].
+    /// A binding of [`Buffer::Relay`].
     Relay,
-    /// [`Buffer::Mask`].
+    /// A binding of [`Buffer::Mask`].
     Mask,
-    /// [`Buffer::MaskTransfer`].
+    /// A binding of [`Buffer::MaskTransfer`].
     MaskTransfer,
-    /// [`Buffer::Transfer`].
+    /// A binding of [`Buffer::Transfer`].
     Transfer,
-    /// [`Buffer::Window`].
+    /// A binding of [`Buffer::Window`].
     Window,
-    /// [`Buffer::Image`].
+    /// A binding of [`Buffer::Image`].
     Image,
-    /// [`Buffer::Target`].
+    /// A binding of [`Buffer::Target`].
     Target,
-    /// [`Buffer::Accumulator`].
+    /// A binding of [`Buffer::Accumulator`].
     Accumulator,
-    /// [`Buffer::Sums`].
+    /// A binding of [`Buffer::Sums`].
     Sums,
-    /// The pupil pass's spans.
+    /// The spans of the pupil pass.
     Spans,
-    /// Its eye's polynomial.
+    /// The polynomial of the pupil pass's eye.
     EyeTerms,
-    /// Its weights of `taper`.
+    /// The weights of `taper` of the pupil pass.
     TaperWeights,
-    /// What each of its sub-frames is shifted by.
+    /// The shift of each sub-frame of the pupil pass.
     Moments,
-    /// The light field's views.
+    /// The views of the light field.
     Views,
-    /// Those that the pupil covers.
+    /// The views that the pupil covers.
     Taps,
     /// Weights of `resample` along rows.
     RowWeights,
-    /// And along columns.
+    /// Weights of `resample` along columns.
     ColumnWeights,
     /// The loss of the pupil pass.
     Losses,
-    /// Whether a value is infinite or NaN.
+    /// Flag that is set if a value is infinite or NaN.
     NotFinite,
 }
 
 impl Resource {
-    /// Whether a value is two numbers.
+    /// Returns true if a value is two numbers.
     pub(crate) fn is_complex(self) -> bool {
         matches!(self, Self::Field | Self::Change | Self::Subpixels | Self::Transfer | Self::Window)
     }
 
-    /// How its complex values are stored: what is read beside a window as float32 always.
+    /// Returns the storage of its complex values. The transfer function next to a window is always read as float32.
     pub(crate) fn stored(self, storage: Storage) -> Storage {
         if self == Self::Transfer { Storage::F32 } else { storage }
     }
 
-    /// Of how many sub-pixels each sub-frame has a plane, along how many axes.
+    /// Returns the number of axes along which each sub-frame has a plane per sub-pixel.
     pub(crate) fn axes_of_subpixels(self) -> u32 {
         match self {
             Self::Wave | Self::Subpixels => 2,
@@ -190,22 +191,22 @@ impl Resource {
         }
     }
 
-    /// As messages call it.
+    /// Returns the name for messages.
     pub fn name(self) -> String {
         format!("{self:?}").to_lowercase()
     }
 
-    /// Whether it is a buffer of the shape.
+    /// Returns true if it is a buffer of the shape.
     pub fn is_shared(self) -> bool {
         Self::OF_SHAPE.contains(&self)
     }
 
-    /// Whether each pupil pass has its own.
+    /// Returns true if each pupil pass has its own.
     pub(crate) fn is_per_pupil(self) -> bool {
         !self.is_shared() && self != Self::NotFinite
     }
 
-    /// What each sub-frame has of it, if it has one of its own.
+    /// Returns the kind of frame that it has for each sub-frame, if any.
     pub fn per_frame(self) -> Option<PerFrame> {
         match self {
             Self::Phases | Self::Shown | Self::Momentum | Self::Second => Some(PerFrame::Pixels),
@@ -216,105 +217,106 @@ impl Resource {
     }
 }
 
-/// Kinds of frames: those of a kind are equally large.
+/// The kinds of frames. All frames of a kind have one size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PerFrame {
-    /// Of the SLM's pixels.
+    /// A frame of the SLM's pixels.
     Pixels,
-    /// Of the grid.
+    /// A frame of the grid's points.
     Grid,
-    /// Of a pupil pass's window.
+    /// A frame of the spectral window of a pupil pass.
     Window,
 }
 
-/// How large a buffer is.
+/// The size of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BufferSize {
-    /// Frames; none where the buffer is not needed.
+    /// Number of frames, 0 if the buffer is not needed.
     pub frames: usize,
     /// Values of a frame.
     pub values: usize,
-    /// Whether a value is two numbers.
+    /// True if a value is two numbers.
     pub complex: bool,
 }
 
 impl BufferSize {
-    /// Numbers in all.
+    /// Returns the total count of numbers.
     pub fn floats(self) -> usize {
         self.frames * self.values * if self.complex { 2 } else { 1 }
     }
 }
 
-/// What of a display's model needs buffers.
+/// The parts of a display's model that need buffers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ModelParts {
-    /// What stands between phases and field: look-up table, lag, crosstalk, source, undiffracted light.
+    /// True if something is between phases and field (look-up table, lag, crosstalk, source or zero order).
     pub drives: bool,
-    /// Pixels that crosstalk reaches along y and along x; none without crosstalk.
+    /// Pixels that crosstalk reaches along y and along x, or none without crosstalk.
     pub crosstalk: Option<[usize; 2]>,
-    /// Sub-pixels of a pixel along an axis beyond the first.
+    /// Sub-pixels of a pixel along an axis, beyond the first.
     pub more_subpixels: usize,
-    /// Tables of factors on the bins, the pixels' aperture and the relay's wavefront: one for each mode of the source, 0 for
-    /// none.
+    /// Number of tables with the pixels' aperture and the relay's wavefront as factors on the bins. It is one per
+    /// mode of the source, or 0.
     pub relay: usize,
-    /// Pixels of a static mask along an axis of one of the SLM's, 0 without.
+    /// Pixels of a static mask along an axis of one pixel of the SLM, or 0 without a mask.
     pub mask: usize,
-    /// Whether that mask stands at a distance from the SLM.
+    /// True if that mask is at a distance from the SLM.
     pub mask_away: bool,
 }
 
-/// What the buffers are for: those that a purpose does not need are not made.
+/// The purpose of the buffers. An engine makes only the buffers that a purpose needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Views and photographs only.
+    /// Views and target images only.
     View,
-    /// The projection: `Change`, `Hits`, `Momentum`.
+    /// The projection, with `Change`, `Hits` and `Momentum`.
     Project,
-    /// Adam: `Change`, `Momentum`, `Second`.
+    /// Adam, with `Change`, `Momentum` and `Second`.
     Adam,
 }
 
-/// Sizes of all buffers that are not a pupil pass's.
+/// Sizes of all buffers that belong to no pupil pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shape {
-    /// Sub-frames.
+    /// Number of sub-frames in memory.
     pub frames: usize,
-    /// SLM and grid; equal but for padding.
+    /// SLM and grid, which are equal without padding.
     pub place: modulate::Args,
-    /// Which buffers are needed.
+    /// The buffers that are needed.
     pub purpose: Purpose,
-    /// Whether the SLM has levels: `Shown` and `Levels`.
+    /// True if the SLM has levels, which need `Shown` and `Levels`.
     pub quantised: bool,
-    /// How `Field`, `Change` and `Window` are stored, each times a power of two that suits it: what an engine reads and
-    /// writes is what these buffers hold.
+    /// Storage of `Field`, `Change` and `Window`, each scaled by a suitable power of two. An engine's reads and
+    /// writes of these buffers carry that scale.
     pub storage: Storage,
-    /// Whether phases are stored as [binary angles](eyebox_kernels::binary_angle), 16 bits of a turn, and velocities as halves.
+    /// True if phases are stored as [binary angles](eyebox_kernels::binary_angle), 16 bits per turn, and velocities
+    /// as halves.
     pub binary_angles: bool,
-    /// What of the display's model needs buffers.
+    /// The parts of the display's model that need buffers.
     pub model: ModelParts,
 }
 
 impl Shape {
-    /// That of nothing: what an engine has before it is loaded.
+    /// Returns the shape of an engine before it is loaded.
     pub fn empty() -> Self {
         let place = bytemuck::Zeroable::zeroed();
         let (purpose, storage, model) = (Purpose::View, Storage::F32, ModelParts::default());
         Self { frames: 0, place, purpose, quantised: false, storage, binary_angles: false, model }
     }
 
-    /// Pixels of one sub-frame on the SLM.
+    /// Returns the pixels of one sub-frame on the SLM.
     pub fn pixels(&self) -> usize {
         self.place.height as usize * self.place.width as usize
     }
 
-    /// Where the SLM lies in the grid, in the grid's own pixels: a mask's are smaller than the SLM's.
+    /// Returns the place of the SLM in the grid, in pixels of the grid. Pixels of a mask are smaller than the SLM's.
     pub fn on_grid(&self) -> modulate::Args {
         let finer = self.model.mask.max(1) as u32;
         modulate::Args { height: finer * self.place.height, width: finer * self.place.width, ..self.place }
     }
 
-    /// Arguments of `multiply` by the phases of a mask at a distance, and by the propagation to it. Each has the root of what two
-    /// transforms multiply by, so that halves stay in range.
+    /// Returns the arguments of `multiply` by the phases of a mask at a distance, and by the propagation to it. Each
+    /// has the root of the factor of two transforms, so that halves stay in range.
     pub(crate) fn mask_factors(&self, back: bool) -> [multiply::Args; 2] {
         let modulate::Args { height, width, grid_height, grid_width, top, left } = self.on_grid();
         let (conjugate, scale) = (u32::from(back), (self.points() as f32).sqrt().recip());
@@ -323,34 +325,34 @@ impl Shape {
         [mask, multiply::Args { rows: grid_height, columns: grid_width, top: 0, left: 0, ..mask }]
     }
 
-    /// What `modulate` multiplies the field by.
+    /// Returns the factor by which `modulate` scales the field.
     pub fn field_scale(&self) -> f32 {
         self.storage.field_scale(self.points()) as f32
     }
 
-    /// Points of the grid.
+    /// Returns the points of the grid.
     pub fn points(&self) -> usize {
         self.place.grid_height as usize * self.place.grid_width as usize
     }
 
-    /// Sub-pixels of a pixel along an axis.
+    /// Returns the sub-pixels of a pixel along an axis.
     pub fn subpixels(&self) -> usize {
         1 + self.model.more_subpixels
     }
 
-    /// Arguments of crosstalk's kernels.
+    /// Returns the arguments of crosstalk's kernels.
     pub fn crosstalk(&self) -> crosstalk::Args {
         let [reach_y, reach_x] = self.model.crosstalk.unwrap_or_default().map(|pixels| pixels as u32);
         crosstalk::Args { place: self.place, subpixels: self.subpixels() as u32, reach_y, reach_x }
     }
 
-    /// Whether complex fields are stored as halves.
+    /// Returns true if complex fields are stored as halves.
     pub fn halves(&self) -> bool {
         self.storage == Storage::F16
     }
 
-    /// Whether what this holds, which is not complex, are halves: where fields are, drives and what is asked of them; velocities beside
-    /// binary angles.
+    /// Returns true if the real values of this resource are halves. Drives and their wanted changes are halves if
+    /// fields are. Velocities are halves if phases are binary angles.
     pub(crate) fn stores_half(&self, resource: Resource) -> bool {
         match resource {
             Resource::Wave | Resource::Blurred => self.halves(),
@@ -359,14 +361,14 @@ impl Shape {
         }
     }
 
-    /// Bytes of a number on a device, of buffers that are not complex.
+    /// Returns the bytes of a number on a device, for buffers that are not complex.
     #[cfg(feature = "vulkan")]
     pub(crate) fn real_bytes(&self, resource: Resource) -> u64 {
         let short = self.binary_angles && resource.per_frame() == Some(PerFrame::Pixels);
         if short || self.stores_half(resource) { 2 } else { 4 }
     }
 
-    /// How large a buffer of the shape is; no frames where the purpose does not need it.
+    /// Returns the size of a buffer of the shape, with no frames if the purpose does not need it.
     pub fn extent(&self, resource: Resource) -> BufferSize {
         let planes = self.frames * self.subpixels().pow(resource.axes_of_subpixels());
         let (frames, values) = match resource {
@@ -391,7 +393,7 @@ impl Shape {
         BufferSize { frames, values, complex: resource.is_complex() }
     }
 
-    /// Whether it is a buffer that this shape has.
+    /// Returns true if this shape has the buffer.
     fn has(&self, resource: Resource) -> bool {
         match resource {
             Resource::Phases | Resource::Field => true,
@@ -408,18 +410,19 @@ impl Shape {
         }
     }
 
-    /// The buffers that this shape has.
+    /// Returns the buffers that this shape has.
     pub fn buffers(&self) -> impl Iterator<Item = Buffer> {
         Resource::OF_SHAPE.into_iter().filter(|r| self.has(*r)).filter_map(|resource| resource.buffer(0))
     }
 
-    /// What a kernel that is bound to this is really bound to: where the SLM has no levels, the phases are what is shown.
+    /// Returns the actual binding of a kernel. If the SLM has no levels, `Shown` is bound to the phases.
     #[cfg(feature = "vulkan")]
     pub(crate) fn alias(&self, resource: Resource) -> Resource {
         if resource == Resource::Shown && !self.quantised { Resource::Phases } else { resource }
     }
 
-    /// Whether a kernel can be bound to this: `Shown` always, for it is `Phases` where the SLM has no levels.
+    /// Returns true if a kernel can be bound to this. `Shown` always can, because it is `Phases` if the SLM has no
+    /// levels.
     pub fn provides(&self, resource: Resource) -> bool {
         !resource.is_shared() || resource == Resource::Shown || self.has(resource)
     }

@@ -1,4 +1,4 @@
-//! The lists that engines run.
+//! Makes the lists of kernels that engines run.
 
 use super::{Dispatch, Kernel, ModelParts, Planner, PupilPass, Purpose, Step, Storage};
 use crate::optics::Geometry;
@@ -7,7 +7,8 @@ use eyebox_kernels::{
 };
 use std::ops::Range;
 
-/// What a step does in a pupil's window, from the spectrum to the image and back; `Motion` and its adjoint only if an eye moves.
+/// The kernels of a step in a pupil's spectral window, from the spectrum to the image and back. `Motion` and its
+/// adjoint run only if an eye moves.
 pub(super) const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::PassPupil,
     Kernel::Motion,
@@ -19,14 +20,14 @@ pub(super) const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::MotionBack,
 ];
 
-/// Crosstalk that leaves this share of the variance of random drives is so weak that phases may wrap: a bound would cost 0.1 dB
-/// (docs/results/solver-and-model.json).
+/// Share of the variance of random drives that marks weak crosstalk. If crosstalk leaves this share or more, phases
+/// may wrap, because a bound would cost 0.1 dB (docs/results/solver-and-model.json).
 const WEAK_CROSSTALK: f64 = 0.9;
 
-/// The lists that a step is made of: of its pupil passes, and room for that of its kernels. A step that is over gives both.
+/// The allocations of a step's lists, for its pupil passes and its kernels. A finished step gives back both.
 #[derive(Debug, Default)]
 pub struct StepLists {
-    /// The pupil passes.
+    /// The pupil passes of the step.
     pub pupil_passes: Vec<PupilPass>,
     kernels: Vec<Dispatch>,
 }
@@ -44,7 +45,8 @@ impl From<Step> for StepLists {
 }
 
 impl Planner {
-    /// One step of the projection (OPTICS 6b), `in_flight` values of window at a time; `lists` may be those of a step that is over.
+    /// Makes one step of the projection (OPTICS 6b) with `in_flight` window values at a time. `lists` may be from a
+    /// finished step.
     pub fn project_step(
         &self,
         lists: impl Into<StepLists>,
@@ -56,19 +58,19 @@ impl Planner {
         let mut step = self.descend(lists, in_flight, true);
         step.list.push(Dispatch::whole(Kernel::Project));
         step.divide_by_overlap.power = power as f32;
-        // Of all its mask pixels a pixel follows the mean.
+        // A pixel follows the mean of all its mask pixels.
         let parts = self.slm.mask_factor.pow(2) as f64;
         step.project.gain = (gain / parts / self.change_scale_of(&step.pupil_passes, true)) as f32;
         step.project.momentum = momentum as f32;
         step
     }
 
-    /// One step of Adam, the `t`-th, counted from 1 (OPTICS 4); `lists` may be those of a step that is over.
+    /// Makes step `t` of Adam, counted from 1 (OPTICS 4). `lists` may be from a finished step.
     pub fn adam_step(&self, lists: impl Into<StepLists>, in_flight: usize, t: usize, rate: f64) -> Step {
         let mut step = self.descend(lists, in_flight, false);
         step.list.push(Dispatch::whole(Kernel::Adam));
-        // As float32 has them, so that the corrections are those of the moments that the kernel keeps: 1 - 0.999 is off by
-        // a part in 80,000, and without it every step would be (docs/precision.md).
+        // These are the float32 values, so that the corrections match the moments that the kernel keeps. In float32,
+        // 1 - 0.999 is off by a part in 80,000, and every step would be off as much without this (docs/precision.md).
         let (beta1, beta2) = (f64::from(0.9f32), f64::from(0.999f32));
         let correct = |beta: f64| (1.0 / (1.0 - beta.powi(t.min(1 << 20) as i32))) as f32;
         step.adam = adam::Args {
@@ -78,13 +80,14 @@ impl Planner {
             beta2: beta2 as f32,
             correct1: correct(beta1),
             correct2: correct(beta2),
-            // 1e-8 for a loss times 1000, as the paper's code scales it; moments are in the change's units.
+            // The value is 1e-8 for a loss times 1000, the scale in the paper's code. Moments are in the change's
+            // units.
             epsilon: (1e-11 * self.change_scale_of(&step.pupil_passes, false)) as f32,
         };
         step
     }
 
-    /// The intensity through each pupil, left in `Image` of slots 0, 1, ...: what `render` shows.
+    /// Makes the step that leaves the intensity through each pupil in `Image` of slots 0, 1, ... for `render`.
     pub fn view_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.empty(pupil_passes);
@@ -105,7 +108,8 @@ impl Planner {
         step
     }
 
-    /// The fields of all sub-frames behind each pupil, left in `Window`, and its photograph, in `Target` of slots 0, 1, ...
+    /// Makes the step that leaves the fields of all sub-frames behind each pupil in `Window`, and its target image in
+    /// `Target`, of slots 0, 1, ...
     pub fn fields_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.view_step(pupil_passes);
@@ -113,7 +117,7 @@ impl Planner {
         step
     }
 
-    /// The photograph of each pupil, left in `Target` of slots 0, 1, ...
+    /// Makes the step that leaves the target image of each pupil in `Target` of slots 0, 1, ...
     pub fn photograph_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.empty(pupil_passes);
@@ -121,11 +125,11 @@ impl Planner {
         step
     }
 
-    /// Adds the term that evens out the light over the eyebox (OPTICS 7, pupil-aware): patches of the square of side
-    /// `eyebox` metres around the axis, those inside its disc, each pulled to their mean with this weight.
+    /// Adds the term that equalizes the light over the eyebox (OPTICS 7, pupil-aware). It pulls patches of the square
+    /// of side `eyebox` meters around the axis, as far as they are inside its disc, to their mean with this weight.
     pub fn with_equalised_eyebox(&self, mut step: Step, eyebox: f64, patches: usize, weight: f64) -> Step {
         let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
-        // The projection's factors are ratios of energies; the gradient's go as 1 / energy.
+        // The projection's factors are ratios of energies, and the gradient's are proportional to 1 / energy.
         let (change, field) =
             (self.change_scale_of(&step.pupil_passes, projects), f64::from(self.shape(Purpose::View).field_scale()));
         let weight = weight * change * if projects { 1.0 / field } else { field };
@@ -135,7 +139,7 @@ impl Planner {
         let lit = [FieldForward, SubpixelsForward, Modulate, ModulateWave].map(|kernel| after(&step, kernel));
         let lit = lit.into_iter().max().unwrap_or(0);
         step.list.insert(lit, Dispatch::whole(Kernel::Energy));
-        // Before the spectrum's change becomes the field's; in the far field they are one.
+        // This is before the spectrum's change becomes the field's. In the far field both are the same.
         use Kernel::{Adam, ChangeInverse, CheckFinite, PhaseGradient, Project, SubpixelsInverse};
         let ends = [ChangeInverse, SubpixelsInverse, CheckFinite, PhaseGradient, Project, Adam];
         let end = step.list.iter().position(|d| ends.contains(&d.kernel)).unwrap_or(step.list.len());
@@ -169,8 +173,9 @@ impl Planner {
         }
     }
 
-    /// The field on the SLM of content at several depths: `PupilAdjoint` adds the spectrum of each pupil pass's `Window`,
-    /// which the caller writes before entries `3 i .. 3 i + 3` run, and the rest of the list leaves the field in `Change`.
+    /// Makes the step for the field on the SLM of content at several depths. `PupilAdjoint` adds the spectrum of each
+    /// pupil pass's `Window`, which the caller writes before entries `3 i .. 3 i + 3` run. The rest of the list
+    /// leaves the field in `Change`.
     pub fn layers_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let mut step = self.empty(pupil_passes);
         for i in 0..step.pupil_passes.len() {
@@ -181,7 +186,8 @@ impl Planner {
         step
     }
 
-    /// From phases to what a pupil cuts a window out of: the spectrum, or, in the far field, the field itself.
+    /// Returns the kernels from phases to the values that a pupil cuts a window out of. These are the spectrum or, in
+    /// the far field, the field itself.
     fn to_spectrum(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let first = (self.levels > 0).then_some(Kernel::Quantise);
         let parts = self.parts();
@@ -201,7 +207,7 @@ impl Planner {
         all.map(Dispatch::whole)
     }
 
-    /// From the change of the field to that of the phases, where more than phases makes the field.
+    /// Returns the kernels from the change of the field to the change of the phases, if a model is between both.
     fn to_phases(&self) -> impl Iterator<Item = Dispatch> + use<> {
         let parts = self.parts();
         let lag = self.lags().then_some(Kernel::LagAdjoint);
@@ -229,14 +235,14 @@ impl Planner {
         self.model.as_ref().map(|model| model.parts()).unwrap_or_default()
     }
 
-    /// And back again.
+    /// Returns the kernel from the change of the spectrum back to the change of the field, if there is a relay.
     fn to_field(&self) -> Option<Dispatch> {
         let relay = self.grid.geometry == Geometry::Relay;
         let several = self.parts().more_subpixels > 0;
         relay.then(|| Dispatch::whole(if several { Kernel::SubpixelsInverse } else { Kernel::ChangeInverse }))
     }
 
-    /// What each viewpoint shows, what it should show, and the sums of both, left in `Sums` of slots 0, 1, ...
+    /// Makes the step that leaves the sums of each viewpoint's image and target image in `Sums` of slots 0, 1, ...
     pub fn exposure_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
         let all = 0..pupil_passes.len();
         let mut step = self.fields_step(pupil_passes);
@@ -244,7 +250,7 @@ impl Planner {
         step
     }
 
-    /// A step over these pupil passes that does nothing yet.
+    /// Makes a step over these pupil passes with an empty list.
     fn empty(&self, lists: impl Into<StepLists>) -> Step {
         let StepLists { pupil_passes, kernels: mut list } = lists.into();
         list.clear();
@@ -297,27 +303,28 @@ impl Planner {
         modulate_mask::Args { place: self.place(), factor: parts.mask.max(1) as u32, here, cover }
     }
 
-    /// Whether the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of the range: a phase that
-    /// jumps over it makes its neighbors' light worse, and the turns do not contain that.
+    /// Returns true if the projection keeps drives from wrapping. Crosstalk blurs the edge between the two ends of
+    /// the range. A phase that jumps over it worsens the light of its neighbors, and the turns do not contain that.
     pub fn bounds_phases(&self) -> bool {
         self.variance_left() < WEAK_CROSSTALK
     }
 
-    /// Share of the variance of random drives that crosstalk leaves; 1 without crosstalk.
+    /// Returns the share of the variance of random drives that crosstalk leaves, 1 without crosstalk.
     pub fn variance_left(&self) -> f64 {
         self.model.as_ref().map_or(1.0, |model| model.variance_left())
     }
 
-    /// The drive that no phase goes beyond, radians; 0 if phases wrap.
+    /// Returns the drive that no phase exceeds, in radians, or 0 if phases wrap.
     fn bound(&self) -> f32 {
         let model = self.model.as_ref().filter(|_| self.bounds_phases());
         model.map_or(0.0, |model| model.highest_drive() as f32)
     }
 
-    /// Down to the window, compare, and up again; pupil passes come in groups whose windows fit `in_flight` values.
+    /// Makes a step down to the window, through `compare`, and up again. Pupil passes are grouped so that the windows
+    /// of a group fit `in_flight` values.
     fn descend(&self, lists: impl Into<StepLists>, in_flight: usize, balanced: bool) -> Step {
         let mut step = self.empty(lists);
-        // Tapered pupil passes have no edge at which pupils overlap: the caller's gain says how often they do.
+        // Tapered pupil passes have no edge at which pupils overlap. The caller's gain accounts for their overlap.
         let balanced = balanced && !step.is_tapered();
         step.list.extend(self.to_spectrum());
         step.list.push(Dispatch::whole(Kernel::Clear));
@@ -338,7 +345,7 @@ impl Planner {
             step.list.push(Dispatch::whole(Kernel::DivideByOverlap));
         }
         step.list.extend(self.to_field());
-        // Sub-pixels' fields are seen in what they leave.
+        // The fields of sub-pixels are checked by their result.
         let checked_last = self.parts().more_subpixels > 0;
         let check = (self.storage == Storage::F16).then_some(Dispatch::whole(Kernel::CheckFinite));
         step.list.extend(check.clone().filter(|_| !checked_last));
@@ -349,7 +356,8 @@ impl Planner {
 }
 
 impl Step {
-    /// Adds these kernels over these pupil passes; `Taper`, `Relay`, `Eye` and `Motion` only where they do something.
+    /// Adds these kernels over these pupil passes, with `Taper`, `Relay`, `Eye` and `Motion` only if they have an
+    /// effect.
     fn over_pupil_passes(&mut self, pupil_passes: Range<usize>, kernels: &[Kernel]) {
         let tapered = self.is_tapered();
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
@@ -370,25 +378,25 @@ impl Step {
         self.pupil_passes.iter().any(|pupil_pass| pupil_pass.taper.is_some())
     }
 
-    /// The entry of the list after which phases may change, and before which all losses are known: what comes behind the last
-    /// kernel that runs over pupil passes, and behind `check_finite` where the list has it.
+    /// Returns the entry of the list after which phases may change, and before which all losses are final. It follows
+    /// the last kernel that runs over pupil passes, and `check_finite` if the list has it.
     pub fn before_update(&self) -> usize {
         let known = |d: &Dispatch| d.kernel.scope().is_per_pupil() || d.kernel == Kernel::CheckFinite;
         self.list.iter().rposition(known).map_or(self.list.len(), |i| i + 1)
     }
 
-    /// The mean squared difference over the pupils, of the sums that an engine gives.
+    /// Returns the mean squared difference over the pupils, from the sums that an engine returns.
     pub fn mean_loss(&self, losses: &[f64]) -> f64 {
         mean_loss(losses, self.pupil_passes.iter().map(PupilPass::count))
     }
 
-    /// How many entries, at the start, look at no pupil pass.
+    /// Returns the number of entries at the start that read no pupil pass.
     pub fn shared(&self) -> usize {
         self.list.iter().take_while(|d| d.pupil_passes.is_empty()).count()
     }
 
-    /// The same, one pupil pass after the other, each in slot 0: at full size one pupil pass holds as much memory as the field.
-    /// After the shared entries each pupil pass has as many as the others.
+    /// Reorders the list to run one pupil pass after the other, each in slot 0, because at full size one pupil pass
+    /// holds as much memory as the field. After the shared entries, all pupil passes have the same number of entries.
     pub fn pass_by_pass(mut self) -> Self {
         let kernels: Vec<_> = self.list.drain(self.shared()..).map(|d| d.kernel).collect();
         for i in 0..self.pupil_passes.len() {
@@ -398,13 +406,14 @@ impl Step {
     }
 }
 
-/// The mean squared difference over pupils, of the sums that an engine gives and the `pixels` of their windows.
+/// Returns the mean squared difference over pupils, from the sums that an engine returns and the `pixels` of their
+/// windows.
 pub fn mean_loss(losses: &[f64], pixels: impl Iterator<Item = usize>) -> f64 {
     let each = losses.iter().zip(pixels).map(|(loss, pixels)| loss / pixels as f64);
     each.sum::<f64>() / losses.len().max(1) as f64
 }
 
-/// Neighbouring pupil passes, from the first on, whose windows hold at most `most` values together (one pupil pass at least).
+/// Returns neighboring pupil passes from `first` on, at least one, whose windows hold at most `most` values together.
 fn group(pupil_passes: &[PupilPass], first: usize, most: usize) -> Range<usize> {
     let mut held = 0;
     let fits = |pass: &&PupilPass| {

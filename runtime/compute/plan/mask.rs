@@ -1,4 +1,4 @@
-//! A static phase mask as the tables that kernels read (OPTICS 12).
+//! Makes the tables of a static phase mask for the kernels (OPTICS 12).
 
 use super::Buffer;
 use crate::optics::{Display, Mask, Optics, transfer_of_bin};
@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// A display's mask at one wavelength, on a grid of its own pixels.
+/// The mask of a display at one wavelength, on a grid of its own pixels.
 #[derive(Debug)]
 pub(super) struct MaskTables {
     mask: Mask,
-    /// Turns of the light for a turn of the mask's phases.
+    /// Turns of the light per turn of the mask's phases.
     slope: f64,
     slm: Optics,
     grid: Optics,
@@ -20,7 +20,7 @@ pub(super) struct MaskTables {
 }
 
 impl PartialEq for MaskTables {
-    /// By what they are made of.
+    /// Compares the inputs of the tables.
     fn eq(&self, other: &Self) -> bool {
         let of = |t: &Self| (t.slope, t.slm, t.grid);
         self.mask == other.mask && of(self) == of(other)
@@ -28,24 +28,24 @@ impl PartialEq for MaskTables {
 }
 
 impl MaskTables {
-    /// Of this display, on its SLM inside a grid; none where it has no mask.
+    /// Returns the tables of this display on its SLM inside a grid, or none if it has no mask.
     pub fn of(display: &Display, slm: Optics, grid: Optics) -> Option<Self> {
         let (mask, slope) = (display.mask.clone()?, display.mask_slope(slm.wavelength));
         Some(Self { mask, slope, slm, grid, values: OnceLock::new(), transfer: OnceLock::new() })
     }
 
-    /// Its pixels along an axis of one of the SLM's.
+    /// Returns the mask pixels along an axis of one pixel of the SLM.
     pub(super) fn factor(&self) -> usize {
         self.mask.factor
     }
 
-    /// Metres from the SLM.
+    /// Returns the distance from the SLM in meters.
     pub(super) fn distance(&self) -> f64 {
         self.mask.distance()
     }
 
-    /// How much of each mask pixel across it a pixel of the SLM with this linear fill covers, over the mean; all where pixels are
-    /// points, for then nothing is said of their size (OPTICS 10).
+    /// Returns the coverage of each mask pixel by a pixel of the SLM with this linear fill, over the mean coverage.
+    /// All are covered if pixels are points, because then their size is not known (OPTICS 10).
     pub(super) fn cover(&self, fill: f64) -> [f32; MOST] {
         let (k, fill) = (self.mask.factor as f64, if fill > 0.0 { fill } else { 1.0 });
         std::array::from_fn(|i| {
@@ -55,7 +55,7 @@ impl MaskTables {
         })
     }
 
-    /// The buffers that hold them.
+    /// Returns the tables with their buffers.
     pub(super) fn buffers(&self) -> impl Iterator<Item = (Buffer, &[f32])> {
         let transfer = (self.distance() > 0.0).then(|| (Buffer::MaskTransfer, self.transfer()));
         [Some((Buffer::Mask, self.values())), transfer].into_iter().flatten()

@@ -1,7 +1,7 @@
-//! Decides what is computed and stores it as plain data: lists of kernels, their arguments and their cost. Nothing here
-//! touches a buffer or a device.
+//! Describes computations as plain data, with lists of kernels, their arguments and their cost.
 //!
-//! [`List`](Step) and its parts say what an engine runs; [`Planner`] makes them from optics, pupils and a scene.
+//! No code here touches a buffer or a device. [`Step`] and its fields describe the work of an engine. [`Planner`]
+//! makes them from optics, pupils and a scene.
 
 mod cost;
 #[cfg(feature = "vulkan")]

@@ -1,4 +1,4 @@
-//! The display as it is, as the tables that kernels read (OPTICS 10).
+//! Makes the tables of the real display for the kernels (OPTICS 10).
 
 use super::mask::MaskTables;
 use super::{Buffer, ModelParts};
@@ -8,30 +8,31 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::{Arc, OnceLock};
 
-/// A display's model at one wavelength, on a grid: what each pixel and each bin need of it, made when it is first asked for.
+/// A display's model at one wavelength, on a grid. Its tables per pixel and per bin are made on first use.
 #[derive(Debug, Clone)]
 pub struct ModelTables {
     model: DisplayModel,
-    /// Radius in the pupil plane of the disc that the wavefront's polynomials are of, metres.
+    /// Radius in the pupil plane of the disc on which the wavefront's polynomials are defined, meters.
     radius: f64,
     /// The highest drive that is not rounded up to the lowest, radians.
     highest_drive: f64,
     slm: Optics,
     grid: Optics,
-    /// The source's modes, whose light meets the relay at places of its own; none for a laser on the axis.
+    /// The modes of the source, whose light meets the relay at different places. The list is empty for a laser on the
+    /// axis.
     modes: Vec<SourceMode>,
-    /// The static mask in front of the SLM; none without.
+    /// The static mask in front of the SLM, if any.
     mask: Option<Arc<MaskTables>>,
-    /// The iris with an obstruction in it, which the relay's table has, too; none for a clear pupil.
+    /// An obstruction and the iris that holds it, both also in the relay's table. There is none for a clear pupil.
     obstructed: Option<(Obstruction, Pupil)>,
-    /// Rows and columns of the whole SLM, and where in it this one's first pixel lies: not the same for a piece of a far field.
+    /// Rows and columns of the whole SLM, and the place of this one's first pixel in it, for pieces of a far field.
     whole: [usize; 2],
     at: [i64; 2],
-    /// The source's root mean square over the whole SLM, for all pieces of it.
+    /// Root mean square of the source over the whole SLM, shared by all pieces of it.
     root: Arc<OnceLock<f64>>,
     /// [`variance_left`](Self::variance_left) on the whole SLM.
     variance_left: OnceLock<f64>,
-    /// Power of the error of the field, over the field's, at which crosstalk is cut.
+    /// Power of the error of the field, over the field's power, at which crosstalk is cut.
     error: f64,
     reach: Option<[usize; 2]>,
     pixels: Arc<OnceLock<Vec<f32>>>,
@@ -41,15 +42,16 @@ pub struct ModelTables {
     needs: OnceLock<Arc<[u32]>>,
 }
 
-/// Of what is looked at: less than float32 does.
+/// Error for viewing and scoring, below the precision of float32.
 const EXACT: f64 = 1e-11;
-/// Of the steps of a solve. One value a pixel stands for crosstalk to a hundredth, three to a thousandth; no picture tells this.
+/// Error for the steps of a solve. One value per pixel represents crosstalk to a hundredth, three to a thousandth,
+/// and no picture shows the difference.
 const SOLVING: f64 = 3e-5;
-/// Of what is looked at a piece at a time, where a reach of hundreds of pixels would be more than the piece: 80 dB below the field.
+/// Error for viewing a piece at a time, 80 dB below the field. A reach of hundreds of pixels would exceed the piece.
 const PIECES: f64 = 1e-8;
 
 impl PartialEq for ModelTables {
-    /// By what they are made of.
+    /// Compares the inputs of the tables.
     fn eq(&self, other: &Self) -> bool {
         let of = |t: &Self| (t.radius, t.error, t.slm, t.grid, t.whole, t.at);
         let same = self.model == other.model && self.modes == other.modes && self.mask == other.mask;
@@ -58,28 +60,30 @@ impl PartialEq for ModelTables {
 }
 
 impl ModelTables {
-    /// Of this model on an SLM of so many levels inside a grid; none where the display is the ideal one. `radius`: half the eyebox of the
-    /// display's shortest wavelength, metres.
+    /// Makes the tables of this model on an SLM of `levels` levels inside a grid, or none if the display is ideal.
+    /// `radius` is half the eyebox of the display's shortest wavelength in meters.
     pub fn new(model: DisplayModel, radius: f64, levels: u32, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
         (!model.is_ideal()).then(|| Arc::new(Self::cut(model, radius, highest_drive(levels), EXACT, slm, grid)))
     }
 
-    /// The same for the steps of a solve, with crosstalk cut where what is left of it shows in no picture.
+    /// Returns the same for the steps of a solve, with crosstalk cut where the rest of it is visible in no picture.
     pub fn for_steps(&self) -> Arc<Self> {
         self.cut_at(SOLVING)
     }
 
-    /// The same for what is seen of a far field a piece at a time.
+    /// Returns the same for viewing a far field a piece at a time.
     pub fn for_pieces(&self) -> Arc<Self> {
         self.cut_at(PIECES)
     }
 
-    /// The same in the light of these modes of a source; [`Planner::with_source`](super::Planner::with_source) calls it.
+    /// Returns the same in the light of these modes of a source.
+    /// [`Planner::with_source`](super::Planner::with_source) calls it.
     pub(crate) fn lit_by(&self, modes: &[SourceMode]) -> Arc<Self> {
         Arc::new(Self { modes: modes.to_vec(), ..self.again(self.model.clone(), self.error) })
     }
 
-    /// The same with another model of the display, behind the same mask; none where that leaves the ideal display.
+    /// Returns the same with another model of the display behind the same mask, or none if the result is the ideal
+    /// display.
     pub fn with_model(&self, model: DisplayModel) -> Option<Arc<Self>> {
         let ideal = model.is_ideal() && self.mask.is_none();
         (!ideal).then(|| Arc::new(Self { modes: self.modes.clone(), ..self.again(model, self.error) }))
@@ -90,8 +94,9 @@ impl ModelTables {
         Self { mask: self.mask.clone(), ..plain }
     }
 
-    /// Of a tile that repeats over the SLM: everywhere as the SLM is in the mean, lit evenly. Light that no pixel modulates is left out,
-    /// because its fringes repeat with no tile. None where nothing else is left.
+    /// Returns the tables of a tile that repeats over the SLM, or none if the tile's display is ideal. All its pixels
+    /// have the SLM's mean and are evenly lit. Light that no pixel modulates is left out, because its fringes repeat
+    /// with no tile.
     pub fn tile(&self, tile: Optics) -> Option<Arc<Self>> {
         let ideal = DisplayModel::default();
         let level = self.model.level.as_flattened().iter().sum::<f64>() / 9.0;
@@ -102,7 +107,8 @@ impl ModelTables {
         (!whole.model.is_ideal()).then(|| Arc::new(whole))
     }
 
-    /// What each pixel needs more of light because it has so much ([`table_start::need`]); none where all have the same.
+    /// Returns the need of each pixel because of its own amount of light ([`table_start::need`]), or none if all are
+    /// equal.
     pub fn needs(&self) -> Option<Arc<[u32]>> {
         let need_of = |amplitude: &f32| table_start::need(amplitude * amplitude);
         let all = || {
@@ -112,23 +118,23 @@ impl ModelTables {
         self.parts().drives.then(|| Arc::clone(self.needs.get_or_init(all)))
     }
 
-    /// How many modes that is.
+    /// Returns the number of modes, at least 1.
     pub(crate) fn mode_count(&self) -> usize {
         self.modes.len().max(1)
     }
 
-    /// The iris alone.
+    /// Returns the tables of the iris alone.
     pub fn iris(&self) -> Arc<Self> {
         Arc::new(self.again(self.model.only("iris"), self.error))
     }
 
-    /// Those of the ideal display in the light of these modes.
+    /// Returns the tables of the ideal display in the light of these modes.
     pub(super) fn ideal(modes: &[SourceMode], slm: Optics, grid: Optics) -> Arc<Self> {
         let plain = Self::cut(DisplayModel::default(), grid.eyebox() / 2.0, highest_drive(0), EXACT, slm, grid);
         Arc::new(Self { modes: modes.to_vec(), ..plain })
     }
 
-    /// The same before one iris with an obstruction in it.
+    /// Returns the same in front of one iris with an obstruction in it.
     pub(super) fn obstructed(&self, obstruction: Obstruction, iris: &Pupil) -> Arc<Self> {
         let (obstructed, relay) = (Some((obstruction, *iris)), Arc::default());
         Arc::new(Self { obstructed, relay, ..self.clone() })
@@ -138,8 +144,9 @@ impl ModelTables {
         Arc::new(Self { modes: self.modes.clone(), ..self.again(self.model.clone(), error) })
     }
 
-    /// Of a piece of a far field's SLM, of all of which this is: `size` pixels whose first is `at`. It may hang over the edges by
-    /// what crosstalk [reaches](Self::reach); pixels there are the other side's, and dark.
+    /// Returns the tables of a piece of a far field's SLM with `size` pixels, whose first is `at`. `self` has the
+    /// tables of the whole SLM. The piece may extend over the edges by the [reach](Self::reach) of crosstalk. Pixels
+    /// there wrap around from the other side and are dark.
     pub fn piece(&self, at: [i64; 2], size: [usize; 2]) -> Arc<Self> {
         let piece = self.slm.piece(at, size);
         let (pixels, offsets, relay, needs) = Default::default();
@@ -148,8 +155,8 @@ impl ModelTables {
         Arc::new(Self { variance_left, slm, grid, obstructed, at, pixels, offsets, relay, needs, ..self.clone() })
     }
 
-    /// The piece that holds these pixels of the whole SLM with all that crosstalk brings into them: where it begins, and its
-    /// size. Along an axis that it would fill it is the whole SLM.
+    /// Returns the first pixel and the size of the piece that holds these pixels of the whole SLM, and all that
+    /// crosstalk brings into them. If the piece would fill an axis, it takes the whole SLM along it.
     pub fn around(&self, at: [usize; 2], size: [usize; 2]) -> ([i64; 2], [usize; 2]) {
         let reach = self.reach();
         let fills = |k: usize| size[k] + 2 * reach[k] >= self.whole[k];
@@ -158,8 +165,8 @@ impl ModelTables {
         ([0, 1].map(first), [0, 1].map(count))
     }
 
-    /// The piece of a far field's SLM that a pupil sees on this display, the ideal one without a model: what lies under the iris as
-    /// it is, and [around](Self::around) it.
+    /// Returns the piece of a far field's SLM that a pupil sees on this display, or on the ideal display without a
+    /// model. It is the part under the real iris, and [around](Self::around) it.
     pub fn under(model: Option<&Self>, whole: &Optics, pupil: &Pupil) -> ([i64; 2], [usize; 2]) {
         let Some(model) = model else {
             let (at, size) = whole.under(pupil);
@@ -169,13 +176,13 @@ impl ModelTables {
         model.around(at, size)
     }
 
-    /// Pixels that crosstalk reaches along y and along x; 0 without.
+    /// Returns the pixels that crosstalk reaches along y and along x, 0 without crosstalk.
     pub fn reach(&self) -> [usize; 2] {
         self.reach.unwrap_or_default()
     }
 
     fn cut(model: DisplayModel, radius: f64, highest_drive: f64, error: f64, slm: Optics, grid: Optics) -> Self {
-        // Crosstalk is between the SLM's own pixels.
+        // Crosstalk acts between the SLM's own pixels.
         let [rows, columns] = [grid.height, grid.width].map(|n| n / slm.mask_factor);
         let weights = model.crosstalk_weights(rows, columns, model.subpixels, error);
         let reach = weights.as_ref().map(|axes| [axes[0].reach, axes[1].reach]);
@@ -205,7 +212,7 @@ impl ModelTables {
         }
     }
 
-    /// Of a display in one of its colours, on its SLM inside a grid, in the light of its source.
+    /// Returns the tables of a display in one of its colors, on its SLM inside a grid, in the light of its source.
     pub fn of(display: &Display, color: Color, slm: Optics, grid: Optics) -> Option<Arc<Self>> {
         let (model, radius) = (display.model(color), display.source_eyebox_min() / 2.0);
         let plain = match MaskTables::of(display, slm, grid) {
@@ -220,22 +227,23 @@ impl ModelTables {
         Some(if modes.is_empty() { plain } else { plain.lit_by(&modes) })
     }
 
-    /// How far behind the SLM its mask stands, metres.
+    /// Returns the distance of the mask behind the SLM, meters.
     pub(crate) fn mask_distance(&self) -> f64 {
         self.mask.as_ref().map_or(0.0, |mask| mask.distance())
     }
 
-    /// How much of each mask pixel across it a pixel of the SLM fills, along an axis.
+    /// Returns the coverage of each mask pixel by a pixel of the SLM, along an axis.
     pub(crate) fn cover(&self) -> [f32; modulate_mask::MOST] {
         self.mask.as_ref().map_or([1.0; modulate_mask::MOST], |mask| mask.cover(self.model.fill))
     }
 
-    /// The highest drive that is not rounded up to the lowest, radians.
+    /// Returns the highest drive that is not rounded up to the lowest, radians.
     pub(crate) fn highest_drive(&self) -> f64 {
         self.highest_drive
     }
 
-    /// The sum of the squares of crosstalk's kernel, 1 without: how much of the variance of random drives it leaves.
+    /// Returns the sum of squares of crosstalk's kernel, which is the share of the variance of random drives that
+    /// remains. It is 1 without crosstalk.
     pub fn variance_left(&self) -> f64 {
         *self.variance_left.get_or_init(|| {
             let [rows, columns] = [self.grid.height, self.grid.width].map(|n| n / self.slm.mask_factor);
@@ -243,12 +251,12 @@ impl ModelTables {
         })
     }
 
-    /// The model.
+    /// Returns the model of the display.
     pub fn model(&self) -> &DisplayModel {
         &self.model
     }
 
-    /// What of it needs buffers.
+    /// Returns the parts that need buffers.
     pub fn parts(&self) -> ModelParts {
         let (model, ideal) = (&self.model, DisplayModel::default());
         let crosstalk = model.crosstalk.is_some();
@@ -264,13 +272,13 @@ impl ModelTables {
         }
     }
 
-    /// Whether something between the SLM and the eye changes bins.
+    /// Returns true if something between the SLM and the eye changes bins.
     fn has_relay(&self) -> bool {
         let (model, waves) = (&self.model, self.model.wavefront.values());
         self.obstructed.is_some() || model.fill > 0.0 || waves.copied().any(|waves| waves != 0.0)
     }
 
-    /// The tables that these parts have, with the buffers that hold them.
+    /// Returns the tables of these parts with their buffers.
     pub(crate) fn buffers(&self) -> impl Iterator<Item = (Buffer, &[f32])> {
         let parts = self.parts();
         let pixels = parts.drives.then(|| (Buffer::Pixels, self.pixels()));
@@ -318,8 +326,8 @@ impl ModelTables {
         })
     }
 
-    /// Of one mode of the source: the aperture stays with the SLM's frequencies, the wavefront, a path, is met where light
-    /// arrives (OPTICS 12).
+    /// Returns the table of one mode of the source. The aperture stays with the SLM's frequencies. The wavefront is a
+    /// path, which applies where the light arrives (OPTICS 12).
     fn relay_of(&self, mode: &SourceMode) -> Vec<Complex32> {
         let (grid, model) = (&self.grid, &self.model);
         let lit = Optics { wavelength: mode.wavelength, ..*grid };
@@ -328,7 +336,8 @@ impl ModelTables {
         let waves = grid.wavelength / mode.wavelength;
         let full = DisplayModel { fill: 1.0, ..DisplayModel::default() };
         let sinc = |k: i64, n: usize| match grid.geometry {
-            // Behind a mask it is that of the mask's pixels, which are full: what the SLM's fill is in how it covers them.
+            // Behind a mask the aperture is the one of the mask's pixels, which are full. The SLM's fill acts through
+            // its coverage.
             Geometry::Relay if model.fill > 0.0 && self.mask.is_some() => full.pixel_sinc(k as f64 / n as f64),
             Geometry::Relay if model.fill > 0.0 => model.pixel_sinc(k as f64 / n as f64),
             _ => 1.0,
@@ -356,12 +365,12 @@ impl ModelTables {
     }
 }
 
-/// The highest drive of so many levels that is not rounded up to the lowest, radians.
+/// Returns the highest drive of `levels` levels that is not rounded up to the lowest, radians.
 fn highest_drive(levels: u32) -> f64 {
     TAU * (1.0 - 1.0 / f64::from(levels.max(2)))
 }
 
-/// Four tables of `count` values each.
+/// Splits a table into four of `count` values each.
 fn split(tables: &mut [f32], count: usize) -> [&mut [f32]; 4] {
     let (a, rest) = tables.split_at_mut(count);
     let (b, rest) = rest.split_at_mut(count);

@@ -1,74 +1,76 @@
-//! An eye that moves while the sub-frames are shown (OPTICS 15): which pupil looks at each, and what it is shifted by.
+//! Places a moving eye at each sub-frame's time and shifts the sub-frames for it (OPTICS 15).
 
 use super::{Comparison, Planner, PupilPass};
 use crate::optics::Pupil;
 use eyebox_kernels::motion::Shift;
 
-/// One sub-frame at its moment.
+/// The eye and the content at the time of one sub-frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// The pupil; all moments of an eye focus at one depth.
+    /// The pupil. All moments of an eye focus at one depth.
     pub pupil: Pupil,
-    /// How far the eye has turned since the content was where the scene shows it, pixels (x, y).
+    /// Turn of the eye since the content was at its place in the scene, pixels (x, y).
     pub eye: [f64; 2],
-    /// How far what the scene shows has moved, pixels (x, y).
+    /// Movement of the scene's content, pixels (x, y).
     pub content: [f64; 2],
-    /// Whether it is among the sub-frames that the eye averages.
+    /// True if this is one of the sub-frames that the eye averages.
     pub seen: bool,
 }
 
-/// An eye before sub-frames that follow each other at even intervals, and what moves in them.
+/// An eye that moves in front of sub-frames at even intervals, with content that moves.
 ///
-/// Times are in sets: `count` sub-frames are one, and sub-frame `f` of `S` is lit at `(f - (S - 1)/2) / count`.
+/// Times are in sets, of `count` sub-frames each. Sub-frame `f` of `S` is lit at `(f - (S - 1)/2) / count`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moving {
     /// The pupil at time 0.
     pub pupil: Pupil,
-    /// How it moves, metres a set (x, y).
+    /// Movement of the pupil, meters per set (x, y).
     pub drift: [f64; 2],
-    /// How the eye turns, pixels a set (x, y).
+    /// Turn of the eye, pixels per set (x, y).
     pub eye: [f64; 2],
-    /// How the content moves, pixels a set (x, y).
+    /// Movement of the content, pixels per set (x, y).
     pub content: [f64; 2],
-    /// When the content is where the scene shows it.
+    /// The time at which the content is at its place in the scene.
     pub at: f64,
-    /// When all sub-frames are lit: the middle of that time, and its length, sets; `[0, 1]` where they are evenly in the set.
+    /// Middle and length of the time in which all sub-frames are lit, sets. `[0, 1]` spreads them evenly over the
+    /// set.
     pub lit: [f64; 2],
-    /// The first sub-frame that the eye averages,
+    /// The first sub-frame that the eye averages.
     pub first: usize,
-    /// and how many: those behind the last are the first again.
+    /// Number of sub-frames that the eye averages. After the last sub-frame the first follows again.
     pub count: usize,
 }
 
 impl Moving {
-    /// An eye at rest that averages all of `frames` sub-frames of a scene that stands still.
+    /// Returns an eye at rest that averages all of `frames` sub-frames of a still scene.
     pub fn resting(pupil: Pupil, frames: usize) -> Self {
         let still = [0.0; 2];
         Self { pupil, drift: still, eye: still, content: still, at: 0.0, lit: [0.0, 1.0], first: 0, count: frames }
     }
 
-    /// Whether it is no more than [`resting`](Self::resting).
+    /// Returns true if this equals [`resting`](Self::resting).
     pub fn is_resting(&self, frames: usize) -> bool {
         *self == Self { at: self.at, lit: self.lit, ..Self::resting(self.pupil, frames) }
     }
 
-    /// The moments of `frames` sub-frames.
+    /// Returns the moments of `frames` sub-frames.
     pub fn moments(&self, frames: usize) -> Vec<Moment> {
         self.each_moment(frames).collect()
     }
 
-    /// The same, sub-frame by sub-frame.
+    /// Returns the same, sub-frame by sub-frame.
     pub(super) fn each_moment(self, frames: usize) -> impl Iterator<Item = Moment> + Clone + use<> {
         let count = self.count.clamp(1, frames.max(1));
         let one = move |frame: usize| {
-            // Behind the last of a stream its first come again, later.
+            // After the last sub-frame of a stream the first ones follow again, later.
             let along = (frame + frames - self.first % frames) % frames;
             let t = ((self.first + along) as f64 - (frames as f64 - 1.0) / 2.0) / count as f64;
             let t = self.lit[0] + self.lit[1] * t;
             let [dx, dy] = self.drift.map(|v| v * t);
             Moment {
                 pupil: Pupil { x: self.pupil.x + dx, y: self.pupil.y + dy, ..self.pupil },
-                // Where the picture stands on the retina is free: whoever follows it sees it where the scene has it.
+                // The place of the picture on the retina is free, because an eye that follows it sees it at its place
+                // in the scene.
                 eye: self.eye.map(|g| g * (t - self.at)),
                 content: self.content.map(|v| v * (t - self.at)),
                 seen: along < count,
@@ -79,16 +81,16 @@ impl Moving {
 }
 
 impl Planner {
-    /// What an eye that moves needs: a list's windows hold all sub-frames, of which `motion` leaves those that it sees. Its
-    /// light is that of a pupil wide enough for all moments, cut to each moment's own; an imperfect eye's error stays centred
-    /// on the middle one.
+    /// Plans the pass of a moving eye. The windows of a list hold all sub-frames, and `motion` leaves only the
+    /// sub-frames that the eye sees. Its light is from a pupil that covers all moments, cut to the pupil of each
+    /// moment. The error of an imperfect eye stays centered on the middle moment.
     pub fn moving_pass(&self, moments: &[Moment], comparison: &Comparison) -> PupilPass {
         let mut pass = PupilPass::empty();
         self.refill_moving(&mut pass, moments.iter().copied(), comparison);
         pass
     }
 
-    /// Makes [`moving_pass`](Self::moving_pass) of one that is over, in the lists that it has.
+    /// Refills a finished pass as [`moving_pass`](Self::moving_pass), in the lists that it has.
     pub(super) fn refill_moving(
         &self,
         pass: &mut PupilPass,
@@ -112,7 +114,7 @@ impl Planner {
             let shift = |(frame, moment): (usize, Moment)| {
                 let [along, down] = [0, 1].map(|i| moment.eye[i] / size[i]);
                 let first = along * window.x0 as f64 + down * window.y0 as f64;
-                // Each moment's light over its own pupil's share.
+                // The light of each moment is over the share of its own pupil.
                 let power = self.power(of, frame);
                 let own = self.grid.share(iris(&moment.pupil).diameter);
                 let weight = if moment.seen { (power * share / own).sqrt() } else { 0.0 };
@@ -132,13 +134,14 @@ impl Planner {
 }
 
 impl PupilPass {
-    /// Lights its sub-frames with these powers, each over their mean, in place of those that it had: of an eye at rest, whose
-    /// table does no more than weigh.
+    /// Lights the sub-frames with these powers, each over their mean, instead of the former powers. It is for an eye
+    /// at rest, whose table only weighs.
     pub fn set_powers(&mut self, powers: &[f64]) {
         self.set_powers_by_mode(|_| powers.iter().copied());
     }
 
-    /// The same with powers of each mode's own; `of` is asked for those of one of the planner's modes.
+    /// Lights the sub-frames with separate powers for each mode. `of` returns the powers of one of the planner's
+    /// modes.
     pub(crate) fn set_powers_by_mode<P: Iterator<Item = f64> + Clone>(&mut self, of: impl Fn(usize) -> P) {
         let still = |power: f64| Shift { turns: [0.0; 3], weight: power.sqrt() };
         self.with_modes(std::iter::repeat(()), |pass, ()| {
@@ -149,7 +152,7 @@ impl PupilPass {
     }
 }
 
-/// The smallest disc about the middle of their range that holds these.
+/// Returns the smallest disc around the middle of their range that holds these pupils.
 fn around(pupils: impl Iterator<Item = Pupil> + Clone) -> Pupil {
     let Some(first) = pupils.clone().next() else { return Pupil::from_mm([0.0, 0.0, 1.0, 0.0]) };
     let range = |of: fn(Pupil) -> f64| {

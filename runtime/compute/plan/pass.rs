@@ -1,4 +1,4 @@
-//! What one pupil needs, as data.
+//! Holds the data of one pupil.
 
 use super::list::{BufferSize, Resource, Shape};
 use crate::optics::Window;
@@ -8,61 +8,61 @@ use eyebox_kernels::{
 };
 use std::sync::Arc;
 
-/// The photograph of one pupil pass.
+/// The target image of one pupil pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
     /// Level of the pyramid.
     pub level: usize,
-    /// Arguments of `photograph`.
+    /// Arguments of kernel `photograph`.
     pub args: photograph::Args,
     /// The views that the pupil covers.
     pub taps: Vec<photograph::Tap>,
-    /// Arguments of `resample`.
+    /// Arguments of kernel `resample`.
     pub resample: resample::Args,
-    /// Weights along rows.
+    /// Weights of `resample` along rows.
     pub rows: Arc<resample::Table>,
-    /// Weights along columns.
+    /// Weights of `resample` along columns.
     pub columns: Arc<resample::Table>,
 }
 
-/// What one pupil needs.
+/// The data of one pupil.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PupilPass {
-    /// Its window, signed bins.
+    /// The spectral window, signed bins.
     pub window: Window,
-    /// Per row of the window, the columns that pass.
+    /// For each row of the window the columns that pass, first and end.
     pub spans: Vec<[u32; 2]>,
-    /// Arguments of `transfer`.
+    /// Arguments of kernel `transfer`.
     pub transfer: transfer::Args,
-    /// What `eye` multiplies by, where the eye is not perfect.
+    /// Factors of the kernel `eye`, if the eye is imperfect.
     pub eye: Option<eye::Terms>,
-    /// Weights of `taper`: those of all rows, then those of all columns. None for an aperture with a sharp edge.
+    /// Weights of `taper`, for all rows and then all columns. There are none for an aperture with a sharp edge.
     pub taper: Option<Vec<f32>>,
-    /// What `motion` does to each sub-frame, where the eye moves, or does not see all of them; else of no sub-frame.
+    /// Action of `motion` on each sub-frame. It is empty unless the eye moves or misses some sub-frames.
     pub moments: motion::Table,
     /// Arguments of `pass_pupil` and `overlap`.
     pub pass: pass_pupil::Args,
-    /// Arguments of `pupil_adjoint`: the same place, another scale.
+    /// Arguments of `pupil_adjoint`, with the same place and another scale.
     pub back: pass_pupil::Args,
     /// Columns of the window that any span touches.
     pub columns: Columns,
-    /// Arguments of `intensity`.
+    /// Arguments of kernel `intensity`.
     pub intensity: intensity::Args,
-    /// Arguments of `compare`.
+    /// Arguments of kernel `compare`.
     pub compare: compare::Args,
-    /// The photograph; none where only the wave is looked at.
+    /// The target image, if one is needed besides the wave.
     pub shot: Option<Shot>,
-    /// Share of the source's light that its own mode has; 1 where there is one mode.
+    /// Share of the source's light in its own mode, 1 for a single mode.
     pub weight: f32,
-    /// Which of the planner's modes its own is; 0 for a laser on the axis.
+    /// Index of its own mode in the planner's modes, 0 for a laser on the axis.
     pub source_mode: usize,
-    /// The source's further modes (OPTICS 12): windows of the same size, whose intensities add to this one's. They have no
-    /// photograph and no modes of their own.
+    /// Further modes of the source (OPTICS 12), as windows of the same size whose intensities add to this one's. They
+    /// have no target image and no further modes.
     pub modes: Vec<PupilPass>,
 }
 
 impl PupilPass {
-    /// One that needs nothing, to be filled.
+    /// Makes an empty pass, which is filled later.
     pub fn empty() -> Self {
         Self {
             window: Window { y0: 0, x0: 0, rows: 0, columns: 0 },
@@ -83,7 +83,7 @@ impl PupilPass {
         }
     }
 
-    /// Does something to each mode of the source, the first of which is this, with what there is of each.
+    /// Runs `work` on each mode of the source, the first of which is this pass, with its item of `each`.
     pub(super) fn with_modes<T>(&mut self, each: impl IntoIterator<Item = T>, mut work: impl FnMut(&mut Self, T)) {
         let mut modes = std::mem::take(&mut self.modes);
         let mut each = each.into_iter();
@@ -92,71 +92,71 @@ impl PupilPass {
         self.modes = modes;
     }
 
-    /// Whether the eye moves, or does not see all sub-frames.
+    /// Returns true if the eye moves or misses some sub-frames.
     pub(crate) fn moves(&self) -> bool {
         self.moments.frames() > 0
     }
 
-    /// Pixels of its window.
+    /// Returns the pixels of its window.
     pub fn count(&self) -> usize {
         self.window.rows * self.window.columns
     }
 
-    /// All modes of the source, the first of which is this.
+    /// Returns all modes of the source, the first of which is this pass.
     pub fn each_mode(&self) -> impl Iterator<Item = &Self> + Clone {
         std::iter::once(self).chain(&self.modes)
     }
 
-    /// How many those are.
+    /// Returns the number of modes.
     pub fn mode_count(&self) -> usize {
         1 + self.modes.len()
     }
 
-    /// The last of the planner's modes that is among them.
+    /// Returns the highest index of its modes in the planner's modes.
     pub(crate) fn last_source_mode(&self) -> usize {
         self.each_mode().map(|mode| mode.source_mode).max().unwrap_or(0)
     }
 
-    /// One of them.
+    /// Returns one of the modes.
     pub(crate) fn mode(&self, at: usize) -> &Self {
         at.checked_sub(1).map_or(self, |at| &self.modes[at])
     }
 
-    /// Arguments of `overlap`: the weight in the place of a scale.
+    /// Returns the arguments of `overlap`, which have the weight as their scale.
     pub(crate) fn overlap_args(&self) -> pass_pupil::Args {
         pass_pupil::Args { scale: self.weight, ..self.pass }
     }
 
-    /// Arguments of `eye`.
+    /// Returns the arguments of `eye`.
     pub(crate) fn eye_args(&self) -> Option<eye::Args> {
         let transfer::Args { rows, columns, .. } = self.transfer;
         self.eye.as_ref().map(|terms| eye::Args { rows, columns, degree: terms.degree })
     }
 
-    /// Arguments of `motion`, from a sub-frame on.
+    /// Returns the arguments of `motion`, from sub-frame `first` on.
     pub(crate) fn motion_args(&self, first: usize, back: bool) -> Option<motion::Args> {
         let transfer::Args { rows, columns, .. } = self.transfer;
         let frames = self.moments.frames() as u32;
         self.moves().then_some(motion::Args { rows, columns, frames, first: first as u32, back: u32::from(back) })
     }
 
-    /// Bins that it passes, in all modes.
+    /// Returns the bins that it passes, in all modes.
     pub(crate) fn passing(&self) -> u64 {
         self.each_mode().map(Self::passing_itself).sum()
     }
 
-    /// Bins that its own mode passes.
+    /// Returns the bins that its own mode passes.
     pub(crate) fn passing_itself(&self) -> u64 {
         self.spans.iter().map(|[first, end]| u64::from(end - first)).sum()
     }
 
-    /// Parts that a shader may leave the loss in: shares of the window, or its rows.
+    /// Returns the number of parts in which a shader may leave the loss, which are shares of the window or its rows.
     #[cfg(feature = "vulkan")]
     pub(crate) fn loss_parts(&self) -> usize {
         self.compare.parts().max(self.window.rows)
     }
 
-    /// How large one of its buffers is; no frames for what is no buffer of a pupil pass.
+    /// Returns the size of one of its buffers, with no frames for a resource that is no buffer of a pupil pass.
     pub fn extent(&self, resource: Resource, shape: &Shape) -> BufferSize {
         let (frames, values) = match resource {
             Resource::Image | Resource::Target => (1, self.count()),
@@ -171,9 +171,10 @@ impl PupilPass {
         BufferSize { frames, values, complex: resource.is_complex() }
     }
 
-    /// Arguments of `exposure`: the part of its image that is the SLM's, `place` being where that lies in the grid ([`Shape::on_grid`]).
+    /// Returns the arguments of `exposure` for the SLM's part of its image. `place` is the SLM's place in the grid
+    /// ([`Shape::on_grid`]).
     pub fn exposure(&self, place: &modulate::Args) -> exposure::Args {
-        // A window has fewer pixels than the grid: those are taken that lie wholly on the SLM.
+        // A window has fewer pixels than the grid. Only pixels that are entirely on the SLM count.
         let inside = |first: u32, count: u32, grid: u32, pixels: usize| {
             let scaled = |edge: u32| u64::from(edge) * pixels as u64;
             let (first, end) = (scaled(first).div_ceil(u64::from(grid)), scaled(first + count) / u64::from(grid));
@@ -184,7 +185,7 @@ impl PupilPass {
         exposure::Args { height, width, pitch: self.window.columns as u32, top, left }
     }
 
-    /// The columns of its own mode as columns of the grid.
+    /// Returns the columns of its own mode as columns of the grid.
     pub(crate) fn grid_columns(&self) -> Columns {
         let width = self.pass.grid_width as usize;
         Columns { first: (self.pass.x0 as usize + self.columns.first) % width, count: self.columns.count.min(width) }

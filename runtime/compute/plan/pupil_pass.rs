@@ -1,4 +1,4 @@
-//! From a pupil to what it needs: window, spans, taps, tables and the scales that make units right.
+//! Plans the data of a pupil, from window, spans and taps to tables and the scales between units.
 
 use super::resample_tables::ResampleTables;
 use super::{EyeTables, ModelTables, PupilPass, Purpose, Shape, Shot, Storage};
@@ -9,12 +9,12 @@ use crate::scene::{Pyramid, ViewGrid};
 use eyebox_kernels::{compare, fft::Columns, intensity, modulate, pass_pupil, photograph, resample, transfer};
 use std::sync::Arc;
 
-/// How an image is compared with its target.
+/// The comparison of an image with its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
     /// One of the modes of the kernel `compare`.
     pub mode: u32,
-    /// Exposure s (OPTICS 2).
+    /// Intensity scale s (OPTICS 2).
     pub exposure: f64,
     /// Added to both sides of a ratio, in units of the target.
     pub floor: f64,
@@ -26,17 +26,17 @@ pub struct Comparison {
 
 impl Default for Comparison {
     fn default() -> Self {
-        // Floor and limit are the oracle's.
+        // Floor and limit are the values of the former float64 reference implementation.
         Self { mode: compare::PROJECTION, exposure: 1.0, floor: 1e-6, limit: 3.0, batch: 1 }
     }
 }
 
-/// What the photographs of a scene need to know of its pyramid.
+/// Layout of a scene's pyramid, as far as target images need it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewLayout {
-    /// Where the views stand, around their centre.
+    /// Places of the views around their center.
     pub grid: ViewGrid,
-    /// Where in the pupil plane that centre is, (x, y), metres.
+    /// Place of that center in the pupil plane, (x, y), meters.
     pub center: [f64; 2],
     /// Sizes of the levels, (height, width).
     pub levels: Vec<(usize, usize)>,
@@ -47,7 +47,7 @@ pub struct ViewLayout {
 }
 
 impl ViewLayout {
-    /// Of this pyramid.
+    /// Returns the layout of this pyramid.
     pub fn new(grid: ViewGrid, pyramid: &Pyramid) -> Self {
         let levels = pyramid.levels.iter().map(|l| (l.height, l.width)).collect();
         Self {
@@ -59,7 +59,7 @@ impl ViewLayout {
         }
     }
 
-    /// The same with the grid's center at (x, y) in the pupil plane, metres.
+    /// Returns the same with the grid's center at (x, y) in the pupil plane, meters.
     #[must_use]
     pub fn centered_at(self, center: [f64; 2]) -> Self {
         Self { center, ..self }
@@ -71,37 +71,39 @@ impl ViewLayout {
 pub struct Planner {
     /// Optics over the SLM.
     pub slm: Optics,
-    /// Optics over the grid: the SLM and its padding.
+    /// Optics over the grid, which is the SLM with its padding.
     pub grid: Optics,
-    /// Sub-frames.
+    /// Number of planned sub-frames.
     pub frames: usize,
-    /// How much of the spectrum a pupil is given.
+    /// Share of the spectrum that a pupil gets.
     pub factor: WindowFactor,
-    /// The views; none where only the wave is looked at.
+    /// The views, or none if only the wave is needed.
     pub views: Option<ViewLayout>,
-    /// Levels that the SLM can show; 0 for any phase.
+    /// Levels of the SLM, 0 for any phase.
     pub levels: usize,
     /// How complex fields are stored.
     pub storage: Storage,
-    /// Whether phases that the projection moves are [binary angles](Shape::binary_angles) where fields are halves.
+    /// True if phases that the projection moves are [binary angles](Shape::binary_angles), provided that fields are
+    /// halves.
     pub binary_angles: bool,
-    /// Share of the image that the picture takes along each axis (OPTICS 9); what is looked at is cut to it.
+    /// Share of the image that the picture takes along each axis (OPTICS 9). Images are cut to it.
     pub share: f64,
-    /// What the display does to the light beside showing phases; none for the ideal one.
+    /// Effects of the display on the light besides showing phases, or none for the ideal display.
     pub model: Option<Arc<ModelTables>>,
-    /// The eye that looks; none for a perfect one.
+    /// The eye of the viewer, or none for a perfect one.
     pub eye: Option<Arc<EyeTables>>,
-    /// The modes of the source (OPTICS 12), which add up as intensities; none for a laser on the axis. A model is told of
-    /// them by [`with_source`](Self::with_source).
+    /// The modes of the source (OPTICS 12), whose intensities add. There are none for a laser on the axis.
+    /// [`with_source`](Self::with_source) also sets them in the model.
     pub modes: Arc<[SourceMode]>,
-    /// Fewer of them for what wide pupils look through in a solve, in the order of their diameters; none where all have all.
+    /// Reduced lists of modes for wide pupils in a solve, in the order of their diameters. They are empty if all
+    /// pupils use all modes.
     pub fewer: Arc<[FewerModes]>,
-    /// Power of the laser in each sub-frame over its mean (OPTICS 13); none where all are alike.
+    /// Power of the laser in each sub-frame over its mean (OPTICS 13). It is empty if all are equal.
     pub powers: Arc<[f64]>,
 }
 
 impl Planner {
-    /// Without padding and without views.
+    /// Makes a planner without padding and without views.
     pub fn new(slm: Optics, frames: usize, factor: WindowFactor) -> Self {
         Self {
             slm,
@@ -121,7 +123,7 @@ impl Planner {
         }
     }
 
-    /// In the light of these modes of a source; none for a laser on the axis.
+    /// Returns the same in the light of these modes of a source, none for a laser on the axis.
     #[must_use]
     pub fn with_source(self, modes: &[SourceMode]) -> Self {
         let model = match &self.model {
@@ -131,19 +133,19 @@ impl Planner {
         Self { modes: modes.into(), model, ..self }
     }
 
-    /// With as few modes for wide pupils of an eyebox of this side (metres) as leave their speckle as it is. A relay's tables are
-    /// those of all modes: on a display whose relay has faults, all pupils have all.
+    /// Returns the same with the fewest modes for wide pupils that keep their speckle, in an eyebox of side `eyebox`
+    /// meters. A relay's tables cover all modes, so on a display whose relay has faults every pupil uses every mode.
     #[must_use]
     pub fn with_fewer_modes(self, eyebox: f64) -> Self {
         let relays = self.model.as_ref().is_some_and(|model| model.parts().relay > 0);
-        // Sources that are switched are lit, each as it is.
+        // Switched sources are lit, each unchanged.
         let switched = self.modes.iter().any(|mode| mode.source != 0 || mode.turn != SourceMode::ALWAYS);
         let modes = if relays || switched { &[][..] } else { &self.modes };
         Self { fewer: fewer_modes(modes, eyebox / 2.0, self.grid.focal_length).into(), ..self }
     }
 
-    /// The same for a pupil of this diameter, where fewer modes do for it. What is looked at through the whole spectrum, as whoever
-    /// judges does, is lit by all modes.
+    /// Returns the same with fewer modes, if they suffice for a pupil of this diameter. All modes stay if pupils get
+    /// the whole spectrum, as in scoring.
     pub(super) fn of_fewer_modes(&self, diameter: f64) -> Option<Self> {
         if self.factor == WindowFactor::Full {
             return None;
@@ -152,14 +154,14 @@ impl Planner {
         Some(Self { modes: Arc::clone(&few.modes), fewer: Arc::new([]), ..self.clone() })
     }
 
-    /// One of the modes, by its place, with the optics of its wavelength over the grid.
+    /// Returns one of the modes, by its index, with the optics of its wavelength over the grid.
     pub(super) fn mode(&self, at: usize) -> (SourceMode, Optics) {
         let mode = self.modes.get(at).copied().unwrap_or(SourceMode::centred(self.grid.wavelength));
         (mode, Optics { wavelength: mode.wavelength, ..self.grid })
     }
 
-    /// The modes whose light may reach a pupil, by their places, at least one: those that are lit, and of which it stands in the
-    /// eyebox.
+    /// Returns the indices of the modes whose light may reach a pupil, at least one. They are lit, and their eyebox
+    /// contains the pupil.
     fn modes_at(&self, pupil: Pupil) -> impl Iterator<Item = usize> + Clone {
         let lit = |at: &usize| self.modes[*at].is_lit();
         let reaches = move |at: &usize| {
@@ -174,30 +176,30 @@ impl Planner {
         found.chain(any)
     }
 
-    /// Power of a mode in a sub-frame, over its mean: the lasers', and that of sources that take turns.
+    /// Returns the power of a mode in a sub-frame over its mean, from the lasers and from sources that take turns.
     pub(super) fn power(&self, mode: usize, frame: usize) -> f64 {
         self.powers.get(frame).map_or(1.0, |power| *power) * self.mode(mode).0.power(frame, self.frames)
     }
 
-    /// The same with these sources lit, by their places, all the time, and no others.
+    /// Lights the sources at these indices all the time, and no others.
     pub fn light(&mut self, sources: &[usize]) {
         self.modes = self.modes.iter().map(|mode| mode.lit_among(sources)).collect();
     }
 
-    /// For targets that are divided by `unit`.
+    /// Scales the planner for targets that are divided by `unit`.
     pub fn divide_targets(&mut self, unit: f64) {
         if let Some(views) = &mut self.views {
             views.unit /= unit;
         }
     }
 
-    /// With zeros around the SLM.
+    /// Returns the same with zeros around the SLM.
     pub fn with_padding(self, padding: Padding) -> Self {
         Self { grid: padding.grid(self.slm), ..self }
     }
 
-    /// Where the SLM lies in the grid: its own size, and the first point of the grid that is its, which behind a mask are the
-    /// mask's pixels ([`Shape::on_grid`]).
+    /// Returns the place of the SLM in the grid, as its own size and the first point of the grid on it. Behind a
+    /// mask, the points of the grid are the mask's pixels ([`Shape::on_grid`]).
     pub fn place(&self) -> modulate::Args {
         let finer = self.slm.mask_factor;
         modulate::Args {
@@ -210,29 +212,29 @@ impl Planner {
         }
     }
 
-    /// The buffers that an engine needs.
+    /// Returns the buffers that an engine needs.
     pub fn shape(&self, purpose: Purpose) -> Shape {
         let (frames, place, storage) = (self.frames, self.place(), self.storage);
         let model = self.model.as_ref().map(|model| model.parts()).unwrap_or_default();
         let quantised = self.levels > 0;
-        // What moves these phases alone knows of angles.
+        // Only the kernels of the projection support angles.
         let fits = storage == Storage::F16 && purpose == Purpose::Project && !quantised;
         let binary_angles = self.binary_angles && fits;
         Shape { frames, place, purpose, quantised, storage, binary_angles, model }
     }
 
-    /// What `pupil` needs. The scale of the way back makes `change` the wanted change of the field after an
-    /// unnormalised inverse for the projection, and the gradient G for the others (OPTICS 4, 6b), each times what suits
-    /// the storage.
+    /// Plans the pass of `pupil`. For the projection, the scale of the way back makes `change` the wanted change of
+    /// the field after an unnormalized inverse. For the others it makes `change` the gradient G (OPTICS 4, 6b). Both
+    /// carry the scale of the storage.
     pub fn pupil_pass(&self, pupil: &Pupil, comparison: &Comparison) -> PupilPass {
         let mut pass = PupilPass::empty();
         self.refill(&mut pass, pupil, comparison);
         pass
     }
 
-    /// Makes [`pupil_pass`](Self::pupil_pass) of one that is over, in the lists that it has.
+    /// Refills a finished pass as [`pupil_pass`](Self::pupil_pass), in the lists that it has.
     pub(super) fn refill(&self, pass: &mut PupilPass, pupil: &Pupil, comparison: &Comparison) {
-        // Light passes the iris as it really is; what it should show is the picture of the one that was asked for.
+        // Light passes the real iris, but the target image is for the requested one.
         let iris = self.model.as_ref().map_or(*pupil, |model| model.model().true_pupil(pupil));
         self.refill_wave(pass, &iris, self.grid.share(iris.diameter), self.frames, comparison);
         self.see_with_eye(pass, &iris);
@@ -244,8 +246,8 @@ impl Planner {
         pass.shot = self.shot_over(look, pass.window, pass.shot.take());
     }
 
-    /// The same for an eye with this pupil, in which there is an obstruction (OPTICS 11). It is for that pupil alone, and for looking
-    /// and scoring: the relay's table has it, which engines multiply each bin by already.
+    /// Returns the same for an eye with this pupil and an obstruction in it (OPTICS 11), for viewing and scoring
+    /// through that pupil alone. The obstruction is in the relay's table, by which engines already multiply each bin.
     #[must_use]
     pub fn obstructed(&self, obstruction: Obstruction, pupil: &Pupil) -> Self {
         let ideal = || ModelTables::ideal(&self.modes, self.slm, self.grid);
@@ -254,12 +256,13 @@ impl Planner {
         Self { model: Some(model.obstructed(obstruction, &iris)), ..self.clone() }
     }
 
-    /// How far behind the SLM light leaves its mask, metres.
+    /// Returns the distance behind the SLM at which light leaves the mask, meters.
     fn mask_distance(&self) -> f64 {
         self.model.as_ref().map_or(0.0, |model| model.mask_distance())
     }
 
-    /// The eye's error, centred on this iris, in all modes of a pupil pass; that of a pass before makes way.
+    /// Sets the eye's error, centered on this iris, in all modes of a pupil pass, and reuses the terms of the pass
+    /// before.
     pub(super) fn see_with_eye(&self, pass: &mut PupilPass, iris: &Pupil) {
         pass.with_modes(std::iter::repeat(()), |pass, ()| {
             let (mode, optics) = self.mode(pass.source_mode);
@@ -269,8 +272,9 @@ impl Planner {
         });
     }
 
-    /// The same as [`refill`](Self::refill) where `share` of an even field's light passes, of an eye that averages `seen`
-    /// sub-frames; its error and its photograph are left to the caller.
+    /// Does the same as [`refill`](Self::refill) without the eye's error and the target image, which the caller sets.
+    /// The argument `share` is the part of an even field's light that passes. The argument `seen` is the number of
+    /// sub-frames that the eye averages.
     pub(super) fn refill_wave(
         &self,
         pass: &mut PupilPass,
@@ -294,9 +298,9 @@ impl Planner {
         });
     }
 
-    /// One mode of it: a pupil that stands elsewhere in the SLM's light, with the optics of the mode's wavelength. Its weight
-    /// is in the scales of the way there and the way back, the root of it in each.
-    #[allow(clippy::too_many_arguments, reason = "what all modes share, and what is a mode's own")]
+    /// Refills one mode, with a pupil at another place in the SLM's light, with the optics of the mode's wavelength.
+    /// The root of the mode's weight is in the scale of the way there and in the scale of the way back.
+    #[allow(clippy::too_many_arguments, reason = "the first arguments belong to one mode, the rest to all")]
     fn refill_mode(
         &self,
         refilled: &mut PupilPass,
@@ -316,11 +320,11 @@ impl Planner {
         let amplitude = mode.weight.sqrt();
         let (points, count) = ((grid.height * grid.width) as f64, (window.rows * window.columns) as f64);
         let gain = 1.0 / (seen as f64 * share);
-        // What the buffers hold is their value times these.
+        // The buffers hold their values times these factors.
         let in_field = self.storage.field_scale(grid.height * grid.width);
         let in_window = self.storage.between(window.rows * window.columns);
-        // The relay's spectrum is an unnormalised transform of the field; in the far field the field is what is cut, and
-        // an even one shall come out as bright (OPTICS 9).
+        // The relay's spectrum is an unnormalized transform of the field. In the far field the window is cut from the
+        // field, and an even field must have the same brightness (OPTICS 9).
         let normal = match grid.geometry {
             Geometry::Relay => 1.0 / points,
             Geometry::FarField => 1.0 / points.sqrt(),
@@ -361,7 +365,7 @@ impl Planner {
             transfer: transfer::Args {
                 slope_y,
                 slope_x,
-                // From a mask at a distance the rest of the way is left.
+                // The light leaves a mask at a distance, and the rest of the way remains.
                 turns: (pupil.depth - self.mask_distance()) / grid.wavelength,
                 shift_y: angle_y / cosine_y,
                 shift_x: angle_x / cosine_x,
@@ -392,12 +396,14 @@ impl Planner {
         };
     }
 
-    /// Where the eye sees the picture displaced to, metres (x, y): where its error is centred (OPTICS 11).
+    /// Returns the displacement of the picture for the eye, meters (x, y): the place at which its error is centered
+    /// (OPTICS 11).
     pub(super) fn displacement(&self, iris: &Pupil) -> [f64; 2] {
         self.eye.as_ref().map_or([0.0; 2], |e| e.prescription().displacement([iris.x, iris.y], self.grid.focal_length))
     }
 
-    /// The mean of the photographs through these pupils, each displaced (x, y), metres, in the list of one that is over.
+    /// Plans the mean of the target images through these pupils, each displaced by (x, y) meters, in the lists of
+    /// `over`.
     pub(super) fn shot_over(
         &self,
         looks: impl Iterator<Item = (Pupil, [f64; 2])> + Clone,
@@ -417,7 +423,7 @@ impl Planner {
         if count > 1 {
             let share = 1.0 / count as f32;
             taps.iter_mut().for_each(|tap| tap.weight *= share);
-            // Taps of one move down are added up together.
+            // Sorting joins taps of one vertical shift, which are then added up together.
             taps.sort_unstable_by_key(|tap| (tap.dy, tap.fy.to_bits(), tap.view, tap.dx, tap.fx.to_bits()));
         }
         let (rows, columns) = (tables.get(height, window.rows), tables.get(width, window.columns));
@@ -438,7 +444,7 @@ impl Planner {
     }
 }
 
-/// Columns of a window that its spans touch.
+/// Returns the columns of a window that its spans touch.
 fn span_columns(spans: &[[u32; 2]]) -> Columns {
     let used = spans.iter().filter(|s| s[1] > s[0]);
     let first = used.clone().map(|s| s[0]).min().unwrap_or(0);

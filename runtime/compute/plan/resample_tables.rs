@@ -1,28 +1,28 @@
-//! Weights of resampling, kept by their sizes: pupils come again and again to windows of the same few.
+//! Keeps weights of resampling by size, because pupils return to windows of the same few sizes.
 
 use eyebox_kernels::resample::Table;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// More sizes than all windows of a display have: what a long sweep over others leaves is forgotten.
+/// More sizes than all windows of a display have. A long sweep over other sizes clears the tables.
 const MOST: usize = 1024;
 
-/// Tables by how many samples go in and come out.
+/// Tables by the number of samples before and after.
 type BySize = HashMap<(usize, usize), Arc<Table>>;
 
-/// Those that were asked for; clones share them.
+/// The tables that were used before. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ResampleTables(Arc<Mutex<BySize>>);
 
 impl PartialEq for ResampleTables {
-    /// What is kept follows from its sizes.
+    /// Tables follow from their sizes, so that all collections are equal.
     fn eq(&self, _: &Self) -> bool {
         true
     }
 }
 
 impl ResampleTables {
-    /// [`Table::area`].
+    /// Returns the table of [`Table::area`].
     pub(super) fn get(&self, n_in: usize, n_out: usize) -> Arc<Table> {
         let mut tables = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if tables.len() >= MOST {

@@ -1,4 +1,4 @@
-//! The powers of two that a step's factors and changes are held times.
+//! Chooses the powers of two by which factors and changes of a step are scaled.
 
 use super::pass::PupilPass;
 use super::pupil_pass::Planner;
@@ -6,14 +6,14 @@ use super::storage::{Storage, power};
 use eyebox_kernels::compare;
 
 impl Planner {
-    /// The size of what `compare` finds, in units of its weight: the difference of intensities follows the exposure, or
-    /// the brightest of what is wanted; that of amplitudes is about 1.
+    /// Returns the expected result of `compare`, in units of its weight. A difference of intensities follows the
+    /// exposure or the brightest target value. A difference of amplitudes is about 1.
     fn difference(&self, mode: u32, exposure: f64) -> f64 {
         let brightest = self.views.as_ref().map_or(1.0, |v| 65535.0 * v.unit);
         if mode == compare::INTENSITY { exposure.max(brightest / 8.0) } else { 1.0 }
     }
 
-    /// What the factor of `compare` is held times.
+    /// Returns the scale of the factor of `compare`.
     pub(super) fn factor_scale(&self, mode: u32, exposure: f64, weight: f64) -> f64 {
         match self.storage {
             Storage::F16 if mode != compare::PROJECTION => power(1.0 / (weight * self.difference(mode, exposure))),
@@ -21,7 +21,7 @@ impl Planner {
         }
     }
 
-    /// What `Change` is held times when images are compared so. A step's pupil passes share mode and exposure.
+    /// Returns the scale of `Change` for this comparison. A step's pupil passes share mode and exposure.
     pub(super) fn change_scale(&self, mode: u32, exposure: f64) -> f64 {
         let points = self.grid.height * self.grid.width;
         let between = self.storage.between(points);
@@ -34,7 +34,7 @@ impl Planner {
         }
     }
 
-    /// The same, of these pupil passes.
+    /// Returns the scale of `Change` for these pupil passes.
     pub(super) fn change_scale_of(&self, pupil_passes: &[PupilPass], projects: bool) -> f64 {
         let first = pupil_passes.first().map(|l| (l.compare.mode, f64::from(l.compare.exposure)));
         let (mode, exposure) = first.unwrap_or((if projects { compare::PROJECTION } else { compare::INTENSITY }, 1.0));
@@ -51,24 +51,25 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// No phases can overflow what is held between the field and the retina, nor are typical values near the small end.
+        /// No phases overflow the buffers between the field and the retina, and typical values stay away from the
+        /// small end.
         #[test]
         fn fields_stay_in_range(height in 1usize..20_000, width in 1usize..16_000, share in 1e-4f64..1.0) {
             prop_assume!(height * width <= 1 << 28);
             let points = height * width;
             let field = Storage::F16.field_scale(points);
-            // All light in one bin, and evenly over all.
+            // The light is all in one bin, or evenly over all bins.
             prop_assert!(field * points as f64 <= f64::from(LARGEST));
             prop_assert!(field * (points as f64).sqrt() >= 2f64.powi(-13) && field >= 2f64.powi(-13));
             let bins = (share * points as f64).ceil();
             let window = Storage::F16.between(bins as usize);
             prop_assert!(window * bins.sqrt() <= f64::from(LARGEST));
-            // Its spectrum: at least as large as the smallest normal halves.
+            // The spectrum is at least as large as the smallest normal halves.
             prop_assert!(window / (points as f64).sqrt() >= 2f64.powi(-14), "{}", window / (points as f64).sqrt());
             prop_assert_eq!(Storage::F32.field_scale(points) * Storage::F32.between(points), 1.0);
         }
 
-        /// Whatever a field is held times, the same comes of it: factors differ by powers of two that cancel.
+        /// The scale of a field does not change the result, because factors differ by powers of two that cancel.
         #[test]
         fn scales_cancel(n in 2usize..700, exposure in 1e-6f64..1e6, mode in 0u32..3, batch in 1usize..30) {
             let optics = Optics::new(n, n + 3, 8e-6, 520e-9, 0.4).unwrap();

@@ -1,42 +1,42 @@
-//! What recorded lists move: dispatches between barriers, each with the bytes that it reads and writes.
+//! Counts the traffic of recorded lists, as dispatches between barriers with the bytes read and written.
 
 use super::{Access, Kernel, PupilPass, Resource, Shape, Step};
 
 /// Bytes that a dispatch, a fill or a copy reads or writes at one place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Move {
-    /// A buffer, and where in it, bytes.
+    /// A buffer, and the offset in it in bytes.
     pub place: (u64, u64),
-    /// How many.
+    /// Number of bytes moved.
     pub bytes: u64,
-    /// Whether they are written.
+    /// True if the bytes are written.
     pub write: bool,
 }
 
-/// One thing that was recorded.
+/// One operation of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Entry {
     /// A dispatch, a fill or a copy.
     Work { moves: Vec<Move>, dispatch: bool },
-    /// All before is over before what follows begins.
+    /// All work before it ends before the work after it begins.
     Barrier,
-    /// What was recorded since the mark before belongs to this kernel.
+    /// The work recorded since the last mark belongs to this kernel.
     Mark(usize),
-    /// The end of a submission, in the middle of a list that goes on.
+    /// The end of a submission in the middle of a list that continues.
     Cut,
     /// The end of a submission.
     Submit,
-    /// The host waits for what was submitted last, and the device for the host.
+    /// The host waits for the last submission, and the device waits for the host.
     Stall,
 }
 
-/// What was recorded, in order.
+/// The recorded operations, in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Recording {
     entries: Vec<Entry>,
 }
 
-/// Work that may run side by side.
+/// Work that may run concurrently.
 pub(crate) type Stage<'a> = Vec<&'a [Move]>;
 
 impl Recording {
@@ -44,14 +44,14 @@ impl Recording {
         self.entries.push(entry);
     }
 
-    /// What the last dispatch moves.
+    /// Sets the moves of the last dispatch.
     pub(crate) fn moved(&mut self, by: Vec<Move>) {
         if let Some(Entry::Work { moves, .. }) = self.entries.last_mut() {
             *moves = by;
         }
     }
 
-    /// Bytes of the dispatch that moves most, and of the submission that does.
+    /// Returns the bytes of the largest dispatch and of the largest submission.
     pub(crate) fn largest(&self) -> [u64; 2] {
         let (mut largest, mut sum) = ([0; 2], 0);
         for entry in &self.entries {
@@ -73,27 +73,27 @@ impl Recording {
         self.entries.iter().filter(|e| of(e)).count()
     }
 
-    /// Dispatches of shaders.
+    /// Returns the number of shader dispatches.
     pub fn dispatches(&self) -> usize {
         self.count(|e| matches!(e, Entry::Work { dispatch: true, .. }))
     }
 
-    /// Barriers, those with nothing between them included.
+    /// Returns the number of barriers, including barriers with nothing between them.
     pub fn barriers(&self) -> usize {
         self.count(|e| *e == Entry::Barrier)
     }
 
-    /// Submissions.
+    /// Returns the number of submissions.
     pub fn submissions(&self) -> usize {
         self.count(|e| matches!(e, Entry::Submit | Entry::Cut))
     }
 
-    /// Waits of the host for what was submitted last: until it comes back the device has nothing to do.
+    /// Returns the number of waits of the host for the last submission. The device is idle until the host returns.
     pub fn stalls(&self) -> usize {
         self.count(|e| *e == Entry::Stall)
     }
 
-    /// Bytes read and bytes written by everything.
+    /// Returns the bytes read and the bytes written by all operations.
     pub fn bytes(&self) -> [u64; 2] {
         let moves = self.entries.iter().flat_map(|e| if let Entry::Work { moves, .. } = e { &moves[..] } else { &[] });
         moves.fold([0; 2], |mut sums, m| {
@@ -102,7 +102,7 @@ impl Recording {
         })
     }
 
-    /// What runs between barriers, one stage after the other.
+    /// Returns the work between barriers, one stage after the other.
     pub(crate) fn stages(&self) -> Vec<Stage<'_>> {
         let mut stages = vec![Stage::new()];
         for entry in &self.entries {
@@ -116,12 +116,12 @@ impl Recording {
         stages
     }
 
-    /// How many times the device is empty between one piece of work and the next.
+    /// Returns the number of stages, after each of which the device is empty.
     pub fn stage_count(&self) -> usize {
         self.stages().len()
     }
 
-    /// Dispatches and bytes of each kernel; what belongs to none (tables, losses) is left out.
+    /// Returns the dispatches and bytes of each kernel, without work that belongs to no kernel (tables, losses).
     pub fn by_kernel(&self) -> Vec<(Kernel, usize, u64)> {
         let mut sums = [(0, 0); Kernel::ALL.len()];
         let (mut dispatches, mut bytes) = (0, 0);
@@ -144,8 +144,9 @@ impl Recording {
     }
 }
 
-/// Bytes that a kernel reads and writes of one thing that it is bound to, over `frames` sub-frames: of the spectrum, and of
-/// what stands beside it bin by bin, those that the pupil passes; of all else, all. `None` for what only tables hold.
+/// Returns the bytes that a kernel reads and writes of one of its bindings, over `frames` sub-frames. For the
+/// spectrum and for bindings with a value per bin, only the bins that the pupil passes count. Resources that only
+/// tables hold return `None`.
 pub(crate) fn moved(
     kernel: Kernel,
     (access, resource): (Access, Resource),
@@ -175,7 +176,7 @@ pub(crate) fn moved(
     let cut = by_bin && !(kernel == Kernel::PassPupil && resource == Resource::Window);
     let values = match (cut, resource) {
         (true, _) => passing(),
-        // Of a pixel's numbers: its amplitude and the rest's, or one.
+        // A kernel reads of each pixel's values the amplitude and the zero order, or one value.
         (_, Resource::Pixels) => {
             let lights = matches!(kernel, Kernel::ModulateWave | Kernel::ModulateSubpixels);
             shape.pixels() as u64 * if lights { 3 } else { 1 }
@@ -192,7 +193,7 @@ pub(crate) fn moved(
     })
 }
 
-/// Bins that two pupils or more pass.
+/// Returns the bins that two pupils or more pass.
 fn overlapped(step: &Step, shape: &Shape) -> u64 {
     let mut counts = vec![0u16; shape.points()];
     for pass in step.pupil_passes.iter().flat_map(PupilPass::each_mode) {

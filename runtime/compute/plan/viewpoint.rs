@@ -1,37 +1,39 @@
-//! What one comparison looks through: an eye's pupil, or a window of the short-time Fourier transform.
+//! Plans a comparison through an eye's pupil or through a window of the short-time Fourier transform.
 
 use super::{Comparison, Moving, Planner, PupilPass, Shot};
 use crate::optics::{Pupil, WindowFactor};
 use std::f64::consts::PI;
 
-/// What one comparison looks through.
+/// The aperture of one comparison.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Viewpoint {
-    /// An eye's pupil: the exact disc on the wave, and the photograph that the light field gives through the same disc.
+    /// An eye's pupil, with the exact disc on the wave, and the target image that the light field gives through the
+    /// same disc.
     Pupil(Pupil),
-    /// The same of an eye that moves while the sub-frames are shown, or sees some of them (OPTICS 15).
+    /// The same for an eye that moves while the sub-frames are shown, or sees some of them (OPTICS 15).
     Moving(Moving),
-    /// One coefficient of the short-time Fourier transform of the SLM's field, at every pixel (Choi et al. 2022): a
-    /// window of `samples` x `samples` pixels (Hann), at the frequency of one view, against that view as it is.
+    /// One coefficient of the short-time Fourier transform of the SLM's field, at every pixel (Choi et al. 2022). It
+    /// compares a window of `samples` x `samples` pixels (Hann), at the frequency of one view, with that unchanged
+    /// view.
     Stft {
-        /// Which view, row-major.
+        /// Index of the view, row-major.
         view: usize,
         /// Pixels of the window along each axis.
         samples: usize,
-        /// Diameter in the pupil plane of the circular filter behind the SLM, metres; infinite for none.
+        /// Diameter in the pupil plane of the circular filter behind the SLM, meters, or infinite without a filter.
         filter: f64,
     },
 }
 
 impl Planner {
-    /// What `viewpoint` needs.
+    /// Plans the pass of `viewpoint`.
     pub fn viewpoint(&self, viewpoint: &Viewpoint, comparison: &Comparison) -> PupilPass {
         let mut pass = PupilPass::empty();
         self.look_through(&mut pass, viewpoint, comparison);
         pass
     }
 
-    /// Makes of a pupil pass that is over what `viewpoint` needs, in the lists that it has.
+    /// Refills a finished pupil pass for `viewpoint`, in the lists that it has.
     pub fn look_through(&self, pass: &mut PupilPass, viewpoint: &Viewpoint, comparison: &Comparison) {
         let diameter = match viewpoint {
             Viewpoint::Pupil(pupil) | Viewpoint::Moving(Moving { pupil, .. }) => pupil.diameter,
@@ -49,13 +51,14 @@ impl Planner {
     }
 
     fn stft(&self, view: usize, samples: usize, filter: f64, comparison: &Comparison) -> PupilPass {
-        // A filter that is wider than the square's diagonal passes all of it.
+        // A filter wider than the square's diagonal passes all of it.
         let diameter = filter.min(4.0 * self.grid.eyebox());
         let pupil = Pupil { x: 0.0, y: 0.0, diameter, depth: 0.0 };
-        // A source is for pupils.
+        // Sources apply to pupils only.
         let full = Self { factor: WindowFactor::Full, modes: [].into(), ..self.clone() };
         let window = hann(samples);
-        // The window's spectrum is 1 at its middle; its power, by Parseval, is what an even field sends through.
+        // The window's spectrum is 1 at its middle. Its power, by Parseval, is the light that an even field sends
+        // through.
         let axis = window.iter().map(|w| w * w).sum::<f64>() / window.iter().sum::<f64>().powi(2);
         let mut pupil_pass = PupilPass::empty();
         full.refill_wave(&mut pupil_pass, &pupil, axis * axis, self.frames, comparison);
@@ -78,12 +81,12 @@ impl Planner {
     }
 }
 
-/// Hann's window over `n` samples, none of them zero, symmetric about its middle.
+/// Returns Hann's window over `n` samples, none of them zero, symmetric about its middle.
 fn hann(n: usize) -> Vec<f64> {
     (0..n).map(|j| (PI * (j + 1) as f64 / (n + 1) as f64).sin().powi(2)).collect()
 }
 
-/// The spectrum of a symmetric window about its middle, at `nu` turns per sample; 1 at zero.
+/// Returns the spectrum of a symmetric window about its middle, at `nu` turns per sample. It is 1 at zero.
 fn spectrum(window: &[f64], nu: f64) -> f64 {
     let middle = (window.len() as f64 - 1.0) / 2.0;
     let at = |(j, w): (usize, &f64)| w * (2.0 * PI * nu * (j as f64 - middle)).cos();
@@ -96,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_windows_of_all_views_share_the_light_evenly() {
-        // Shifted by 1/n they tile the spectrum: the sum of their powers is the same at every frequency.
+        // Shifted by 1/n the windows tile the spectrum, so the sum of their powers is the same at every frequency.
         for n in [1, 3, 9, 10] {
             let window = hann(n);
             let total = |nu: f64| (0..n).map(|k| spectrum(&window, nu - k as f64 / n as f64).powi(2)).sum::<f64>();

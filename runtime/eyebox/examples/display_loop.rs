@@ -1,7 +1,7 @@
-//! A hologram on a display that follows the eye, as the program of a headset shows it.
+//! Shows a hologram on a display and refines it for a moving eye, as the program of a headset does.
 //!
-//! `cargo run --example display_loop`: here the display is memory, and the eye moves along a line. With a display,
-//! `Output::Window` or `Output::Direct`; with a tracker, `Tracking::open`.
+//! Run `cargo run --example display_loop`. The display is memory here, and the eye moves along a line. For a real
+//! display use `Output::Window` or `Output::Direct`, and for a tracker `Tracking::open`.
 
 use eyebox::encode::Encoder;
 use eyebox::engine::{Backend, Choice};
@@ -14,7 +14,7 @@ use eyebox::solve::{Flow, Problem, Settings, solve};
 use std::time::Duration;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // A scene, solved for the whole eyebox.
+    // The scene is solved for the whole eyebox.
     let display = Display { height: 96, width: 112, ..Display::load("planes8")? };
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green]))?;
     let problem = Problem::new(&field, Color::Green, &display, Padding::default())?;
@@ -23,16 +23,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut engine = backend.engine()?;
     let whole = solve(&problem, &settings, engine.as_mut(), &mut |_| Flow::Continue)?;
 
-    // From now on it is refined for where the eye is, on threads of its own.
+    // From now on, separate threads refine the hologram for the position of the eye.
     let encoder = Encoder::new(&display, &[Color::Green], settings.frames)?;
     let colors = vec![LiveColor { problem, phases: whole.phases, exposure: whole.exposure, laser: None }];
     let (eye, tracking) = Tracking::mouse(Estimator::new(Default::default(), None)?);
     let live = Live::new(colors, encoder, backend, tracking);
     let output = Output::Memory { simulated: false, sink: None };
     let session = Session::start(live, output, SessionOptions::default())?;
-    println!("{}: {:.0} sets a second", session.about().presenter, session.about().sets_per_second());
+    println!("{}: {:.0} sets per second", session.about().presenter, session.about().sets_per_second());
 
-    // The program's own loop: it says where the pupil is, metres, and hears how the session is doing.
+    // This is the program's own loop. It sends the position of the pupil in meters, and receives the events of the
+    // session.
     for moment in 0..200 {
         eye.push([f64::from(moment) * 2e-5, 0.0]);
         match session.event(Duration::from_millis(10)) {

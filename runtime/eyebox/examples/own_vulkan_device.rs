@@ -1,4 +1,6 @@
-//! eyebox on a Vulkan device that the program opened itself, and keeps: `cargo run --example own_vulkan_device`.
+//! Runs eyebox on a Vulkan device that the program opened itself and continues to own.
+//!
+//! Run `cargo run --example own_vulkan_device`.
 
 #![allow(unsafe_code)]
 
@@ -11,10 +13,10 @@ use eyebox::scene::{self, Request};
 use eyebox::solve::{Flow, Problem, Settings, solve};
 use std::error::Error;
 
-/// The program's own device: any that computes, with the one feature that eyebox needs.
+/// The program's own device. It is any device that computes, with the one feature that eyebox needs.
 fn own(entry: &ash::Entry) -> Result<(ash::Instance, ash::Device, RawDevice), Box<dyn Error>> {
     let about = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
-    // SAFETY: all that the structures point to lives until the calls return; `main` destroys what is made, last.
+    // SAFETY: all that the structures point to lives until the calls return, and `main` destroys what is made, last.
     unsafe {
         let instance = entry.create_instance(&vk::InstanceCreateInfo::default().application_info(&about), None)?;
         let physical = *instance.enumerate_physical_devices()?.first().ok_or("there is no device")?;
@@ -39,16 +41,16 @@ fn own(entry: &ash::Entry) -> Result<(ash::Instance, ash::Device, RawDevice), Bo
     }
 }
 
-/// Opens, lends, solves, and closes what it opened.
+/// Opens a device, lends it to eyebox, solves, and closes the device.
 ///
 /// # Errors
-/// No device; what eyebox says.
+/// There is no device, or eyebox returns an error.
 pub fn main() -> Result<(), Box<dyn Error>> {
     // SAFETY: what is called Vulkan on this machine is trusted to be Vulkan.
     let entry = unsafe { ash::Entry::load()? };
     let (instance, device, raw) = own(&entry)?;
     {
-        // SAFETY: the handles belong together and live until after this block; nobody else makes use of the queue.
+        // SAFETY: the handles belong together and live until after this block, and nobody else makes use of the queue.
         let gpu = unsafe { Gpu::from_raw(raw, None)? };
         let display = Display { height: 24, width: 32, ..Display::load("small")? };
         let field = scene::load("builtin:plane", &Request { views: 3, ..Request::new(&display, &[Color::Green]) })?;

@@ -1,4 +1,4 @@
-//! Solves a scene in all colours of a display, saves the hologram, and measures it.
+//! Solves a scene in all colors of a display, saves the hologram, and measures it.
 //!
 //! `cargo run --release -p eyebox --example solve_and_save [SCENE] [FILE.zarr]`
 
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut args = std::env::args().skip(1);
     let scene = args.next().unwrap_or_else(|| "builtin:still-life".into());
     let file = args.next().unwrap_or_else(|| "hologram.zarr".into());
-    // 128 x 128 pixels, so that it takes seconds.
+    // 128 x 128 pixels keep the run to seconds.
     let display = Display { height: 128, width: 128, ..Display::load("paper")? };
     let job = SceneJob::new(&scene, &display);
     let mut engine = engine::open(Choice::Auto)?;
@@ -31,13 +31,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         Flow::Continue
     })?;
-    // The file has all that is needed to look at it again.
+    // The file has everything that is needed to simulate the hologram again.
     let hologram = Hologram::load(Path::new(&file))?;
     let scene = SceneSource::new(job.load(0)?, &display)?;
     let pupils = [-4e-3, 0.0, 4e-3].map(|x| Pupil { x, y: 0.0, diameter: 5e-3, depth: 0.0 });
     let scores = hologram.score(&scene, &pupils, engine.as_mut())?;
     for score in &scores.pupils {
-        // A target that is black has no PSNR.
+        // A black target has no PSNR.
         if let Some(psnr) = score.psnr {
             println!("pupil at {:4.1} mm: {psnr:.1} dB", score.pupil.x * 1e3);
         }

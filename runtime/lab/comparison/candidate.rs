@@ -1,4 +1,4 @@
-//! What is compared: methods to solve with, and holograms that exist.
+//! Defines the methods and the existing holograms that a comparison measures.
 
 use super::MethodAbout;
 use eyebox::low_level::error::Reason;
@@ -11,34 +11,34 @@ use std::path::PathBuf;
 
 /// One column of the comparison.
 pub struct Candidate {
-    /// The method's name, or the one that was given.
+    /// The method's name, or the name that an existing hologram was given.
     pub name: String,
-    /// Where its holograms come from.
+    /// The source of its holograms.
     pub source: Source,
 }
 
-/// Where holograms come from.
+/// The source of a candidate's holograms.
 pub enum Source {
-    /// They are solved.
+    /// The comparison solves the holograms with this method.
     Solved(Method),
-    /// They exist.
+    /// The holograms exist already.
     Given(Vec<ExistingHologram>),
 }
 
-/// A hologram that exists.
+/// A hologram that was solved before the comparison.
 pub struct ExistingHologram {
-    /// Its name in the report.
+    /// The name in the report.
     pub name: String,
-    /// Where it was read from.
+    /// The file from which the hologram was read.
     pub file: PathBuf,
-    /// It.
+    /// The hologram with its phases and metadata.
     pub hologram: Hologram,
-    /// Which of the scenes it shows.
+    /// The index of the scene that it shows.
     pub scene: usize,
 }
 
 impl Candidate {
-    /// Its numbers of sub-frames for a scene, where methods solve with `frames`.
+    /// Returns the numbers of sub-frames of its holograms for a scene. Methods solve with each of `frames`.
     pub(super) fn frames(&self, scene: usize, frames: &[usize]) -> Vec<usize> {
         match &self.source {
             Source::Solved(_) => frames.to_vec(),
@@ -46,7 +46,7 @@ impl Candidate {
         }
     }
 
-    /// The hologram of a scene that was given with so many sub-frames.
+    /// Returns the existing hologram of a scene with this number of sub-frames.
     pub(super) fn given(&self, scene: usize, frames: usize) -> Option<&Hologram> {
         let Source::Given(all) = &self.source else { return None };
         all.iter().map(|g| (g.scene, &g.hologram)).find(|(s, h)| *s == scene && h.frames == frames).map(|(_, h)| h)
@@ -61,7 +61,7 @@ impl Candidate {
             }
             Source::Given(all) => {
                 let files: Vec<String> = all.iter().map(|g| g.file.display().to_string()).collect();
-                let about = "Holograms that were given.".into();
+                let about = "Holograms that existed before.".into();
                 MethodAbout { title: name.clone(), name, about, citation: files.join(", ") }
             }
         }
@@ -69,11 +69,13 @@ impl Candidate {
 }
 
 impl ExistingHologram {
-    /// A hologram that was read from `file` and goes by this name. Of several scenes it has to say which one it shows; of
-    /// one, it must not show another, unless `other_scene`.
+    /// Registers a hologram that was read from `file` under this name.
+    ///
+    /// If there are several scenes, the hologram must name the one that it shows. If there is one, it must not show
+    /// another, except with `other_scene`.
     ///
     /// # Errors
-    /// [`QualityError`]: that it cannot be compared.
+    /// Returns [`QualityError::Input`] if the hologram cannot be compared.
     pub fn new(
         name: &str,
         file: PathBuf,
@@ -85,11 +87,11 @@ impl ExistingHologram {
         if Method::by_name(name).is_some() {
             return Err(wrong(reason!(
                 "name-of-a-method",
-                "'{name}' is the name of a method: give the hologram another"
+                "'{name}' is the name of a method. Give the hologram another name."
             )));
         }
         if hologram.colors.iter().any(|c| c.color.is_none()) || hologram.display_wavelengths.is_empty() {
-            return Err(wrong(reason!("no-display", "its colours are not named, or its display is not known")));
+            return Err(wrong(reason!("no-display", "its colors have no names, or its display is unknown")));
         }
         let scene = match scenes {
             [one] => {
@@ -97,41 +99,42 @@ impl ExistingHologram {
                 checked.map(|()| 0).map_err(|e| wrong(Reason::of(&e)))?
             }
             _ if hologram.scene.is_empty() => {
-                return Err(wrong(reason!("no-scene", "it does not say which of the scenes it shows")));
+                return Err(wrong(reason!("no-scene", "it does not name the scene that it shows")));
             }
             _ => scenes.iter().position(|s| hologram.check_scene(s).is_ok()).ok_or_else(|| {
-                wrong(reason!("other-scene", "it shows '{}', which is none of the scenes given", hologram.scene))
+                wrong(reason!("other-scene", "it shows '{}', which is not one of the scenes", hologram.scene))
             })?,
         };
         Ok(Self { name: name.into(), file, hologram, scene })
     }
 
-    /// Refuses what cannot be compared with holograms of this display in these colours.
+    /// Refuses a hologram that cannot be compared with holograms of this display in these colors.
     ///
     /// # Errors
-    /// [`QualityError::Input`].
+    /// Returns [`QualityError::Input`] if size, colors, geometry, prescription, pitch, focal length or wavelengths
+    /// differ.
     pub fn check(&self, display: &Display, colors: &[Color]) -> Result<(), QualityError> {
         let h = &self.hologram;
         let wrong = |reason: Reason| Err(QualityError::Input { what: self.file.display().to_string(), reason });
         if (h.height, h.width) != (display.height, display.width) {
             let ([a, b], [c, d]) = ([h.height, h.width], [display.height, display.width]);
-            return wrong(reason!("size", "{a} x {b} pixels, but what it is compared with has {c} x {d}"));
+            return wrong(reason!("size", "{a} x {b} pixels, but the display has {c} x {d}"));
         }
         if self.hologram.named_colors() != colors || h.colors.len() != colors.len() {
             let list = |c: &[Color]| c.iter().map(Color::to_string).collect::<Vec<_>>().join(", ");
             let (has, wanted) = (list(&self.hologram.named_colors()), list(colors));
-            return wrong(reason!("colors", "its colours are {has}, not {wanted}: choose with `color`"));
+            return wrong(reason!("colors", "its colors are {has}, not {wanted}. Choose the colors with `color`."));
         }
         if h.geometry != display.geometry {
             let (made, is) = (h.geometry.name(), display.geometry.name());
-            return wrong(reason!("geometry", "made for a {made} display, and '{}' is {is}", display.name));
+            return wrong(reason!("geometry", "made for a {made} display, but '{}' is {is}", display.name));
         }
         if h.metadata.prescription != display.prescription {
             let in_words = |eye: &Option<Prescription>| eye.as_ref().map_or("none".into(), Prescription::to_string);
             let (made, looks) = (in_words(&h.metadata.prescription), in_words(&display.prescription));
             return wrong(reason!(
                 "prescription",
-                "its prescription is {made}, and that of the eye that looks {looks}: `prescription` decides"
+                "its prescription is {made}, but the viewing eye has {looks}. Change the `prescription`."
             ));
         }
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs();
@@ -140,7 +143,7 @@ impl ExistingHologram {
         if !same_waves || !near(h.pitch, display.pitch) || !near(h.focal_length, display.focal_length) {
             return wrong(reason!(
                 "display",
-                "made for the display '{}', whose pitch, focal length or wavelengths are not those of '{}'",
+                "made for the display '{}', but '{}' has another pitch, focal length or wavelengths",
                 h.display,
                 display.name
             ));
@@ -149,10 +152,10 @@ impl ExistingHologram {
     }
 }
 
-/// Methods first, then what was given, by name.
+/// Lists the methods first and then the existing holograms, grouped by name.
 ///
 /// # Errors
-/// [`QualityError::Input`]: two holograms of one name for one scene.
+/// Returns [`QualityError::Input`] if two holograms have one name and one scene.
 pub fn candidates(methods: &[Method], given: Vec<ExistingHologram>) -> Result<Vec<Candidate>, QualityError> {
     let solved = |m: &Method| Candidate { name: m.name().into(), source: Source::Solved(*m) };
     let mut all: Vec<Candidate> = methods.iter().map(solved).collect();

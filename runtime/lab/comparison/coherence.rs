@@ -1,5 +1,7 @@
-//! Coherence against quality: what a source that has a size gives (less speckle) and takes (resolution and depth of field), each
-//! hologram solved for the source that it is looked at in (OPTICS 12).
+//! Measures the effect of a source's size on the quality (OPTICS 12).
+//!
+//! An extended source lowers speckle but also resolution and depth of field. Each hologram is solved for the source
+//! that lights it.
 
 use super::picture;
 use super::results::CoherenceFigures;
@@ -16,47 +18,49 @@ use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{self, Flow, Problem, PupilRange, Settings};
 use std::f64::consts::TAU;
 
-/// About how long one source takes, in units of a solve.
+/// The approximate time that one source takes, in units of a solve.
 pub(super) const EFFORT: f64 = 8.0;
-/// Samples along an axis of the source that judges: what is solved for is seen in the light of as many as there may be.
+/// The samples of the judging source, along an axis and over its line. It has the largest number of samples along an
+/// axis, whatever the solve assumed.
 const JUDGING: [usize; 2] = [5, 1];
-/// Swing of the bars around their grey, linear light.
+/// The swing of the bars around their gray, in linear light.
 const SWING: f64 = 0.4;
-/// Places in focus that are looked at on either side, and how far the last one is, in depths of focus (wavelength times the square
-/// of focal length over diameter).
+/// The number of focus positions that are measured on either side.
 const PLACES: usize = 16;
+/// The distance of the last focus position, in depths of focus. One depth of focus is wavelength times the square of
+/// focal length over diameter.
 const FARTHEST: f64 = 2.0;
-/// Rows and columns of views of what is looked at out of focus: several in an eye's pupil.
+/// Rows and columns of views of the bars out of focus. A pupil of the eye covers several views.
 const VIEWS: [usize; 2] = [9, 9];
-/// Holograms of an even plane whose contrast is averaged.
+/// The number of holograms of an even plane whose contrast is averaged.
 const REPEATS: usize = 2;
 
-/// A scene on a display, in one colour, whose sources are compared.
+/// A scene on a display, in one color, for which sources are compared.
 pub(crate) struct Sources<'a> {
     pub(crate) field: &'a LightField,
     pub(crate) display: &'a Display,
     pub(crate) color: Color,
     pub(crate) settings: &'a Settings,
-    /// Pupils that score.
+    /// The pupils through which the hologram is scored.
     pub(crate) pupils: &'a [Pupil],
-    /// Longest side of the picture.
+    /// The longest side of the picture, in pixels.
     pub(crate) longest: usize,
 }
 
-/// A display in the light of a source, with as few modes as it is solved for, and with those that judge.
+/// A display in the light of a source. One copy has the few modes of the solve, the other has the modes that judge.
 struct Lit {
     solved: Display,
     judging: Display,
 }
 
 impl Lit {
-    /// The problem that is solved, and the same as it is judged.
+    /// Returns the problem to solve and the same problem as it is judged.
     fn problems(&self, field: &LightField, color: Color) -> Result<[Problem; 2], QualityError> {
         let of = |display| Problem::new(field, color, display, Padding::default());
         Ok([of(&self.solved)?, of(&self.judging)?])
     }
 
-    /// The same on an SLM of so many pixels along both axes.
+    /// Returns the same displays with an SLM of `side` pixels along both axes.
     fn of_side(&self, side: usize) -> Self {
         let small = |display: &Display| Display { height: side, width: side, prescription: None, ..display.clone() };
         Self { solved: small(&self.solved), judging: small(&self.judging) }
@@ -64,8 +68,8 @@ impl Lit {
 }
 
 impl Sources<'_> {
-    /// What a square source of this size (millimetres of its image in the eyebox, 0 for a point) gives and takes; none once
-    /// `went`, which is called within each solve, says no.
+    /// Measures a square source of this size, in millimeters of its image in the eyebox (0 for a point). Returns `None`
+    /// once `went` returns false. It is called within each solve.
     pub(crate) fn measure(
         &self,
         image_mm: f64,
@@ -133,7 +137,7 @@ impl Sources<'_> {
         }
     }
 
-    /// Modes that a step's narrowest and widest pupils are lit by.
+    /// Returns the numbers of modes that light the narrowest and the widest pupils of a step.
     fn pupil_modes(&self, solved: &Problem) -> [usize; 2] {
         let fewer = fewer_modes(&solved.modes, self.display.eyebox_min() / 2.0, self.display.focal_length);
         self.settings.diameter.map(|diameter| {
@@ -142,31 +146,32 @@ impl Sources<'_> {
         })
     }
 
-    /// A pupil of the middle of those that are drawn, in the middle of the eyebox.
+    /// A pupil in the middle of the eyebox, with the geometric mean of the diameters that are drawn.
     fn eye(&self) -> Pupil {
         let [low, high] = self.settings.diameter;
         Pupil { x: 0.0, y: 0.0, diameter: (low * high).sqrt(), depth: 0.0 }
     }
 
-    /// The depth of the scene's content that is farthest from the SLM, metres.
+    /// Returns the depth of the scene's content that is farthest from the SLM, in meters.
     fn farthest(&self) -> f64 {
         let [far, near] = self.settings.depth;
         if far.abs() > near.abs() { far } else { near }
     }
 
-    /// The widest pupil that is usual: narrower ones let less than the picture's finest detail through.
+    /// Returns the widest of the usual pupils, in meters. A narrower pupil loses the finest detail of the picture.
     fn widest(&self) -> f64 {
         PupilRange::usual_diameter(self.display.eyebox_min())[1]
     }
 
-    /// Contrast of speckle, modulation at the picture's Nyquist frequency and at half of it, and depth of field, metres.
+    /// Returns the contrast of speckle, the modulation at the picture's Nyquist frequency and at half of it, and the
+    /// depth of field in meters.
     fn of_targets(
         &self,
         lit: &Lit,
         engine: &mut dyn Engine,
         observe: &mut dyn FnMut(&solve::Progress) -> Flow,
     ) -> Result<Option<[f64; 4]>, QualityError> {
-        // A whole number of periods of the bars.
+        // The bars need a whole number of periods.
         let side = speckle::SIDE.min(self.display.height).min(self.display.width) / 4 * 4;
         if side == 0 {
             return Ok(Some([f64::NAN; 4]));
@@ -189,7 +194,8 @@ impl Sources<'_> {
         Ok(depth.map(|depth| [contrast, nyquist, half, depth]))
     }
 
-    /// As a scene's settings, for targets of middle brightness that windows hold whole.
+    /// Returns the scene's settings for targets of middle brightness. The spectral window holds such targets
+    /// completely.
     fn for_targets(&self) -> Settings {
         let (efficiency, window) = (Some(speckle::EFFICIENCY), eyebox::low_level::optics::WindowFactor::Two);
         Settings { efficiency, window, ..self.settings.clone() }
@@ -213,8 +219,8 @@ impl Sources<'_> {
         Ok(sum)
     }
 
-    /// How far the eye may focus from bars of half of its cut-off, from the one side to the other, before half of their modulation
-    /// is lost; none of a display that is too small for such bars.
+    /// Returns the range of focus through which bars keep half of their modulation, in meters from the far to the near
+    /// limit. The bars have half of the eye's cut-off frequency.
     fn depth_of_field(
         &self,
         lit: &Lit,
@@ -229,7 +235,7 @@ impl Sources<'_> {
         let step = FARTHEST * depth / PLACES as f64;
         let focused = |i: usize| Pupil { depth: (i as f64 - PLACES as f64) * step, ..eye };
         let pupils: Vec<Pupil> = (0..=2 * PLACES).map(focused).collect();
-        // It is the views' parallax that blurs what is out of focus.
+        // Content out of focus is blurred by the parallax of the views.
         let problems = lit.problems(&bars(side, periods, self.color, VIEWS), self.color)?;
         let settings = Settings { depth: [-FARTHEST * depth, FARTHEST * depth], ..self.for_targets() };
         let images = seen_of(&problems, &settings, &pupils, engine, observe)?;
@@ -241,7 +247,8 @@ impl Sources<'_> {
     }
 }
 
-/// After how many steps values that begin at `first` come down to half of it, linearly between two; all of them where they do not.
+/// Returns the number of steps after which values that begin at `first` fall to half of it. The last step is
+/// interpolated linearly. If the values stay above, all steps are counted.
 fn half_at(first: f64, rest: &mut dyn Iterator<Item = f64>) -> f64 {
     let (mut before, mut taken) = (first, 0.0);
     for value in rest {
@@ -253,8 +260,8 @@ fn half_at(first: f64, rest: &mut dyn Iterator<Item = f64>) -> f64 {
     taken
 }
 
-/// A picture of upright bars, so many periods over its side, the same from everywhere. Of one view it is seen as it is at whatever
-/// depth one focuses on it.
+/// A picture of vertical bars with this number of periods over its side, equal from all views. With one view, it looks
+/// the same at each depth of focus.
 fn bars(side: usize, periods: usize, color: Color, views: [usize; 2]) -> LightField {
     let value = |x: usize| (f64::from(GREY) + SWING * (TAU * (periods * x % side) as f64 / side as f64).cos()) as f32;
     let picture: Vec<f32> = (0..side * side).map(|i| value(i % side)).collect();
@@ -262,14 +269,14 @@ fn bars(side: usize, periods: usize, color: Color, views: [usize; 2]) -> LightFi
     LightField { name: "bars".into(), planes: vec![vec![picture; views[0] * views[1]]], ..even }
 }
 
-/// Amplitude of so many periods over a picture's width, over its mean.
+/// Returns the amplitude of `periods` periods over a picture's width, divided by its mean.
 fn modulation(image: &[f32], width: usize, periods: usize) -> f64 {
     let mut sums = [0.0f64; 3];
     for (i, value) in image.iter().enumerate() {
         let (sin, cos) = (TAU * ((i % width) * periods % width) as f64 / width as f64).sin_cos();
         [1.0, cos, sin].iter().zip(&mut sums).for_each(|(share, sum)| *sum += share * f64::from(*value));
     }
-    // Bars of a pixel each have all of their amplitude in one coefficient.
+    // Bars of one pixel each have all of their amplitude in one coefficient.
     let sides = if 2 * periods == width { 1.0 } else { 2.0 };
     sides * sums[1].hypot(sums[2]) / sums[0].max(f64::MIN_POSITIVE)
 }
@@ -293,7 +300,8 @@ mod tests {
         assert_eq!(half_at(1.0, &mut [0.9, 0.6].into_iter()), 2.0);
     }
 
-    /// A wide source has less speckle than a point, and its bars keep less of their modulation; what is out of focus is lost.
+    /// A wide source has less speckle than a point source. Its bars keep less of their modulation, because detail out
+    /// of focus is lost.
     #[test]
     fn a_wide_source_averages_and_blurs() {
         let display = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };

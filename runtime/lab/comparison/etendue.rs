@@ -1,5 +1,7 @@
-//! Eyebox against quality: what a mask of finer pixels in front of the SLM gives (a larger eyebox) and takes (as many phases serve
-//! all of it), each hologram solved for the mask that it is looked at behind (OPTICS 12).
+//! Measures the effect of an etendue-expanding phase mask on the quality (OPTICS 12).
+//!
+//! The mask widens the eyebox, but the number of phases that serve it stays the same. Each hologram is solved for its
+//! mask.
 
 use super::picture;
 use super::pupils::Pupils;
@@ -18,33 +20,34 @@ use eyebox::low_level::solve::{self, Flow, Problem, Settings};
 use std::fmt;
 use std::str::FromStr;
 
-/// About how long one mask takes, in units of a solve.
+/// The approximate time that one mask takes, in units of a solve.
 pub(super) const EFFORT: f64 = 12.0;
-/// Holograms of an even plane whose contrast is averaged.
+/// The number of holograms of an even plane whose contrast is averaged.
 const REPEATS: usize = 2;
-/// Phases of all masks are made from it.
+/// The seed of the phases of all masks.
 const SEED: u64 = 1;
-/// Share of the mask's own eyebox, along an axis, that a designed one lights.
+/// The share of the mask's own eyebox, along an axis, that a designed mask lights.
 const BAND: f64 = 0.5;
 
-/// A mask that is compared.
+/// A phase mask that is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MaskKind {
-    /// Its pixels along an axis of one of the SLM's; 1 for no mask.
+    /// Mask pixels per SLM pixel along an axis, or 1 for no mask.
     pub factor: usize,
-    /// Whether its light goes evenly into half of its own eyebox along an axis; else its phases are random.
+    /// True for a mask that sends its light evenly into half of its own eyebox along an axis. Other masks have random
+    /// phases.
     pub designed: bool,
 }
 
 impl FromStr for MaskKind {
     type Err = Reason;
 
-    /// A factor, with a `d` behind it for a designed mask.
+    /// Reads a factor, followed by `d` for a designed mask.
     fn from_str(text: &str) -> Result<Self, Reason> {
         let (factor, designed) = text.strip_suffix('d').map_or((text, false), |factor| (factor, true));
         match factor.parse() {
             Ok(factor) if (1..=4).contains(&factor) && !(designed && factor == 1) => Ok(Self { factor, designed }),
-            _ => Err(reason!("etendue", "expected a factor: 1 for no mask, 2 to 4, or 2d to 4d for designed ones")),
+            _ => Err(reason!("etendue", "expected 1 for no mask, 2 to 4, or 2d to 4d for a designed mask")),
         }
     }
 }
@@ -60,28 +63,28 @@ impl fmt::Display for MaskKind {
 }
 
 impl MaskKind {
-    /// A display behind this mask, instead of its own.
+    /// Returns the display behind this mask, which replaces the display's own mask.
     ///
     /// # Errors
-    /// What of the display does not go with it, in words.
+    /// Returns the property of the display that does not fit the mask.
     pub fn before(&self, display: &Display) -> Result<Display, Reason> {
         let band = self.designed.then_some(BAND);
         display.with_mask((self.factor > 1).then(|| Mask::of_seed(self.factor, SEED, band)))
     }
 }
 
-/// A scene on a display, in one colour, whose masks are compared.
+/// A scene on a display, in one color, for which masks are compared.
 pub(super) struct Masks<'a> {
     pub field: &'a LightField,
     pub display: &'a Display,
     pub color: Color,
     pub settings: &'a Settings,
-    /// Pixels along the longest side of a picture.
+    /// The longest side of a picture, in pixels.
     pub longest: usize,
 }
 
 impl Masks<'_> {
-    /// What a mask gives and takes; none once `went`, which is called within each solve, says no.
+    /// Measures one mask. Returns `None` once `went` returns false. It is called within each solve.
     pub fn measure(
         &self,
         kind: MaskKind,
@@ -133,8 +136,9 @@ impl Masks<'_> {
         }))
     }
 
-    /// The settings behind a mask: the same pupils as without one. Views whose pitch is not stated stretch over the eyebox, so that
-    /// their content parts as far from edge to edge, and its depths are as much smaller.
+    /// Returns the settings behind a mask, with the same pupils as without a mask. Views without a stated pitch stretch
+    /// over the eyebox. Their content then has the same disparity from edge to edge, and its depths are smaller by the
+    /// growth of the eyebox.
     fn settings_of(&self, display: &Display, plain: f64) -> Settings {
         let shallower =
             if self.field.view_pitch.is_some() { 1.0 } else { self.display.eyebox_min() / display.eyebox_min() };
@@ -145,7 +149,7 @@ impl Masks<'_> {
         }
     }
 
-    /// Contrast of speckle of an even plane, as large as is enough.
+    /// Returns the speckle contrast of an even plane, which is only as large as the contrast needs.
     fn contrast(
         &self,
         display: &Display,
@@ -183,7 +187,8 @@ mod tests {
         assert_eq!(["0", "5", "1d", "d", "", "-2"].map(read), [None; 6]);
     }
 
-    /// The eyebox grows with the factor and its etendue with the square; quality is paid for it, whatever mask the display has itself.
+    /// The eyebox grows with the factor and the etendue with its square, at a cost in quality. A mask of the display
+    /// itself is replaced.
     #[test]
     fn a_larger_eyebox_costs_quality() {
         let display = Display { height: 48, width: 48, ..Display::preset("small").unwrap() };
@@ -200,7 +205,8 @@ mod tests {
         let (none, three) = (measure(&display, "1"), measure(&display, "3"));
         assert!((three.eyebox_mm / none.eyebox_mm - 3.0).abs() < 1e-9);
         assert!((three.etendue_mm2_sr / none.etendue_mm2_sr - 9.0).abs() < 1e-6);
-        // As many phases serve nine times as many pupils: eight sub-frames can no longer be made to leave out so much of their speckle.
+        // The same number of phases serves nine times as many pupils. Eight sub-frames then cannot avoid as much of
+        // their speckle.
         let [three_db, none_db] = [three.mean_db, none.mean_db].map(Option::unwrap);
         assert!(three_db < none_db - 0.5, "{none_db} {three_db}");
         let own = measure(&MaskKind { factor: 2, designed: false }.before(&display).unwrap(), "1");

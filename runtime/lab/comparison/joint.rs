@@ -1,5 +1,7 @@
-//! All colours at once against one colour after another: as many sub-frames in all, by lasers of the same peak power, with the
-//! same steps and pupils, each colour at the same exposure (OPTICS 13).
+//! Compares simultaneous color with one color after another (OPTICS 13).
+//!
+//! Both have the same number of sub-frames in all, lasers of the same peak power, the same steps and pupils, and the
+//! same exposure of each color.
 
 use super::picture;
 use super::results::JointFigures;
@@ -12,47 +14,47 @@ use eyebox::low_level::reconstruction::SceneSource;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{self, Flow, Joint, JointProblem, Problem, Settings, Solution};
 
-/// How the lasers light sub-frames.
+/// The way in which the lasers light the sub-frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Lighting {
-    /// One colour after another.
+    /// One color after another.
     Sequence,
-    /// All at once, white so many times brighter.
+    /// All colors at once, with white brighter by this factor than in sequence.
     Joint(f64),
-    /// All at once by lasers that always shine with their peak power, and as bright as in sequence: the phases lead what is too
-    /// much elsewhere.
+    /// All colors at once, as bright as in sequence, by lasers that always have their peak power. The phases send the
+    /// excess light elsewhere.
     Undimmed,
 }
 
 impl Lighting {
-    /// For people.
+    /// Returns the name of the way for reports.
     pub(crate) fn name(self) -> String {
         match self {
-            Self::Sequence => "one colour after another".into(),
+            Self::Sequence => "one color after another".into(),
             Self::Joint(times) => format!("all at once, {times} times as bright"),
             Self::Undimmed => "all at once, as bright, lasers at their peak".into(),
         }
     }
 }
 
-/// A scene on a display whose colours are compared.
+/// A scene on a display for which ways of lighting are compared.
 pub(crate) struct Colors<'a> {
     pub(crate) field: &'a LightField,
     pub(crate) display: &'a Display,
     pub(crate) colors: &'a [Color],
     pub(crate) settings: &'a Settings,
-    /// Pupils that score.
+    /// The pupils through which holograms are scored.
     pub(crate) pupils: &'a [Pupil],
-    /// Longest side of the pictures.
+    /// The longest side of the pictures, in pixels.
     pub(crate) longest: usize,
 }
 
-/// One hologram: a colour's phases, and what lights them.
+/// One hologram as the phases of each color and the lasers that light them.
 type Of = (Vec<Solution>, Option<JointColor>);
 
 impl Colors<'_> {
-    /// Compares the ways of lighting `frames` sub-frames in all, in their order, the first of which is in sequence; none once
-    /// `went`, which is called within each solve, says no.
+    /// Compares these ways of lighting `frames` sub-frames in all, in their order. The first one must be in sequence,
+    /// because it sets the exposures. Returns `None` once `went` returns false. It is called within each solve.
     pub(crate) fn compare(
         &self,
         frames: usize,
@@ -91,7 +93,7 @@ impl Colors<'_> {
         Ok(Some(all))
     }
 
-    /// Sub-frames that each colour has of so many.
+    /// Returns the number of sub-frames of each color in sequence.
     fn shares(&self, frames: usize) -> Vec<usize> {
         let powers = eyebox::low_level::optics::powers_in_sequence(self.colors.len(), frames);
         powers.iter().map(|of_color| of_color.iter().filter(|p| **p > 0.0).count()).collect()
@@ -129,7 +131,7 @@ impl Colors<'_> {
         Ok((solved.colors, Some(JointColor { lasers })))
     }
 
-    /// Scores each colour through every pupil, and takes its picture.
+    /// Scores each color through all pupils and renders its picture.
     fn figures(
         &self,
         way: Lighting,
@@ -168,7 +170,8 @@ impl Colors<'_> {
             scene: self.field.name.clone(),
             frames,
             way: way.name(),
-            // What is brighter by so much and led elsewhere is as bright.
+            // The light is brighter by this factor, but the excess goes elsewhere. The picture is as bright as in
+            // sequence.
             brightness: joint.as_ref().map_or(1.0, |j| if undimmed { 1.0 } else { j.brightness() }),
             mean_db: summary.map(|s| s.mean),
             worst_db: summary.map(|s| s.worst),

@@ -1,21 +1,20 @@
-//! What people see of the differences: JOD of some pupils of every group, over all colours together.
+//! Computes the JOD of some pupils of each group, over all colors together.
 
 use super::results::Row;
 use eyebox::low_level::evaluate::{Group, JodMetric, Member, rgb};
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::quality::QualityError;
 
-/// One colour's pictures, at full size, and the exposure that they are seen at.
+/// The pictures of one color, at full size, with their exposure.
 pub struct Whole<'a> {
-    /// The colour.
     pub color: Color,
-    /// A picture for each pupil that is judged.
+    /// One picture per pupil that is judged.
     pub pictures: &'a [Vec<f32>],
-    /// What they are multiplied by.
+    /// The factor of the pictures.
     pub exposure: f64,
 }
 
-/// Places of the members that are judged: at most so many of each group, spread evenly over it.
+/// Returns the indices of the members to judge. There are at most `most` per group, spread evenly over it.
 pub fn judged(members: &[Member], most: usize) -> Vec<usize> {
     let of_group = |group: Group| {
         let all: Vec<usize> = (0..members.len()).filter(|i| members[*i].group == group).collect();
@@ -25,8 +24,8 @@ pub fn judged(members: &[Member], most: usize) -> Vec<usize> {
     Group::ALL.into_iter().flat_map(of_group).collect()
 }
 
-/// Puts JOD to the rows of the members at `places`: the same to those of all colours, of which all are seen at once. `went` is
-/// called before each, and ends it with its error.
+/// Writes the JOD into the rows of the members at `places`. An eye sees all colors at once, so the rows of all colors
+/// receive the same value. `went` is called before each pupil, and its error ends the computation.
 pub fn judge(
     [seen, wanted]: [&[Whole]; 2],
     (places, members): (&[usize], &[Member]),
@@ -55,7 +54,7 @@ pub fn judge(
     Ok(())
 }
 
-/// Planes with the names of their colours.
+/// Pairs the planes with the names of their colors.
 fn named<'a>(of: &[Whole], planes: &'a [Vec<f32>]) -> Vec<(Option<Color>, &'a [f32])> {
     of.iter().map(|w| Some(w.color)).zip(planes.iter().map(|p| &p[..])).collect()
 }

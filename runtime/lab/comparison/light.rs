@@ -1,4 +1,4 @@
-//! Sources and masks compared on a scene, by every number of sub-frames: what is kept is not measured again.
+//! Compares sources and masks on a scene, for each number of sub-frames, without repeating cached measurements.
 
 use super::coherence::{self, Sources};
 use super::etendue::{self, Masks};
@@ -13,7 +13,7 @@ use eyebox::low_level::solve::Settings;
 use serde_json::json;
 
 impl OfScene<'_> {
-    /// Sources of all sizes, by every number of sub-frames that is not there yet.
+    /// Measures the sources of all sizes, for each number of sub-frames without a cached result.
     pub(super) fn sources(
         &self,
         work: &mut Work,
@@ -27,7 +27,7 @@ impl OfScene<'_> {
             let settings = Settings { frames, depth: self.depth, ..job.settings.clone() };
             let made_by = json!({ "shown": self.shown(&self.made_by), "settings": settings, "source_mm": image_mm });
             let name = format!("{}-source-{frames}-{image_mm}", self.name);
-            let label = format!("{}: {frames} sub-frames, a source of {image_mm} mm", self.label());
+            let label = format!("{}: {frames} sub-frames, source of {image_mm} mm", self.label());
             let (field, display, longest) = (self.field, &job.display, job.longest());
             let sources = Sources { field, display, color, settings: &settings, pupils: &pupils, longest };
             let found: Option<CoherenceFigures> = work.kept_or(&name, &made_by, &mut results.missing, |work| {
@@ -40,7 +40,7 @@ impl OfScene<'_> {
         Ok(())
     }
 
-    /// All masks, by every number of sub-frames that is not there yet.
+    /// Measures all masks, for each number of sub-frames without a cached result.
     pub(super) fn behind_masks(
         &self,
         work: &mut Work,

@@ -1,78 +1,79 @@
-//! What a comparison of sources and of masks comes to, as plain data.
+//! Defines the results of a comparison of sources and of masks as plain data.
 
 use super::shown::Picture;
 use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 
-/// A source of one size, measured against one scene, in one colour.
+/// A source of one size, measured against one scene in one color.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CoherenceFigures {
-    /// Name of the scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Sub-frames.
+    /// The number of sub-frames per color.
     pub frames: usize,
-    /// Colour.
+    /// The color of the light.
     pub color: Color,
-    /// Side of the source's image in the eyebox, mm; 0 for a point.
+    /// The side of the source's image in the eyebox, in mm, or 0 for a point source.
     pub image_mm: f64,
-    /// Modes that it was solved for with.
+    /// The number of modes of the solve.
     pub modes: usize,
-    /// Of which its narrowest and its widest pupils needed these.
+    /// The numbers of modes that the narrowest and the widest pupils need.
     pub pupil_modes: [usize; 2],
-    /// Modes that judged it.
+    /// The number of modes that judge the hologram.
     pub judged_modes: usize,
-    /// Diameters of those pupils, mm.
+    /// The diameters of the narrowest and the widest pupils, in mm.
     pub diameter_mm: [f64; 2],
-    /// PSNR over random pupils, dB: mean,
+    /// The mean PSNR over random pupils, in dB.
     pub mean_db: Option<f64>,
-    /// and worst.
+    /// The worst PSNR over random pupils, in dB.
     pub worst_db: Option<f64>,
-    /// Contrast of an even plane through the eye's pupil, standard deviation over mean.
+    /// The speckle contrast of an even plane through the eye's pupil, as standard deviation over mean.
     pub contrast: f64,
-    /// Modulation that bars at the picture's Nyquist frequency keep, and at half of it, of theirs.
+    /// The shares of their modulation that bars keep, at the picture's Nyquist frequency and at half of it.
     pub modulation: [f64; 2],
-    /// Where those bars lie, mm: at the scene's farthest depth.
+    /// The depth of those bars, in mm. It is the scene's farthest depth.
     pub bars_mm: f64,
-    /// Diameter of the pupil that looks at them, in focus, mm.
+    /// The diameter of the pupil that sees these bars in focus, in mm.
     pub widest_mm: f64,
-    /// Diameter of the eye's pupil, mm.
+    /// The diameter of the eye's pupil, in mm.
     pub eye_mm: f64,
-    /// Width of the focus through which bars of half the eye's cut-off keep half of their modulation, mm: at most what was looked
-    /// through, four times the wavelength times the square of focal length over diameter,
+    /// The range of focus, in mm, through which bars of half the eye's cut-off frequency keep half of their modulation.
+    /// The measured range, and so the highest value, is four times the wavelength times the square of focal length over
+    /// diameter.
     pub depth_of_field_mm: f64,
-    /// and dioptres.
+    /// The range of focus in dioptres.
     pub depth_of_field_dioptres: f64,
-    /// Through the eye's pupil, in the middle of the eyebox.
+    /// The picture through the eye's pupil, in the middle of the eyebox.
     pub picture: Option<Picture>,
 }
 
-/// A mask in front of the SLM, measured against one scene, in one colour.
+/// A mask in front of the SLM, measured against one scene in one color.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct EtendueFigures {
-    /// Name of the scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Sub-frames.
+    /// The number of sub-frames per color.
     pub frames: usize,
-    /// Colour.
+    /// The color of the light.
     pub color: Color,
-    /// The mask, for people.
+    /// The name of the mask for reports.
     pub mask: String,
-    /// Its pixels along an axis of one of the SLM's; 1 for no mask.
+    /// Mask pixels per SLM pixel along an axis, or 1 for no mask.
     pub factor: usize,
-    /// Whether it sends its light evenly into half of its own eyebox along an axis.
+    /// True for a mask that sends its light evenly into half of its own eyebox along an axis.
     pub designed: bool,
-    /// Side of the eyebox, mm.
+    /// The side of the eyebox, in mm.
     pub eyebox_mm: f64,
-    /// Area of the eyebox times the solid angle of the picture, mm2 sr.
+    /// The area of the eyebox times the solid angle of the picture, in mm2 sr.
     pub etendue_mm2_sr: f64,
-    /// PSNR over random pupils in all of the eyebox, dB: mean,
+    /// The mean PSNR over random pupils in the whole eyebox, in dB.
     pub mean_db: Option<f64>,
-    /// and worst.
+    /// The worst PSNR over random pupils in the whole eyebox, in dB.
     pub worst_db: Option<f64>,
-    /// Contrast of an even plane through the eye's pupil, standard deviation over mean.
+    /// The speckle contrast of an even plane through the eye's pupil, as standard deviation over mean.
     pub contrast: f64,
-    /// Diameter of that pupil, mm.
+    /// The diameter of the eye's pupil, in mm.
     pub eye_mm: f64,
-    /// Through it, in the middle of the eyebox.
+    /// The picture through the eye's pupil, in the middle of the eyebox.
     pub picture: Option<Picture>,
 }

@@ -1,6 +1,6 @@
-//! Names of the files in which results are kept.
+//! Makes names of result files from names of scenes and methods.
 
-/// A name of letters, digits and dashes.
+/// Returns a name of lower-case letters, digits and dashes.
 pub(super) fn slug(text: &str) -> String {
     let plain: String =
         text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' }).collect();

@@ -1,4 +1,4 @@
-//! Looking through every pupil, at the scene and at a hologram, and what the two come to.
+//! Renders the target images and the images of a hologram through all pupils, and compares them.
 
 use super::judged::{Whole, judge};
 use super::picture;
@@ -16,54 +16,55 @@ use eyebox::low_level::scene::{LightField, central_depth};
 use eyebox::low_level::solve::Problem;
 use std::sync::Arc;
 
-/// Pupils looked through at a time: their pictures are in memory together.
+/// The number of pupils per batch. All images of a batch are in memory together.
 const TOGETHER: usize = 8;
-/// Above this a PSNR says only that nothing differs.
+/// The limit of a PSNR, in dB. A higher value only means that the images are equal.
 const HIGHEST_DB: f64 = 200.0;
-/// Pixels around a step in depth that count as its edge.
+/// The distance in pixels from a step in depth that counts as its edge.
 const EDGE_REACH: usize = 3;
-/// A step in depth, as a share of the scene's range.
+/// The smallest step in depth that makes an edge, as a share of the scene's range of depth.
 const EDGE_STEP: f64 = 0.1;
-/// What the error pictures are multiplied by.
+/// The factor of the error pictures.
 pub(crate) const ERROR_GAIN: f64 = 4.0;
-/// Decades of the energy maps, below and above an even eyebox.
+/// The range of the energy maps in decades, around an even eyebox.
 pub(crate) const DECADES: [f64; 2] = [-2.0, 2.0];
 
-/// What one colour looks like through every pupil; linear light. Nothing here has an exposure yet.
+/// The images of one color through all pupils, in linear light and without exposure.
 struct Looks {
     color: Color,
-    /// Through each member of the groups, after 2 x 2 averaging.
+    /// One image per member of the groups, after 2 x 2 averaging.
     pooled: Vec<Vec<f32>>,
-    /// Through the chosen pupils, at full size.
+    /// The images through the shown pupils, at full size.
     chosen: Vec<Vec<f32>>,
-    /// Through the pupils that are judged, at full size.
+    /// The images through the pupils that are judged, at full size.
     judged: Vec<Vec<f32>>,
-    /// The focal strip, at full size.
+    /// The images of the focal strip, at full size.
     strip: Vec<Vec<f32>>,
-    /// The row of each sweep, after 2 x 2 averaging: (places, half the width).
+    /// The image row of each sweep, after 2 x 2 averaging, as (places, half the width).
     slices: [Vec<f32>; 2],
-    /// Of photographs: what diffraction leaves of each member of the groups; empty where it is not known.
+    /// For target images, the diffraction limit of each member of the groups. Empty if it is unknown.
     ceilings: Vec<Ceiling>,
 }
 
-/// What is to be seen of a scene.
+/// The target images of a scene.
 pub struct Wanted {
     looks: Vec<Looks>,
-    /// Rows and columns of a picture, and after 2 x 2 averaging.
+    /// Rows and columns of a picture at full size.
     size: [usize; 2],
+    /// Rows and columns after 2 x 2 averaging.
     pooled: [usize; 2],
-    /// Near edges in depth, after 2 x 2 averaging.
+    /// The pixels near edges in depth, after 2 x 2 averaging.
     edges: Option<Vec<bool>>,
-    /// Row of the averaged picture whose slices are taken.
+    /// The row of the averaged picture whose slices are used.
     row: usize,
-    /// Longest side of the pictures that are kept.
+    /// The longest side of the stored pictures, in pixels.
     longest: usize,
 }
 
 type Take<'a> = dyn FnMut(&[Pupil]) -> Result<Vec<Vec<f32>>, QualityError> + 'a;
 
 impl Looks {
-    /// Through all pupils, by `take`. `went` is told after each handful, and may stop it.
+    /// Renders the images through all pupils with `take`, which may also report progress and stop the work.
     fn of(color: Color, pupils: &Pupils, size: [usize; 2], row: usize, take: &mut Take) -> Result<Self, QualityError> {
         let [height, width] = size;
         let places: Vec<usize> = SHOWN.iter().map(|c| pupils.place(c)).collect();
@@ -94,12 +95,12 @@ impl Looks {
     }
 }
 
-/// Rows and columns after 2 x 2 averaging.
+/// Returns rows and columns after 2 x 2 averaging.
 fn halved([height, width]: [usize; 2]) -> [usize; 2] {
     if height < 2 || width < 2 { [height, width] } else { [height / 2, width / 2] }
 }
 
-/// Takes the photographs of a scene through every pupil.
+/// Renders the target images of a scene through all pupils.
 pub fn wanted(
     field: &LightField,
     display: &Display,
@@ -111,7 +112,7 @@ pub fn wanted(
 ) -> Result<Wanted, QualityError> {
     let size = display.picture_size().into();
     let pooled = halved(size);
-    // The colour nearest to what people see as brightness decides the row.
+    // The color that is nearest to perceived brightness decides the row.
     let leading = leading(&field.colors);
     let planner = load_views(field, leading, display, engine)?;
     let mut finder = RowFinder::new(pooled[0], pooled[1]);
@@ -138,7 +139,7 @@ pub fn wanted(
     Ok(Wanted { looks, size, pooled, edges, row, longest })
 }
 
-/// What diffraction leaves of one colour's photographs, where they are whole pictures of the SLM.
+/// Returns the diffraction limits of the target images of one color, if they are whole pictures of the SLM.
 fn ceilings(
     look: &Looks,
     display: &Display,
@@ -169,12 +170,12 @@ fn load_views(
     Ok(planner)
 }
 
-/// Green where there is green.
+/// Returns green if it is among the colors, and otherwise the first color.
 pub fn leading(colors: &[Color]) -> Color {
     if colors.contains(&Color::Green) { Color::Green } else { colors[0] }
 }
 
-/// What a report says of the scene itself.
+/// Returns the figures of the scene itself for the report.
 pub(crate) fn scene_figures(
     name: &str,
     field: &LightField,
@@ -229,16 +230,16 @@ fn epipolar(looks: &[Looks], exposures: &[f64], width: usize) -> Vec<Picture> {
     (0..2).map(shown).collect()
 }
 
-/// Where the light of one colour is: over the spectrum, and how much it varies over the eyebox.
+/// The energy of one color over the spectrum and its variation over the eyebox.
 struct Energy {
     map: Vec<f64>,
     size: [usize; 2],
-    /// Share of the map's side that the eyebox of all colours takes.
+    /// The share of the map's side that the eyebox of all colors takes.
     share: f64,
     variation: f64,
 }
 
-/// Looks at a hologram through every pupil, and compares.
+/// Renders a hologram through all pupils and compares its images with the target images.
 pub fn measure(
     hologram: &Hologram,
     display: &Display,
@@ -292,13 +293,13 @@ pub fn measure(
     })
 }
 
-/// The pictures that are judged.
+/// Returns the pictures that are judged, with their exposures.
 fn wholes<'a>(looks: &'a [Looks], exposures: &[f64]) -> Vec<Whole<'a>> {
     let whole = |(look, &exposure): (&'a Looks, &f64)| Whole { color: look.color, pictures: &look.judged, exposure };
     looks.iter().zip(exposures).map(whole).collect()
 }
 
-/// Scores every pupil of one colour; says the exposure.
+/// Scores all pupils of one color and returns the exposure.
 fn score(
     look: &Looks,
     wanted: &Looks,
@@ -306,7 +307,7 @@ fn score(
     rows: &mut Vec<Row>,
     watch: &JobObserver,
 ) -> Result<f64, QualityError> {
-    // One exposure, set as a photographer sets it: through the widest pupil, over the focal stack.
+    // One exposure serves all pupils. As in photography, the widest pupil sets it, over the focal stack.
     let widest = pupils.members.iter().zip(look.pooled.iter().zip(&wanted.pooled));
     let widest = widest.filter(|(m, _)| m.group == Group::FocalStack);
     let exposure = evaluate::fit_exposure(widest.map(|(_, (s, w))| (&s[..], &w[..])))?;
@@ -366,7 +367,7 @@ fn finite(psnr: Option<f64>) -> Result<Option<f64>, QualityError> {
     if psnr.is_some_and(f64::is_nan) { Err(QualityError::NotFinite) } else { Ok(psnr.map(|db| db.min(HIGHEST_DB))) }
 }
 
-/// CIEDE2000 over the random pupils, after 2 x 2 averaging.
+/// Computes the mean CIEDE2000 difference over the random pupils, after 2 x 2 averaging.
 fn color_error(
     looks: &[Looks],
     exposures: &[f64],

@@ -1,8 +1,7 @@
-//! Compares methods: each solves the same scenes with the same steps and pupils, and is scored through the same groups
-//! of pupils.
+//! Compares methods on the same scenes, with the same steps and through the same groups of pupils.
 //!
-//! A [`Comparison`] says what is compared; [`Comparison::run`] does it scene by scene and keeps every result as soon as it
-//! is there, so that a run that was stopped resumes where it was. What was measured is plain data ([`Results`]).
+//! [`Comparison::run`] measures the candidates of a [`Comparison`] scene by scene. It saves each result immediately, so
+//! a stopped run resumes at the same place. The measurements are plain data ([`Results`]).
 
 mod candidate;
 mod coherence;
@@ -52,53 +51,55 @@ use serde::{Serialize, de::DeserializeOwned};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// The form of the results: a new one when a measure changes its meaning.
+/// The version of the results. It changes when a measure changes its meaning.
 const FORMAT: u32 = 4;
-/// About how long the parts take, one to the other.
+/// The approximate duration of the parts, relative to a solve.
 const PHOTOGRAPHS: f64 = 3.0;
 const SOLVE: f64 = 1.0;
 const LOOK: f64 = 3.0;
 const SPECKLE: f64 = 7.0;
 
-/// What is compared.
+/// The subjects and the measurements of a comparison.
 pub struct Comparison {
-    /// What people call the scenes.
+    /// The names of the scenes.
     pub scenes: Vec<String>,
-    /// Methods, and holograms that exist.
+    /// The methods and the existing holograms.
     pub candidates: Vec<Candidate>,
-    /// Numbers of sub-frames that methods solve with.
+    /// The numbers of sub-frames with which methods solve.
     pub frames: Vec<usize>,
-    /// The display.
+    /// The display for all holograms.
     pub display: Display,
-    /// Its colours.
+    /// The compared colors of the display.
     pub colors: Vec<Color>,
-    /// What all methods have in common; depths are each scene's own.
+    /// The settings that all methods share. Each scene has its own depths.
     pub settings: Settings,
-    /// Whether the speckle of an even plane is measured.
+    /// True if the speckle of an even plane is measured.
     pub speckle: bool,
-    /// Times that all colours at once are to be brighter than one colour after another, each compared with that; empty where they
-    /// are not compared.
+    /// The brightness factors of simultaneous color over one color after another. Each factor is compared with one
+    /// color after another. Empty if simultaneous color is not compared.
     pub joint: Vec<f64>,
-    /// Sizes of sources that are compared, millimetres of their image in the eyebox, 0 for a point; empty where none are.
+    /// The sizes of the compared sources, in millimeters of their image in the eyebox, with 0 for a point. May be
+    /// empty.
     pub coherence: Vec<f64>,
-    /// Masks in front of the SLM that are compared; empty where none are.
+    /// The compared masks in front of the SLM. May be empty.
     pub masks: Vec<MaskKind>,
-    /// Whether what an eye sees across the eyebox of the display's switchable sources is measured.
+    /// True if the images across the eyebox of the display's switchable sources are measured.
     pub sources: bool,
-    /// Pupils of each group that are judged in JOD, spread evenly over it; 0 for none. A judgement takes about as long as
-    /// looking through some pupils.
+    /// The number of pupils per group that are judged in JOD, spread evenly over the group. A judgment takes about as
+    /// long as the images through some pupils.
     pub judged: usize,
 }
 
-/// Pupils of each group that are judged in JOD where nothing else is asked for.
+/// The default number of pupils per group that are judged in JOD.
 pub const JUDGED: usize = 4;
 
 impl Comparison {
-    /// Does all of it, or as much as there is time for. `load` gives a scene by its number, with its farthest and nearest
-    /// depth (metres); `folder` holds results and holograms: what is there and was made by the same is not computed again.
+    /// Runs the comparison until it is complete or stopped. `load` returns a scene by its number, with its farthest and
+    /// nearest depth in meters. `folder` holds results and holograms. A result there with the same inputs is not
+    /// computed again.
     ///
     /// # Errors
-    /// Those of `load`, and [`QualityError`].
+    /// Returns the errors of `load`, and [`QualityError`] if a part fails.
     pub fn run<E: From<QualityError>>(
         &self,
         folder: &Path,
@@ -121,7 +122,7 @@ impl Comparison {
                 if !self.candidates.is_empty() {
                     scene.run(&mut work, engine, &mut results)?;
                 }
-                // Each part keeps its own results, and the parts after a stop count theirs as missing.
+                // Each part saves its own results. After a stop, the parts that follow count theirs as missing.
                 scene.colors_at_once(&mut work, engine, &mut results)?;
                 scene.across_sources(&mut work, engine, &mut results)?;
                 scene.sources(&mut work, engine, &mut results)?;
@@ -170,18 +171,18 @@ impl Comparison {
         }
     }
 
-    /// How its pictures are seen: white and black, cd/m2, and pixels a degree.
+    /// Returns the viewing conditions as luminance of white and of black in cd/m2 and pixels per degree.
     fn viewing(&self) -> [f64; 3] {
         let viewing = self.display.viewing;
         [viewing.luminance_cd_m2, viewing.black_cd_m2, self.display.pixels_per_degree()]
     }
 
-    /// Every hologram of a scene: whose it is, and its number of sub-frames.
+    /// Lists all holograms of a scene by candidate and number of sub-frames.
     fn runs(&self, scene: usize) -> impl Iterator<Item = (&Candidate, usize)> {
         self.candidates.iter().flat_map(move |c| c.frames(scene, &self.frames).into_iter().map(move |f| (c, f)))
     }
 
-    /// Methods whose frames differ from seed to seed.
+    /// Lists the methods whose frames differ from seed to seed.
     fn speckled(&self) -> impl Iterator<Item = Method> {
         let solved = self.candidates.iter().filter_map(|c| match c.source {
             Source::Solved(method) => Some(method),
@@ -190,19 +191,19 @@ impl Comparison {
         solved.filter(|m| self.speckle && speckle::has_speckle(*m))
     }
 
-    /// Ways of lighting sub-frames that are compared.
+    /// Lists the compared ways of lighting sub-frames.
     fn ways(&self) -> Vec<Lighting> {
         let joint = self.joint.iter().map(|times| Lighting::Joint(*times));
         let all = [Lighting::Sequence].into_iter().chain(joint).chain([Lighting::Undimmed]);
         if self.joint.is_empty() { Vec::new() } else { all.collect() }
     }
 
-    /// Numbers of sub-frames that they are compared with: each colour has one at least.
+    /// Lists the numbers of sub-frames for simultaneous color. Each color has at least one.
     fn joint_frames(&self) -> impl Iterator<Item = usize> {
         self.frames.iter().copied().filter(|frames| !self.joint.is_empty() && *frames >= self.colors.len())
     }
 
-    /// Longest side of the pictures that are kept, pixels.
+    /// Returns the longest side of the stored pictures, in pixels.
     fn longest(&self) -> usize {
         picture::longest(self.scenes.len() * self.candidates.len())
     }
@@ -215,7 +216,7 @@ impl Comparison {
         engine: &mut dyn Engine,
     ) -> Result<Option<SpeckleFigures>, QualityError> {
         let display = &self.display;
-        // Depths as built-in scenes have them on such a small display: the plane itself is at 0.
+        // Built-in scenes have such depths on so small a display. The plane itself is at 0.
         let span = 0.5e-3;
         let settings = Settings { method, depth: [-span, span], ..self.settings.clone() };
         let made_by = json!({
@@ -241,9 +242,9 @@ impl Comparison {
     }
 }
 
-/// A run under way.
+/// A comparison in progress.
 struct Work<'a, 'b> {
-    // Gone before the folder of both.
+    // This guard drops first, so that the folder of both is empty when the guard of `results` drops.
     _made: CreatedDirGuard,
     results: ResultCache,
     holograms: PathBuf,
@@ -268,8 +269,8 @@ impl<'a, 'b> Work<'a, 'b> {
         Ok(Self { results, holograms, _made, watch, done: 0.0, all: all.max(1.0) })
     }
 
-    /// What is kept under this name and was made by this, else what `measure` finds, which is kept; none where it was stopped, which
-    /// `missing` counts.
+    /// Returns the cached result with this name and these inputs. Otherwise it saves and returns the result of
+    /// `measure`. Returns `None` after a stop and then increments `missing`.
     fn kept_or<T: Serialize + DeserializeOwned>(
         &mut self,
         name: &str,
@@ -289,17 +290,17 @@ impl<'a, 'b> Work<'a, 'b> {
         Ok(found)
     }
 
-    /// So much is done.
+    /// Adds completed effort, in units of a solve.
     fn pass(&mut self, effort: f64) {
         self.done += effort;
     }
 
-    /// Tells what is being done; whether to go on.
+    /// Reports the current part. Returns false once the job is stopped.
     fn say(&mut self, what: &str) -> bool {
         self.within(what, 0.0)
     }
 
-    /// The same, with so much of the next part done.
+    /// Reports the current part with this effort of it completed.
     fn within(&mut self, what: &str, effort: f64) -> bool {
         self.watch.say(what, ((self.done + effort) / self.all).min(1.0))
     }
@@ -313,7 +314,7 @@ struct Task<'a> {
     made_by: String,
 }
 
-/// One scene's part of the work.
+/// The work on one scene.
 struct OfScene<'a> {
     job: &'a Comparison,
     index: usize,
@@ -333,7 +334,7 @@ impl<'a> OfScene<'a> {
             "scene": [json!(checksum(field)), json!(field.grid), json!(field.cell(display)), json!(depth)],
             "display": identity(display), "colors": job.colors, "diameter": job.settings.diameter,
         });
-        // Scenes of one name are numbered.
+        // Scenes with the same name are numbered.
         let slugs: Vec<String> = job.scenes.iter().map(|l| slug(l)).collect();
         let same = slugs[..index].iter().filter(|s| **s == slugs[index]).count();
         let scene = if same == 0 { slugs[index].clone() } else { format!("{}-{}", slugs[index], same + 1) };
@@ -347,7 +348,7 @@ impl<'a> OfScene<'a> {
                     let given = candidate.given(index, frames);
                     let phases = given.map(|h| h.colors.iter().map(|c| append(0, &c.phases)));
                     let phases = phases.into_iter().flatten().collect::<Vec<_>>();
-                    // The same phases are seen otherwise behind another model, mask or padding.
+                    // Another model, mask or padding gives other images of the same phases.
                     ("given-", json!({ "phases": phases, "metadata": given.map(|h| h.metadata.without_places()) }))
                 }
             };
@@ -365,14 +366,15 @@ impl<'a> OfScene<'a> {
         &self.job.scenes[self.index]
     }
 
-    /// What decides a result: what decides the hologram, the size of the pictures, and how they are judged.
+    /// Returns the inputs of a result, which are the inputs of the hologram, the size of the pictures and the viewing
+    /// conditions.
     fn shown(&self, made_by: &str) -> String {
         let (judged, viewing) = (self.job.judged, self.job.viewing());
         let judged = if judged > 0 { format!(", {judged} judged at {viewing:?}") } else { String::new() };
         format!("{made_by}, pictures of {}{judged}", self.job.longest())
     }
 
-    /// Everything that is not there yet.
+    /// Measures all holograms of the scene without a cached result.
     fn run(&self, work: &mut Work, engine: &mut dyn Engine, results: &mut Results) -> Result<(), QualityError> {
         let display = &self.job.display;
         let mut done: Vec<Option<Run>> =
@@ -380,10 +382,10 @@ impl<'a> OfScene<'a> {
         let mut figures: Option<SceneFigures> = work.results.load(&self.name, &self.shown(&self.made_by));
         let mut wanted: Option<Wanted> = None;
         if done.iter().any(Option::is_none) || figures.is_none() {
-            work.say(&format!("{}: photographs", self.label()));
+            work.say(&format!("{}: rendering target images", self.label()));
             let longest = self.job.longest();
             let taken = measure::wanted(self.field, display, &self.pupils, self.depth, longest, engine, work.watch);
-            // Without the photographs what is there is shown all the same.
+            // Without the target images, the cached results are still reported.
             wanted = unless_stopped(taken)?;
             if let Some(taken) = &wanted {
                 let made = measure::scene_figures(self.label(), self.field, self.depth, display, taken);
@@ -397,7 +399,7 @@ impl<'a> OfScene<'a> {
             let solved = unless_stopped(self.hologram(task, work, engine))?.flatten();
             let Some((hologram, seconds)) = solved else { break };
             work.pass(SOLVE);
-            work.say(&format!("{}: looking at {}", self.label(), task.candidate.name));
+            work.say(&format!("{}: measuring {}", self.label(), task.candidate.name));
             let run = measure::measure(&hologram, display, &self.pupils, wanted, engine, work.watch);
             let Some(mut run) = unless_stopped(run)? else { break };
             work.pass(LOOK);
@@ -410,7 +412,7 @@ impl<'a> OfScene<'a> {
         Ok(())
     }
 
-    /// All colours at once against one colour after another, by every number of sub-frames that is not there yet.
+    /// Compares simultaneous color with one color after another, for each number of sub-frames without a cached result.
     fn colors_at_once(
         &self,
         work: &mut Work,
@@ -447,7 +449,8 @@ impl<'a> OfScene<'a> {
         Ok(())
     }
 
-    /// The hologram of a task: given, kept, or solved and kept; none if it was interrupted. And the seconds it took.
+    /// Returns the hologram of a task and the seconds of its solve. The hologram exists already, is cached, or is
+    /// solved and saved. Returns `None` after a stop.
     fn hologram(
         &self,
         task: &Task,

@@ -1,4 +1,4 @@
-//! Pictures for the page: small, encoded, as `data:` addresses.
+//! Encodes small pictures for the page as `data:` addresses.
 
 use super::shown::Picture;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
@@ -7,7 +7,8 @@ use eyebox::low_level::optics::Color;
 
 const QUALITY: u8 = 78;
 
-/// Longest side of a picture, pixels, where `count` holograms share a page: it is to open fast on a phone.
+/// Returns the longest side of a picture, in pixels, if `count` holograms share a page. The page must open fast on a
+/// phone.
 pub fn longest(count: usize) -> usize {
     match count {
         0..=8 => 256,
@@ -16,20 +17,20 @@ pub fn longest(count: usize) -> usize {
     }
 }
 
-/// Linear light, one plane per colour, as people see it.
+/// Encodes linear light, one plane per color, as a JPEG in sRGB.
 pub fn light(planes: &[(Color, &[f32])], height: usize, width: usize, longest: usize, psnr: Option<f64>) -> Picture {
     let (rgb, height, width) = composed(planes, height, width, longest);
     jpeg(&rgb, height, width, psnr)
 }
 
-/// The same, pixel for pixel.
+/// Encodes the same as a PNG, pixel for pixel.
 pub(crate) fn light_exact(planes: &[(Color, &[f32])], height: usize, width: usize) -> Picture {
     let (rgb, height, width) = composed(planes, height, width, usize::MAX);
     png(&rgb, height, width)
 }
 
-/// How far the first planes are from the second: the mean absolute difference over colours times `gain`, from black to
-/// white through violet and orange.
+/// Encodes the differences of pairs of planes. The mean absolute difference over colors, times `gain`, runs from black
+/// to white through violet and orange.
 pub fn error(pairs: &[(&[f32], &[f32])], height: usize, width: usize, longest: usize, gain: f64) -> Picture {
     let share = gain / pairs.len().max(1) as f64;
     let mut sum = vec![0.0f64; height * width];
@@ -42,13 +43,13 @@ pub fn error(pairs: &[(&[f32], &[f32])], height: usize, width: usize, longest: u
     jpeg(&rgb, h, w, None)
 }
 
-/// Values from 0 to 1 on the same ramp, exactly.
+/// Encodes values from 0 to 1 on the same ramp as a PNG, pixel for pixel.
 pub fn map(values: &[f64], height: usize, width: usize) -> Picture {
     let rgb: Vec<u8> = values.iter().flat_map(|v| ramp(*v)).collect();
     png(&rgb, height, width)
 }
 
-/// A dark-to-light ramp of even steps in lightness, so that it reads the same without colour.
+/// A dark-to-light ramp of even steps in lightness, so that it stays readable without color.
 pub(crate) fn ramp(value: f64) -> [u8; 3] {
     const STOPS: [[f64; 3]; 7] = [
         [0.0, 0.0, 4.0],
@@ -64,7 +65,7 @@ pub(crate) fn ramp(value: f64) -> [u8; 3] {
     std::array::from_fn(|c| (STOPS[i][c] + part * (STOPS[i + 1][c] - STOPS[i][c])).round() as u8)
 }
 
-/// Area average, so that neither side is longer than `longest`: (height, width, values).
+/// Averages by area until no side is longer than `longest`. Returns (height, width, values).
 pub(crate) fn shrink(values: &[f64], height: usize, width: usize, longest: usize) -> (usize, usize, Vec<f64>) {
     let scale = longest as f64 / height.max(width) as f64;
     if scale >= 1.0 {
@@ -92,7 +93,7 @@ pub(crate) fn shrink(values: &[f64], height: usize, width: usize, longest: usize
     (h, w, rows.iter().flat_map(|y| (0..w).map(move |x| at(y, x))).collect())
 }
 
-/// Red, green, blue levels; one plane alone is grey.
+/// Returns the red, green and blue levels of the shrunk planes. A single plane becomes gray.
 fn composed(planes: &[(Color, &[f32])], height: usize, width: usize, longest: usize) -> (Vec<u8>, usize, usize) {
     let mut channels: [Option<Vec<f64>>; 3] = [None, None, None];
     let (mut h, mut w) = (height, width);
@@ -139,7 +140,7 @@ mod tests {
     #[test]
     fn shrinking_averages_by_area() {
         let (h, w, small) = shrink(&[0.0, 3.0, 6.0, 0.0, 3.0, 6.0, 3.0, 3.0, 3.0], 3, 3, 2);
-        // Columns: 2/3 of one and 1/3 of the next.
+        // The left column is 2/3 of one and 1/3 of the next.
         let top = [1.0, 5.0];
         assert_eq!((h, w), (2, 2));
         for (found, expected) in small.iter().zip([top[0], top[1], (top[0] + 6.0) / 3.0, (top[1] + 6.0) / 3.0]) {

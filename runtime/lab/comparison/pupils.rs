@@ -1,28 +1,28 @@
-//! Every pupil that an evaluation looks through.
+//! Defines the pupils of a comparison.
 
 use eyebox::low_level::evaluate::{self, Group, Member};
 use eyebox::low_level::optics::Pupil;
 use eyebox::low_level::solve::{Diameters, PupilRange, Sampler, Sequence};
 
-/// Random pupils, of the paper's distribution.
+/// The number of random pupils. They have the distribution of the paper.
 const RANDOM: usize = 24;
-/// Their seed: not one that a solve draws from.
+/// The seed of the random pupils. No solve uses it.
 const SEED: u64 = 0x6576_616c;
-/// Pictures of the focal strip.
+/// The number of pictures of the focal strip.
 const STRIP: usize = 5;
 
 /// A pupil of the groups whose picture is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PicturedPupil {
-    /// What people call it.
+    /// The name for reports.
     pub title: &'static str,
-    /// Its group.
+    /// The group of the pupil.
     pub group: Group,
-    /// Its place there.
+    /// The index in its group.
     pub index: usize,
 }
 
-/// The pupils whose pictures are shown of each scene: from the easiest pupil to the hardest.
+/// The pupils whose pictures are shown for each scene, from the easiest to the hardest.
 pub const SHOWN: [PicturedPupil; 4] = [
     PicturedPupil { title: "Whole eyebox", group: Group::VaryingAperture, index: 8 },
     PicturedPupil { title: "Random pupil", group: Group::Random, index: 0 },
@@ -33,21 +33,21 @@ pub const SHOWN: [PicturedPupil; 4] = [
 /// The pupils of one scene on one display.
 #[derive(Debug, Clone)]
 pub struct Pupils {
-    /// The five groups.
+    /// The members of the five groups.
     pub members: Vec<Member>,
-    /// Places of those that are judged in JOD.
+    /// The indices of the members that are judged in JOD.
     pub judged: Vec<usize>,
-    /// 80 % of the eyebox, focused through the scene, farthest first.
+    /// Pupils of 80 % of the eyebox, focused through the scene from the farthest depth on.
     pub strip: Vec<Pupil>,
     /// The sweeps at near and at far focus.
     pub sweeps: [Vec<Pupil>; 2],
-    /// Where light is collected to see how even the eyebox is.
+    /// The places at which light is collected to measure the evenness of the eyebox.
     pub grid: Vec<Pupil>,
 }
 
 impl Pupils {
-    /// For an eyebox of this side, random pupils of these diameters, and a scene of this farthest and nearest depth, at most
-    /// `judged` of each group judged in JOD.
+    /// Makes the pupils for an eyebox of this side and a scene of this farthest and nearest depth, all in meters. The
+    /// random pupils have these diameters. At most `judged` pupils per group are judged in JOD.
     pub fn new(eyebox: f64, diameter: [f64; 2], depth: [f64; 2], judged: usize) -> Self {
         let range = PupilRange { eyebox, diameter, depth, diameters: Diameters::Uniform };
         let mut sampler = Sampler::new(range, Sequence::Random, SEED);
@@ -69,7 +69,7 @@ impl Pupils {
         }
     }
 
-    /// Where a shown pupil is among the members.
+    /// Returns the index of a shown pupil among the members.
     pub fn place(&self, shown: &PicturedPupil) -> usize {
         let of_group = self.members.iter().enumerate().filter(|(_, m)| m.group == shown.group);
         of_group.map(|(i, _)| i).nth(shown.index).expect("every group has this pupil")

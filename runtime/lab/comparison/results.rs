@@ -1,5 +1,7 @@
-//! What a comparison comes to, as plain data: kept in files, put into reports. Scores of all colours count alike: a summary
-//! over a scene pools the pupils of all its colours, one over scenes pools their scenes.
+//! Defines the results of a comparison as plain data for files and reports.
+//!
+//! Scores of all colors count alike. A summary over a scene pools the pupils of all its colors. A summary over scenes
+//! pools their scenes.
 
 pub use super::light_figures::{CoherenceFigures, EtendueFigures};
 use super::shown::{Picture, Pictures};
@@ -11,243 +13,247 @@ use eyebox::low_level::reason;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What one pupil scored in one colour.
+/// The scores of one pupil in one color.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Row {
-    /// Colour.
+    /// The color of the light.
     pub color: Color,
-    /// Group of the pupil.
+    /// The group of the pupil.
     pub group: Group,
-    /// Place in its group.
+    /// The index in its group.
     pub index: usize,
-    /// x, y, diameter, focus, mm.
+    /// The pupil as x, y, diameter and focus, in mm.
     pub pupil_mm: [f64; 4],
-    /// The focus, dioptres.
+    /// The focus of the pupil in dioptres.
     pub focus_dioptres: f64,
-    /// dB; `None` if the photograph is black.
+    /// The PSNR in dB. `None` if the target image is black.
     pub psnr: Option<f64>,
-    /// The most that any hologram could have there, dB; none where diffraction takes nothing, or where it is not known.
+    /// The highest PSNR that any hologram can reach there, in dB. `None` if diffraction takes nothing or the limit is
+    /// unknown.
     pub ceiling: Option<f64>,
-    /// None for pictures smaller than its window.
+    /// The SSIM. `None` for pictures smaller than its window.
     pub ssim: Option<f64>,
-    /// Just-objectionable differences from 10, of all colours together and so the same in the rows of each; none for pupils
-    /// that were not judged.
+    /// Just-objectionable differences on a scale with 10 as the best, of all colors together. The rows of all colors
+    /// hold the same value. `None` for pupils that were not judged.
     pub jod: Option<f64>,
 }
 
-/// Figures of one colour.
+/// The figures of one color.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ColorFigures {
-    /// Which.
+    /// The color of the light.
     pub color: Color,
     /// The one exposure of all pupils, fitted over the focal stack.
     pub exposure: f64,
-    /// Coefficient of variation of the light through a small pupil over the eyebox.
+    /// The coefficient of variation, over the eyebox, of the light through a small pupil.
     pub variation: f64,
-    /// PSNR of the epipolar slices at near and at far focus, dB; `None` if those of the photographs are black.
+    /// The PSNR of the epipolar slices at near and at far focus, in dB. `None` if the slices of the target images are
+    /// black.
     pub epipolar: [Option<f64>; 2],
 }
 
-/// Colour error over the random pupils, mean CIEDE2000.
+/// The color error over the random pupils, as mean CIEDE2000.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct ColorError {
-    /// Near edges in depth; none where the scene has no such edge.
+    /// The error near edges in depth. `None` if the scene has no such edge.
     pub edges: Option<f64>,
-    /// Everywhere else.
+    /// The error everywhere else.
     pub elsewhere: Option<f64>,
-    /// Share of the picture that is near edges.
+    /// The share of the picture that is near edges.
     pub share: f64,
 }
 
 /// One hologram, measured against one scene.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Run {
-    /// Name of the scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Name of the method, or the one given to the hologram.
+    /// The name of the method, or the name that the hologram was given.
     pub method: String,
-    /// Sub-frames.
+    /// The number of sub-frames per color.
     pub frames: usize,
-    /// Seconds of the solve, all colours; none for a hologram that was given.
+    /// The seconds of the solve over all colors. `None` for a hologram that existed before.
     pub seconds: Option<f64>,
-    /// Per colour.
+    /// The figures of each color.
     pub colors: Vec<ColorFigures>,
-    /// Per colour and pupil.
+    /// The scores of each color and pupil.
     pub rows: Vec<Row>,
-    /// None of pictures without all three colours, or without depth.
+    /// The color error. `None` for pictures without all three colors or without depth.
     pub color_error: Option<ColorError>,
-    /// For the page alone.
+    /// The pictures, which only the page shows.
     pub pictures: Pictures,
 }
 
 impl Run {
-    /// JOD of a group's pupils, each once: all colours of a pupil have the same.
+    /// Returns the JOD of each pupil of a group once, because all colors of a pupil have the same value.
     fn jod(&self, group: Group) -> impl Iterator<Item = f64> {
         let color = self.colors.first().map(|c| c.color);
         self.rows.iter().filter(move |r| r.group == group && Some(r.color) == color).filter_map(|r| r.jod)
     }
 }
 
-/// A scene and its photographs.
+/// A scene and its target images.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SceneFigures {
-    /// Its name.
+    /// The name of the scene.
     pub name: String,
     /// Rows and columns of views.
     pub views: [usize; 2],
-    /// Farthest and nearest focus, mm.
+    /// The farthest and the nearest focus, in mm.
     pub depth_mm: [f64; 2],
-    /// The same in dioptres.
+    /// The farthest and the nearest focus, in dioptres.
     pub depth_dioptres: [f64; 2],
-    /// Row of the picture whose epipolar slices are shown.
+    /// The row of the picture whose epipolar slices are shown.
     pub row: usize,
-    /// Photographs.
+    /// The target images of the scene.
     pub pictures: Pictures,
 }
 
 impl SceneFigures {
-    /// Its depths in both units.
+    /// Returns the depths in both units.
     pub fn depths_in_words(&self) -> String {
         let ([far, near], [least, most]) = (self.depth_mm, self.depth_dioptres);
         format!("{far:.2} to {near:.2} mm ({least:.3} to {most:.3} D)")
     }
 }
 
-/// Speckle of an even plane.
+/// The speckle of an even plane.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SpeckleFigures {
-    /// Method.
+    /// The name of the method.
     pub method: String,
-    /// (sub-frames, contrast) of independent frames.
+    /// Pairs of (sub-frames, contrast) of independent frames.
     pub independent: Vec<(usize, f64)>,
-    /// (sub-frames, contrast) of frames that were optimised together.
+    /// Pairs of (sub-frames, contrast) of frames that were optimized together.
     pub joint: Vec<(usize, f64)>,
-    /// Side of the plane, pixels.
+    /// The side of the plane, in pixels.
     pub side: usize,
-    /// Colour.
+    /// The color of the light.
     pub color: Color,
-    /// Diameter of the pupil, mm.
+    /// The diameter of the pupil, in mm.
     pub diameter_mm: f64,
 }
 
-/// One way of lighting sub-frames with all colours, measured against one scene.
+/// One way of lighting sub-frames with all colors, measured against one scene.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct JointFigures {
-    /// Name of the scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Sub-frames in all.
+    /// The number of sub-frames in all.
     pub frames: usize,
-    /// How they are lit, for people.
+    /// The name of the way of lighting for reports.
     pub way: String,
-    /// How bright white is, times that of one colour after another by lasers of the same peak power.
+    /// The brightness of white relative to one color after another, by lasers of the same peak power.
     pub brightness: f64,
-    /// PSNR over random pupils and colours, dB: mean,
+    /// The mean PSNR over random pupils and colors, in dB.
     pub mean_db: Option<f64>,
-    /// and worst.
+    /// The worst PSNR over random pupils and colors, in dB.
     pub worst_db: Option<f64>,
-    /// The mean of each colour, dB.
+    /// The mean PSNR of each color, in dB.
     pub colors_db: Vec<(Color, f64)>,
-    /// Powers of the lasers in each sub-frame, over their mean; none in sequence.
+    /// The powers of the lasers in each sub-frame, relative to their mean. `None` for one color after another.
     pub powers: Option<Vec<(Color, Vec<f64>)>>,
-    /// Through a pupil of a quarter of the eyebox, in its middle.
+    /// The picture through a pupil of a quarter of the eyebox, in its middle.
     pub picture: Option<Picture>,
 }
 
-/// What an eye sees at one place of the eyebox of a display's switchable sources.
+/// The score at one place of the eyebox of a display's switchable sources.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SourcesFigures {
-    /// Name of the scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Sub-frames.
+    /// The number of sub-frames per color.
     pub frames: usize,
-    /// How the sources are lit, for people.
+    /// The name of the way of lighting for reports.
     pub way: String,
-    /// Where the eye is, mm (x, y).
+    /// The position of the eye as (x, y), in mm.
     pub place_mm: [f64; 2],
-    /// Sources that are lit for it, at most in any colour; 0 where they do not follow it.
+    /// The largest number of sources of any color that are lit for the eye. 0 if the sources do not follow the eye.
     pub lit: usize,
-    /// PSNR over pupils there and colours, dB: mean,
+    /// The mean PSNR over pupils there and colors, in dB.
     pub mean_db: Option<f64>,
-    /// and worst.
+    /// The worst PSNR over pupils there and colors, in dB.
     pub worst_db: Option<f64>,
-    /// What is seen there.
+    /// The picture at this position.
     pub picture: Option<Picture>,
 }
 
-/// What all results of a comparison have in common.
+/// The conditions that all results of a comparison share.
 #[derive(Debug, Clone, Serialize)]
 pub struct About {
-    /// Version of eyebox.
+    /// The version of eyebox.
     pub version: String,
-    /// Name of the display.
+    /// The name of the display.
     pub display: String,
-    /// Rows and columns.
+    /// Rows and columns of the SLM, in pixels.
     pub size: [usize; 2],
-    /// Pixel pitch, um.
+    /// The pixel pitch, in µm.
     pub pitch_um: f64,
-    /// Side of the eyebox that all colours serve, mm.
+    /// The side of the eyebox that all colors serve, in mm.
     pub eyebox_mm: f64,
-    /// What the display can show, in words.
+    /// The reach of the display, in words.
     pub reach: String,
-    /// Colours.
+    /// The colors that were compared.
     pub colors: Vec<Color>,
-    /// Sub-frames that were compared.
+    /// The compared numbers of sub-frames.
     pub frames: Vec<usize>,
-    /// Steps of every iterative method.
+    /// The steps of each iterative method.
     pub steps: usize,
-    /// Pupils a step.
+    /// The number of pupils per step.
     pub pupils: usize,
-    /// Seed.
+    /// The seed of the solves.
     pub seed: u64,
-    /// What computed it.
+    /// The description of the engine.
     pub engine: String,
-    /// How the picture is seen, where it was judged in JOD: luminance of white and of black, cd/m2, and pixels a degree.
+    /// The viewing conditions of the JOD as luminance of white and of black, in cd/m2, and pixels per degree. `None` if
+    /// nothing was judged.
     pub viewing: Option<[f64; 3]>,
 }
 
-/// A method, for people.
+/// The description of a method for reports.
 #[derive(Debug, Clone, Serialize)]
 pub struct MethodAbout {
     /// The name by which results refer to it.
     pub name: String,
-    /// What people call it.
+    /// The title of the method.
     pub title: String,
-    /// One sentence.
+    /// One sentence about the method.
     pub about: String,
-    /// Its paper, or where it was read from.
+    /// The paper of the method, or the files of existing holograms.
     pub citation: String,
 }
 
-/// A box of a published box plot.
+/// One box of a published box plot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Published {
-    /// Method, as its paper writes it.
+    /// The method, as its paper writes it.
     pub method: String,
-    /// Group of pupils.
+    /// The group of pupils.
     pub category: String,
-    /// Number of scores.
+    /// The number of scores in the box.
     pub n: u64,
-    /// Mean, dB.
+    /// The mean, in dB.
     pub mean: f64,
-    /// Median.
+    /// The median, in dB.
     pub median: f64,
-    /// Lower quartile.
+    /// The lower quartile, in dB.
     pub q25: f64,
-    /// Upper quartile.
+    /// The upper quartile, in dB.
     pub q75: f64,
-    /// Worst.
+    /// The worst score, in dB.
     pub min: f64,
-    /// Best.
+    /// The best score, in dB.
     pub max: f64,
-    /// Standard deviation.
+    /// The standard deviation, in dB.
     pub std: f64,
 }
 
 impl Published {
-    /// All rows of a CSV file with the columns method, category, n, mean, median, q25, q75, min, max, std.
+    /// Reads all rows of a CSV file with the columns method, category, n, mean, median, q25, q75, min, max, std.
     ///
     /// # Errors
-    /// [`QualityError::Input`].
+    /// Returns [`QualityError::Input`] if the file is unreadable, has other columns, has no rows or has a number that
+    /// is not finite.
     pub fn read(file: &Path) -> Result<Vec<Self>, QualityError> {
         let wrong = |reason: Reason| QualityError::Input {
             what: file.display().to_string(),
@@ -258,60 +264,60 @@ impl Published {
         let rows: Result<Vec<Self>, _> =
             csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes()).deserialize().collect();
         let rows = rows.map_err(|e| {
-            wrong(reason!("columns", "{e}; the columns are method,category,n,mean,median,q25,q75,min,max,std"))
+            wrong(reason!("columns", "{e}. The columns must be method,category,n,mean,median,q25,q75,min,max,std."))
         })?;
         let numbers = |r: &Self| [r.mean, r.median, r.q25, r.q75, r.min, r.max, r.std];
         match rows.iter().position(|r| numbers(r).iter().any(|v| !v.is_finite())) {
-            Some(row) => Err(wrong(reason!("not-finite", "row {} has a number that is not finite", row + 1))),
-            None if rows.is_empty() => Err(wrong(reason!("no-rows", "it has no rows"))),
+            Some(row) => Err(wrong(reason!("not-finite", "row {}: a number is not finite", row + 1))),
+            None if rows.is_empty() => Err(wrong(reason!("no-rows", "the table has no rows"))),
             None => Ok(rows),
         }
     }
 
-    /// Whether it is about this method and group.
+    /// Returns true if the box belongs to this method and group.
     pub(crate) fn is_of(&self, method: &str, group: Group) -> bool {
         self.method.eq_ignore_ascii_case(method) && self.category.eq_ignore_ascii_case(group.name())
     }
 }
 
-/// Everything that a comparison found.
+/// All results of a comparison.
 #[derive(Debug, Clone, Serialize)]
 pub struct Results {
-    /// What was compared, on what.
+    /// The conditions of the comparison.
     pub about: About,
-    /// The methods, in their order.
+    /// The methods in their order.
     pub methods: Vec<MethodAbout>,
-    /// The scenes.
+    /// The figures of the scenes.
     pub scenes: Vec<SceneFigures>,
-    /// Every hologram against its scene.
+    /// Each hologram against its scene.
     pub runs: Vec<Run>,
-    /// Speckle of an even plane.
+    /// The speckle of an even plane.
     pub speckle: Vec<SpeckleFigures>,
-    /// All colours at once against one colour after another; empty where they were not compared.
+    /// Simultaneous color against one color after another. Empty if they were not compared.
     pub joint: Vec<JointFigures>,
-    /// Sources of several sizes; empty where they were not compared.
+    /// Sources of several sizes. Empty if they were not compared.
     pub coherence: Vec<CoherenceFigures>,
-    /// Masks in front of the SLM; empty where they were not compared.
+    /// Masks in front of the SLM. Empty if they were not compared.
     pub etendue: Vec<EtendueFigures>,
-    /// Places across the eyebox of switchable sources; empty where they were not compared.
+    /// Places across the eyebox of switchable sources. Empty if they were not compared.
     pub sources: Vec<SourcesFigures>,
-    /// Numbers from elsewhere, shown beside.
+    /// Published numbers, shown next to the measurements.
     pub published: Vec<Published>,
-    /// Results that are not there yet.
+    /// The number of results that are not there yet.
     pub missing: usize,
 }
 
-/// A method with a number of sub-frames: one line of every plot.
+/// A method with a number of sub-frames, which is one line of each plot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Series {
-    /// Name of the method.
+    /// The name of the method.
     pub method: String,
-    /// Sub-frames.
+    /// The number of sub-frames.
     pub frames: usize,
 }
 
 impl Results {
-    /// All series for which there is a result, by method, then sub-frames.
+    /// Lists all series with a result, by method and then by sub-frames.
     pub fn series(&self) -> Vec<Series> {
         let mut all = Vec::new();
         for method in &self.methods {
@@ -324,26 +330,26 @@ impl Results {
         all
     }
 
-    /// Each method at its largest number of sub-frames: what is drawn where one line a method is enough.
+    /// Lists each method at its largest number of sub-frames, for plots with one line per method.
     pub fn leading(&self) -> Vec<Series> {
         let all = self.series();
         let last = |s: &Series| all.iter().filter(|o| o.method == s.method).all(|o| o.frames <= s.frames);
         all.iter().filter(|s| last(s)).cloned().collect()
     }
 
-    /// What people call a series; its sub-frames only where that tells something.
+    /// Returns the label of a series. It states the sub-frames only if they differ among the results.
     pub fn label(&self, series: &Series) -> String {
         let title = self.title(&series.method);
         let several = self.about.frames.len() > 1 || self.runs.iter().any(|r| r.frames != series.frames);
         if several { format!("{title}, {} frames", series.frames) } else { title }
     }
 
-    /// What people call a method.
+    /// Returns the title of a method.
     pub fn title(&self, method: &str) -> String {
         self.methods.iter().find(|m| m.name == method).map_or(method.to_string(), |m| m.title.clone())
     }
 
-    /// Results of a series, of one scene or of all.
+    /// Returns the results of a series, for one scene or for all.
     pub(crate) fn runs_of<'a>(
         &'a self,
         series: &'a Series,
@@ -353,7 +359,7 @@ impl Results {
         self.runs.iter().filter(same).filter(move |r| scene.is_none_or(|s| r.scene == s))
     }
 
-    /// Scores of a series.
+    /// Returns the scores of a series.
     pub fn rows<'a>(
         &'a self,
         series: &'a Series,
@@ -363,34 +369,35 @@ impl Results {
         self.runs_of(series, scene).flat_map(|r| &r.rows).filter(move |r| r.group == group)
     }
 
-    /// PSNR of a series, dB.
+    /// Returns the PSNR of a series, in dB.
     pub fn psnr(&self, series: &Series, scene: Option<&str>, group: Group) -> Option<Summary> {
         Summary::of(&self.rows(series, scene, group).filter_map(|r| r.psnr).collect::<Vec<_>>())
     }
 
-    /// SSIM of a series, where there is one.
+    /// Returns the SSIM of a series. `None` if no row has one.
     pub fn ssim(&self, series: &Series, scene: Option<&str>, group: Group) -> Option<Summary> {
         Summary::of(&self.rows(series, scene, group).filter_map(|r| r.ssim).collect::<Vec<_>>())
     }
 
-    /// JOD of a series, over the pupils that were judged.
+    /// Returns the JOD of a series, over the pupils that were judged.
     pub fn jod(&self, series: &Series, scene: Option<&str>, group: Group) -> Option<Summary> {
         Summary::of(&self.runs_of(series, scene).flat_map(|run| run.jod(group)).collect::<Vec<_>>())
     }
 
-    /// Pupils of each group that were judged, where any was.
+    /// Returns the number of judged pupils per group. `None` if no pupil was judged.
     pub(crate) fn judged(&self) -> Option<usize> {
         let series = self.series().into_iter().next()?;
         let run = self.runs_of(&series, None).next()?;
         Some(run.jod(Group::Random).count()).filter(|n| *n > 0)
     }
 
-    /// Mean PSNR of the pupil at one place of a group, over colours and scenes, dB.
+    /// Returns the mean PSNR of the pupil at one place of a group, over colors and scenes, in dB.
     pub fn at(&self, series: &Series, scene: Option<&str>, group: Group, index: usize) -> Option<f64> {
         mean(self.rows(series, scene, group).filter(|r| r.index == index).filter_map(|r| r.psnr))
     }
 
-    /// Mean ceiling of the pupil at one place of a group, over colours and scenes, dB; none where any has none.
+    /// Returns the mean ceiling of the pupil at one place of a group, over colors and scenes, in dB. `None` if a row
+    /// has no ceiling.
     pub(crate) fn ceiling_at(&self, group: Group, index: usize) -> Option<f64> {
         let series = self.leading().into_iter().next()?;
         let all: Option<Vec<f64>> =
@@ -398,19 +405,19 @@ impl Results {
         mean(all?.into_iter())
     }
 
-    /// Mean over colours and scenes of a figure of the colours.
+    /// Returns the mean of a figure over colors and scenes.
     pub(crate) fn mean_of(&self, series: &Series, figure: impl Fn(&ColorFigures) -> Option<f64>) -> Option<f64> {
         mean(self.runs_of(series, None).flat_map(|r| &r.colors).filter_map(figure))
     }
 
-    /// Mean colour error near edges in depth, and elsewhere, over scenes.
+    /// Returns the mean color error over scenes, near edges in depth and elsewhere.
     pub(crate) fn color_error(&self, series: &Series) -> [Option<f64>; 2] {
         let errors = || self.runs_of(series, None).filter_map(|r| r.color_error);
         [mean(errors().filter_map(|e| e.edges)), mean(errors().filter_map(|e| e.elsewhere))]
     }
 }
 
-/// Arithmetic mean; none of nothing.
+/// Returns the arithmetic mean, or `None` without values.
 pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
     (count > 0).then(|| sum / count as f64)

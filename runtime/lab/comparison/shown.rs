@@ -1,43 +1,43 @@
-//! Pictures of a comparison, as files beside its page.
+//! Defines the pictures of a comparison.
 
 use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 
-/// A picture, ready to be put into a page.
+/// A picture that is ready for a page.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Picture {
-    /// Pixels across.
+    /// The width in pixels.
     pub width: usize,
-    /// Pixels down.
+    /// The height in pixels.
     pub height: usize,
-    /// PSNR of what it shows over all colours, dB, where it is a view that was scored.
+    /// The PSNR over all colors, in dB, for a scored reconstruction.
     pub psnr: Option<f64>,
-    /// `data:` address.
+    /// The picture as a `data:` address.
     pub data: String,
 }
 
-/// Pictures of one hologram, or of the photographs that it is compared with.
+/// The pictures of one hologram or of the target images.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Pictures {
-    /// Through each of the [`SHOWN`](super::SHOWN) pupils.
+    /// The images through each of the [`SHOWN`](super::SHOWN) pupils.
     pub views: Vec<Picture>,
-    /// Their error; none of photographs.
+    /// The errors of these images. Empty for target images.
     pub errors: Vec<Picture>,
-    /// Focused through the scene, farthest first.
+    /// The images focused through the scene, from the farthest depth on.
     pub strip: Vec<Picture>,
-    /// Slices of the sweep at near and at far focus.
+    /// The slices of the sweep at near and at far focus.
     pub epipolar: Vec<Picture>,
-    /// Energy over the pupil plane; none of photographs.
+    /// The energy over the pupil plane. `None` for target images.
     pub energy: Option<EnergyMap>,
 }
 
-/// The energy of one colour over the pupil plane.
+/// The energy of one color over the pupil plane.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct EnergyMap {
-    /// Which colour.
+    /// The color of the light.
     pub color: Color,
-    /// Share of the map's side that the eyebox of all colours takes.
+    /// The share of the map's side that the eyebox of all colors takes.
     pub share: f64,
-    /// The map, log scale.
+    /// The map on a logarithmic scale.
     pub picture: Picture,
 }

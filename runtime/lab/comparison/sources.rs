@@ -1,5 +1,7 @@
-//! What an eye sees across the eyebox of a display's switchable sources (OPTICS 12): solved for where it is, in the light of the
-//! sources that serve it there, and of holograms whose sources take turns or are lit together.
+//! Scores the positions of an eye across the eyebox of a display's switchable sources (OPTICS 12).
+//!
+//! If the sources follow the pupil, a hologram is solved for each position, in the light of the sources that serve it
+//! there. Other holograms have sources that take turns or are lit together.
 
 use super::results::{Results, SourcesFigures};
 use super::{Comparison, LOOK, OfScene, SOLVE, Work, picture};
@@ -15,40 +17,41 @@ use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{self, Flow, Problem, Settings, Solution, Warm, pupils_of};
 use serde_json::json;
 
-/// A scene on a display whose sources are compared.
+/// A scene on a display for which the lighting of the sources is compared.
 pub(crate) struct Across<'a> {
     pub(crate) field: &'a LightField,
     pub(crate) display: &'a Display,
     pub(crate) colors: &'a [Color],
     pub(crate) settings: &'a Settings,
-    /// Longest side of the pictures.
+    /// The longest side of the pictures, in pixels.
     pub(crate) longest: usize,
 }
 
-/// How the sources are lit, and what that is called.
+/// The compared ways of lighting the sources, with their names.
 const WAYS: [(&str, SourcesLit); 3] =
     [("steered", SourcesLit::Steered), ("in turn", SourcesLit::InTurn), ("together", SourcesLit::Together)];
-/// The eye's pupil, metres: narrowest and widest.
+/// The narrowest and the widest pupil of the eye, in meters.
 const EYE: [f64; 2] = [3.5e-3, 4.5e-3];
-/// How well it is known where it is, metres.
+/// The uncertainty of the position of the eye, in meters.
 const SPREAD: f64 = 0.1e-3;
-/// Pupils that score a place.
+/// The number of pupils that score a position.
 const PUPILS: usize = 8;
-/// Places from the middle to the rim along an axis, and along the diagonal.
+/// The number of positions from the middle to the rim, both along an axis and along the diagonal.
 const ALONG: usize = 7;
 
-/// A hologram of all colours, and what each is before its light.
+/// The solutions of all colors with their problems.
 type Solved = (Vec<Solution>, Vec<Problem>);
 
 impl Comparison {
-    /// About how many solves and looks sources take with a scene.
+    /// The approximate number of solves and measurements per scene.
     pub(super) fn source_solves(&self) -> usize {
         if self.sources { self.frames.len() * (WAYS.len() + 2 * ALONG) } else { 0 }
     }
 }
 
 impl OfScene<'_> {
-    /// Places across the eyebox of the display's switchable sources, by every number of sub-frames that is not there yet.
+    /// Measures positions across the eyebox of the display's switchable sources, for each number of sub-frames without
+    /// a cached result.
     pub(super) fn across_sources(
         &self,
         work: &mut Work,
@@ -81,7 +84,7 @@ impl Across<'_> {
         *lit != SourcesLit::InTurn || frames >= most
     }
 
-    /// From the middle to the rim, along x and along the diagonal, metres.
+    /// Returns the positions from the middle to the rim, along x and along the diagonal, in meters.
     fn places(&self) -> Vec<[f64; 2]> {
         let rim = ((self.display.eyebox_min() - EYE[1]) / 2.0 - 2.0 * SPREAD).max(0.0);
         let at = |i: usize| rim * i as f64 / (ALONG - 1) as f64;
@@ -89,7 +92,7 @@ impl Across<'_> {
         along.chain((1..ALONG).map(|i| [at(i); 2])).collect()
     }
 
-    /// Compares them; none once `went`, which is called within each solve, says no.
+    /// Compares the ways of lighting. Returns `None` once `went` returns false. It is called within each solve.
     pub(crate) fn compare(
         &self,
         engine: &mut dyn Engine,
@@ -121,7 +124,8 @@ impl Across<'_> {
         Ok(Some(all))
     }
 
-    /// Every colour, for all pupils that the lit sources serve, or for where the eye is, from the phases for all.
+    /// Solves all colors for all pupils that the lit sources serve. With `eye`, it starts from those phases and solves
+    /// for the position of the eye.
     fn solved(
         &self,
         display: &Display,
@@ -156,7 +160,7 @@ impl Across<'_> {
         Ok(Some((solutions, problems)))
     }
 
-    /// Scores each colour through pupils around the eye, and takes its picture.
+    /// Scores each color through pupils around the eye and renders its picture.
     fn figures(
         &self,
         way: &str,

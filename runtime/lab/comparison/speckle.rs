@@ -1,5 +1,6 @@
-//! Speckle of an even grey plane against the number of sub-frames: frames solved one by one from seeds of their own, and
-//! frames solved together.
+//! Measures the speckle of an even gray plane against the number of sub-frames.
+//!
+//! One set of frames is solved one by one, each from its own seed. The other frames are solved together.
 
 use super::measure::leading;
 use super::results::SpeckleFigures;
@@ -11,28 +12,30 @@ use eyebox::low_level::quality::QualityError;
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{self, Flow, Method, Problem, Settings};
 
-/// Sub-frames.
+/// The measured numbers of sub-frames.
 pub(crate) const COUNTS: [usize; 5] = [1, 2, 4, 8, 16];
-/// Independent groups of as many frames as the largest count: the curve is then a property and not luck.
+/// The number of independent groups of as many frames as the largest count. Several groups make the curve a property of
+/// the method and not of chance.
 const GROUPS: usize = 4;
-/// Joint solves per count.
+/// The number of joint solves per count.
 const REPEATS: usize = 2;
-/// Largest side of the plane, pixels: hundreds of grains of a pupil of 1/4 of the eyebox.
+/// The largest side of the plane, in pixels. It holds hundreds of speckle grains of a pupil of 1/4 of the eyebox.
 pub(super) const SIDE: usize = 128;
-/// Linear light of the plane.
+/// The linear light of the plane.
 pub(super) const GREY: f32 = 0.5;
-/// Share of the light that pupils are to see, as scenes of middle brightness have it.
+/// The share of the light that is aimed at the pupils, as for scenes of middle brightness.
 pub(super) const EFFICIENCY: f64 = 0.4;
 
-/// Solves that one method takes.
+/// The number of solves per method.
 pub(crate) const SOLVES: usize = GROUPS * COUNTS[COUNTS.len() - 1] + REPEATS * COUNTS.len();
 
-/// Whether a method's frames differ from seed to seed: smooth phase has no speckle to average, a table no seed.
+/// Returns true if a method's frames differ from seed to seed. Smooth phase has no speckle to average, and a table has
+/// no seed.
 pub(crate) fn has_speckle(method: Method) -> bool {
     !matches!(method, Method::Smooth | Method::Dpac | Method::Table)
 }
 
-/// Measures one method; none once `went`, which is called after every solve, says no.
+/// Measures one method. Returns `None` once `went` returns false. It is called after each solve.
 pub fn speckle(
     method: Method,
     settings: &Settings,
@@ -82,7 +85,7 @@ pub fn speckle(
     }))
 }
 
-/// What is seen through these pupils, without exposure, of a hologram of the first problem, in the light of the second.
+/// Solves the first problem and renders the hologram through these pupils in the light of the second, without exposure.
 pub(super) fn seen_of(
     [solved, judging]: &[Problem; 2],
     settings: &Settings,
@@ -97,7 +100,7 @@ pub(super) fn seen_of(
     Ok(evaluate::views(engine, &planner, pupils)?)
 }
 
-/// The same grey from everywhere.
+/// Returns the same gray for all views.
 pub(super) fn plane(side: usize, color: Color, views: [usize; 2]) -> LightField {
     LightField {
         name: "even plane".into(),

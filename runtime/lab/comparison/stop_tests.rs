@@ -1,4 +1,4 @@
-//! A comparison that is stopped: no list runs afterwards, and the results until then are kept.
+//! Tests that no list runs after a stop and that earlier results are saved.
 
 use super::*;
 use eyebox::low_level::engine::cpu::CpuEngine;
@@ -25,7 +25,7 @@ fn job() -> Comparison {
     }
 }
 
-/// Runs the job until so many lists ran. Returns how many ran, and the results.
+/// Runs the job until `most` lists ran. Returns the number of lists that ran and the results.
 fn run(folder: &Path, most: usize) -> (usize, Results) {
     let (job, ran) = (job(), AtomicUsize::new(0));
     let request = Request { views: 3, ..Request::new(&job.display, &COLORS) };
@@ -50,7 +50,7 @@ fn no_list_runs_after_a_stop_and_the_results_until_then_are_kept() {
     let again = here.path().join("parts");
     let (mut missing, mut sum) = (usize::MAX, 0);
     for part in 1..=parts {
-        // Where photographs are taken, phases are solved, pictures are seen: anywhere.
+        // Most stops are within the target images, the solve or the images of the hologram.
         let most = all * part / (3 * parts);
         let (ran, results) = run(&again, most);
         assert!(ran <= most, "{ran} lists ran, and {most} until the stop");

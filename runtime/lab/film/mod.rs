@@ -1,8 +1,9 @@
-//! Writes films of what an eye sees while it moves, focuses and blinks, beside the target.
+//! Writes films of the images that an eye sees while it moves, focuses and blinks.
 //!
-//! An [`EyePath`] says where the eye is at every time; [`film`] looks at the content of that time from there ([`Content`]) and writes
-//! a Y4M video, or a folder of numbered PNGs. Nothing of it depends on the machine's time: the same path gives the same pictures.
-//! Where neither the eye nor the content changes, the pictures are those of the frame before.
+//! An [`EyePath`] gives the state of the eye at each time. [`film`] renders the [`Content`] of that time for this eye,
+//! next to the target image. It writes a Y4M video or a folder of numbered PNGs. The result does not depend on the
+//! machine's time, so the same path gives the same pictures. If neither the eye nor the content changes, a frame
+//! repeats the pictures of the frame before.
 
 mod error;
 mod path;
@@ -25,12 +26,12 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-/// How a film is made.
+/// The settings of a film.
 #[derive(Debug, Clone, Copy)]
 pub struct FilmSettings {
     /// The image of the hologram, the target image of its scene, or both.
     pub content: FilmContent,
-    /// So many pixels along each axis become one, their mean in linear light.
+    /// The number of pixels along each axis that become one pixel, as their mean in linear light.
     pub binning: usize,
 }
 
@@ -40,17 +41,17 @@ impl Default for FilmSettings {
     }
 }
 
-/// What is looked at.
+/// The content of a film at one time.
 pub struct Content {
-    /// The hologram.
+    /// The phases of the hologram.
     pub source: PhaseSource<'static>,
-    /// Its scene; none for a film of the hologram alone.
+    /// The scene of the hologram. `None` for a film of the hologram alone.
     pub scene: Option<SceneSource>,
-    /// By which its intensities are multiplied, one for each colour.
+    /// The intensity scale of each color.
     pub exposures: Vec<f64>,
 }
 
-/// Content of the frames of a film.
+/// The content of the frames of a film.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FilmContent {
     /// The image of the hologram.
@@ -62,25 +63,28 @@ pub enum FilmContent {
     Both,
 }
 
-/// A film that was made.
+/// The result of a film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Film {
-    /// Frames.
+    /// The number of frames.
     pub frames: usize,
-    /// Rows and columns of a frame.
+    /// Rows and columns of a frame, in pixels.
     pub size: [usize; 2],
-    /// Frames that had to be looked at: the others are as those before them.
+    /// The number of rendered frames. The others repeat the frame before them.
     pub looked: usize,
 }
 
-/// Gives the content of a time (s) where it is another than that of the time before, and at the time 0.
+/// Returns the content at a time in seconds if it differs from the content before. It must return content at time 0.
 pub type Load<'a, E> = dyn FnMut(f64) -> Result<Option<Content>, E> + 'a;
 
-/// Films what is seen along `path`, in order, into `out`: NAME.y4m, or a folder of PNGs, `frame-00000.png` and on, either of which
-/// appears whole. `observe` is told the frame and their number; [`Flow::Stop`] ends it with nothing written (`Ok(None)`).
+/// Films the images along `path`, in order, into `out`.
+///
+/// The output is a file NAME.y4m, or a folder of PNGs named `frame-00000.png` and so on. It appears only once it is
+/// complete. `observe` receives the index of the frame and the number of frames. [`Flow::Stop`] ends the film without
+/// output (`Ok(None)`).
 ///
 /// # Errors
-/// [`FilmError`], those of `load`.
+/// Returns [`FilmError`] if the film cannot be made, and the errors of `load`.
 pub fn film<E: From<FilmError>>(
     path: &EyePath,
     settings: &FilmSettings,
@@ -90,7 +94,7 @@ pub fn film<E: From<FilmError>>(
     observe: &mut dyn FnMut(usize, usize) -> Flow,
 ) -> Result<Option<Film>, E> {
     if !(1..=64).contains(&settings.binning) {
-        let reason = reason!("binning", "the binning is {} pixels: it must be 1 to 64", settings.binning);
+        let reason = reason!("binning", "binning is {}, but must be 1 to 64 pixels", settings.binning);
         return Err(FilmError::Setting(reason).into());
     }
     let mut shooting = Shooting { path, settings, content: None, last: None, looked: 0, load, observe };
@@ -109,7 +113,7 @@ pub fn film<E: From<FilmError>>(
         }
         return Ok(made);
     }
-    // A writer of files knows only errors of the system: what else ends a film is kept beside it.
+    // The file writer only passes on errors of the system. Other errors that end a film are kept in `ended`.
     let mut ended: Result<Option<Film>, E> = Ok(None);
     let written = write_file(out, |file| {
         ended = shooting.all(engine, &mut |index, canvas| {
@@ -117,7 +121,7 @@ pub fn film<E: From<FilmError>>(
             let written = head.and_then(|()| y4m::frame(file, canvas));
             written.map_err(|e| FilmError::File(FileError::write(out, e)).into())
         });
-        if matches!(ended, Ok(Some(_))) { Ok(()) } else { Err(io::Error::other("the film has an end before its own")) }
+        if matches!(ended, Ok(Some(_))) { Ok(()) } else { Err(io::Error::other("the film ended early")) }
     });
     match ended {
         Ok(Some(made)) => {
@@ -132,7 +136,7 @@ fn frame_name(index: usize) -> String {
     format!("frame-{index:05}.png")
 }
 
-/// Whether a folder holds nothing but frames of a film.
+/// Returns true if a folder holds only frames of a film.
 fn holds_only_frames(folder: &Path) -> bool {
     let ours = |name: &str| {
         let number = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".png"));
@@ -141,12 +145,12 @@ fn holds_only_frames(folder: &Path) -> bool {
     fs::read_dir(folder).is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
 }
 
-/// A film under way.
+/// A film in progress.
 struct Shooting<'a, 'b, E> {
     path: &'a EyePath,
     settings: &'a FilmSettings,
     content: Option<Content>,
-    /// Where the eye was that saw the last pictures, and these: what it sees and what it should.
+    /// The pupil of the last pictures, and these pictures as reconstruction and target image.
     last: Option<(Pupil, [Option<Vec<Plane>>; 2])>,
     looked: usize,
     load: &'a mut Load<'b, E>,
@@ -170,8 +174,7 @@ impl<E: From<FilmError>> Shooting<'_, '_, E> {
                 (self.content, self.last) = (Some(content), None);
             }
             let content = self.content.as_ref();
-            let content =
-                content.ok_or_else(|| FilmError::Setting(reason!("nothing", "there is nothing to look at")))?;
+            let content = content.ok_or_else(|| FilmError::Setting(reason!("nothing", "no content at time 0")))?;
             let moment = self.path.at(time, content.source.about().focal_length);
             if self.last.as_ref().is_none_or(|(pupil, _)| *pupil != moment.pupil) {
                 let pictures = look(content, &moment.pupil, self.settings, engine)?;
@@ -183,7 +186,7 @@ impl<E: From<FilmError>> Shooting<'_, '_, E> {
             let pictures: Vec<&[Plane]> = seen.iter().chain(wanted).map(|planes| &planes[..]).collect();
             let canvas = Canvas::of(&pictures, &names, moment.lid as f32);
             if size.is_some_and(|before| before != canvas.size) {
-                let reason = reason!("sizes", "its holograms have pictures of different sizes: a film has one size");
+                let reason = reason!("sizes", "the pictures of the holograms differ in size, but a film has one");
                 return Err(FilmError::Setting(reason).into());
             }
             size = Some(canvas.size);
@@ -193,7 +196,7 @@ impl<E: From<FilmError>> Shooting<'_, '_, E> {
     }
 }
 
-/// Returns the image of the content at its exposures and the target image, as far as they are requested.
+/// Returns the image of the content at its exposures and the target image, if they are requested.
 fn look(
     content: &Content,
     pupil: &Pupil,
@@ -224,7 +227,7 @@ fn look(
         |planes: &[Plane]| planes.windows(2).all(|p| (p[0].rows, p[0].columns) == (p[1].rows, p[1].columns));
     if [&seen, &wanted].into_iter().flatten().any(|planes| !of_one_size(planes)) {
         let reason =
-            reason!("sizes-of-colors", "its colours have pictures of different sizes, as in tiles: film one colour");
+            reason!("sizes-of-colors", "the colors have pictures of different sizes, as in tiles. Film one color.");
         return Err(FilmError::Setting(reason));
     }
     Ok([seen.map(binned), wanted.map(binned)])
@@ -275,7 +278,7 @@ mod tests {
         };
         let both = FilmSettings::default();
         let (made, first) = shoot("a.y4m", &both);
-        // A second and the last frame; two contents, one eye.
+        // The film lasts a second and includes the last frame. It has two contents and one eye.
         assert_eq!((made.frames, made.looked, made.size[0]), (21, 2, 24));
         let (_, again) = shoot("b.y4m", &both);
         let bytes = std::fs::read(first).unwrap();
@@ -286,14 +289,14 @@ mod tests {
         let frame = 6 + 3 * made.size[0] * made.size[1];
         assert_eq!(bytes.len(), line.len() + 21 * frame);
         let of = |i: usize| &bytes[line.len() + i * frame..][..frame];
-        // The lid is down at 0.42 s, and the picture another after half a second.
+        // The lid is down at 0.42 s, and the picture changes after half a second.
         assert!(of(0) == of(5) && of(0) != of(8) && of(0) != of(20) && of(15) == of(20));
         let luma = |i: usize| of(i)[6..6 + 24 * 24].iter().map(|v| u32::from(*v)).sum::<u32>();
         assert!(luma(8) < luma(0) / 2);
         let (alone, folder) = shoot("pictures", &FilmSettings { content: FilmContent::Image, binning: 2 });
         assert_eq!(alone.size, [12, 12]);
         assert!((0..21).all(|i| folder.join(frame_name(i)).is_file()));
-        // A film replaces a film, and nothing else.
+        // A film replaces only a film.
         shoot("pictures", &FilmSettings { content: FilmContent::Image, binning: 3 });
         std::fs::write(folder.join("mine.txt"), "").unwrap();
         let mut load = |_| -> Result<_, FilmError> { Ok(Some(content(0))) };

@@ -1,4 +1,4 @@
-//! Where an eye is, what it focuses on, and when it blinks.
+//! Defines the position, the focus and the blinks of an eye over time.
 
 use super::error::FilmError;
 use eyebox::low_level::error::Reason;
@@ -8,60 +8,63 @@ use eyebox::low_level::reason;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Frames of a film at most.
+/// The largest number of frames of a film.
 const MOST_FRAMES: f64 = 100_000.0;
-/// How long the lid takes to come down, stays down, and takes to open, seconds: a blink of 0.3 s, as people's last.
+/// The times in which the lid closes, stays closed and opens, in seconds. A human blink lasts 0.3 s.
 const BLINK: [f64; 3] = [0.1, 0.05, 0.15];
-/// How far a pupil may be from the axis, and how wide it may be, millimetres.
+/// The largest distance of a pupil from the axis, and its largest diameter, in millimeters.
 const FARTHEST_MM: f64 = 100.0;
 
-/// A place on the way of an eye. What it does not say goes on between the keys before and after it that do.
+/// One key of the path of an eye. A value that it lacks is interpolated between the keys before and after it that have
+/// one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
-    /// When, seconds.
+    /// The time of the key, in seconds.
     pub t_s: f64,
-    /// Pupil's centre to the right, mm.
+    /// The position of the pupil's center to the right, in mm.
     #[serde(default)]
     pub x_mm: Option<f64>,
-    /// Pupil's centre downwards, mm.
+    /// The downward position of the pupil's center, in mm.
     #[serde(default)]
     pub y_mm: Option<f64>,
-    /// Pupil's diameter, mm.
+    /// The diameter of the pupil, in mm.
     #[serde(default)]
     pub diameter_mm: Option<f64>,
-    /// What the eye focuses on: mm, or dioptres as in `"0.5D"`.
+    /// The focus of the eye in mm, or in dioptres as in `"0.5D"`.
     #[serde(default)]
     pub focus: Option<Depth>,
-    /// Whether the eye jumps here when the time has come, instead of moving smoothly.
+    /// True if the eye jumps here at this time, instead of moving smoothly.
     #[serde(default)]
     pub jump: bool,
 }
 
-/// The way of an eye: JSON with `rate_hz`, `keys` by rising time, and `blinks_s`. It begins at the time 0 and ends with the last key.
+/// The path of an eye as JSON with `rate_hz`, `keys` by rising time, and `blinks_s`. It begins at time 0 and ends with
+/// the last key.
 ///
-/// Between two keys everything follows the path of least jerk, `10 s^3 - 15 s^4 + 6 s^5` of the way after the share s of the time (Flash
-/// and Hogan, Journal of Neuroscience 5, 1985), as people move. Before the first key that says something it is as there, after the last
-/// it stays. What no key says: the middle of the eyebox, a pupil of 4 mm, focused at 0.
+/// Between two keys, each value follows the path of least jerk, as humans move. The share of the way is `10 s^3 - 15
+/// s^4 + 6 s^5` after the share s of the time (Flash and Hogan, Journal of Neuroscience 5, 1985). Before the first key
+/// with a value, the value is the same as there. After the last such key it stays. Without any key, the pupil is in the
+/// middle of the eyebox, is 4 mm wide and focuses at 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EyePath {
-    /// Frames a second, 1 to 1000, whole or in thousandths.
+    /// Frames per second, 1 to 1000, as a whole number or in thousandths.
     #[serde(default = "usual_rate")]
     pub rate_hz: f64,
-    /// Its places.
+    /// The keys by rising time.
     pub keys: Vec<Key>,
-    /// When blinks begin, seconds; each takes 0.3 s.
+    /// The times at which blinks begin, in seconds. Each takes 0.3 s.
     #[serde(default)]
     pub blinks_s: Vec<f64>,
 }
 
-/// An eye at one time.
+/// The state of an eye at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// Its pupil, metres.
+    /// The pupil, in meters.
     pub pupil: Pupil,
-    /// Share of the light that the lid lets in.
+    /// The share of the light that the lid lets in.
     pub lid: f64,
 }
 
@@ -70,10 +73,10 @@ fn usual_rate() -> f64 {
 }
 
 impl EyePath {
-    /// Reads a file.
+    /// Reads a path from a file.
     ///
     /// # Errors
-    /// [`FilmError::Path`].
+    /// Returns [`FilmError::Path`] if the file is unreadable or the path is invalid.
     pub fn read(file: &Path) -> Result<Self, FilmError> {
         let name = file.display().to_string();
         let text = read::text(file, read::TABLE)
@@ -81,10 +84,10 @@ impl EyePath {
         Self::from_json(&text, &name)
     }
 
-    /// Reads the text of one; `file` names it in errors.
+    /// Reads a path from JSON text. Errors name it `file`.
     ///
     /// # Errors
-    /// [`FilmError::Path`].
+    /// Returns [`FilmError::Path`] if the path is invalid.
     pub fn from_json(text: &str, file: &str) -> Result<Self, FilmError> {
         let wrong = |reason: Reason| FilmError::Path { file: file.into(), reason };
         let path: Self = serde_json::from_str(text).map_err(|e| wrong(e.to_string().into()))?;
@@ -94,10 +97,10 @@ impl EyePath {
 
     fn check(&self) -> Result<(), Reason> {
         if !(1.0..=1000.0).contains(&self.rate_hz) {
-            return Err(reason!("rate", "rate_hz is {}: it must be 1 to 1000", self.rate_hz));
+            return Err(reason!("rate", "rate_hz is {}, but must be 1 to 1000", self.rate_hz));
         }
         if self.keys.is_empty() {
-            return Err(reason!("no-keys", "it has no keys"));
+            return Err(reason!("no-keys", "keys is empty"));
         }
         let mut before = 0.0;
         for (i, key) in self.keys.iter().enumerate() {
@@ -105,7 +108,7 @@ impl EyePath {
             if !(key.t_s >= before && key.t_s.is_finite()) {
                 return Err(reason!(
                     "time",
-                    "t_s of key {number} is {}: times are seconds, 0 or more, and rise",
+                    "t_s of key {number} is {}, but times must be 0 or more and rise",
                     key.t_s
                 ));
             }
@@ -118,39 +121,39 @@ impl EyePath {
                 if let Some(value) = value.filter(|v| !(least..=FARTHEST_MM).contains(v)) {
                     return Err(reason!(
                         "key-range",
-                        "{name} of key {number} is {value}: it must be {least} to {FARTHEST_MM}"
+                        "{name} of key {number} is {value}, but must be {least} to {FARTHEST_MM}"
                     ));
                 }
             }
         }
         if let Some(t) = self.blinks_s.iter().find(|t| !t.is_finite()) {
-            return Err(reason!("blink", "a blink begins at {t} s: it must be a finite number"));
+            return Err(reason!("blink", "blinks_s has {t}, which is not a finite number"));
         }
         let frames = before * self.rate_hz;
         if frames >= MOST_FRAMES {
-            return Err(reason!("frames-count", "it takes {frames:.0} frames: at most {MOST_FRAMES}"));
+            return Err(reason!("frames-count", "{frames:.0} frames, but at most {MOST_FRAMES} are allowed"));
         }
         Ok(())
     }
 
-    /// Frames from the time 0 to the last key, both included.
+    /// Returns the number of frames from time 0 to the last key, both included.
     pub fn frames(&self) -> usize {
         let end = self.keys.last().map_or(0.0, |key| key.t_s);
         (end * self.rate_hz + 1e-6).floor() as usize + 1
     }
 
-    /// When a frame is, seconds.
+    /// Returns the time of a frame, in seconds.
     pub fn time(&self, frame: usize) -> f64 {
         frame as f64 / self.rate_hz
     }
 
-    /// Frames, and the seconds that they take: whole numbers.
+    /// Returns the rate as a whole number of frames in a whole number of seconds.
     pub fn rate(&self) -> [u64; 2] {
         let thousandths = (self.rate_hz * 1000.0).round() as u64;
         if thousandths.is_multiple_of(1000) { [thousandths / 1000, 1] } else { [thousandths, 1000] }
     }
 
-    /// The eye at a time (s), before a display of this focal length (metres).
+    /// Returns the eye at a time in seconds, in front of a display of this focal length in meters.
     pub fn at(&self, time: f64, focal_length: f64) -> Moment {
         let of = |value: &dyn Fn(&Key) -> Option<f64>, otherwise: f64| self.track(time, value).unwrap_or(otherwise);
         let pupil = Pupil {
@@ -163,7 +166,7 @@ impl EyePath {
         Moment { pupil, lid: open.fold(1.0, f64::min) }
     }
 
-    /// What the keys that say a value make of it; none where none does.
+    /// Interpolates a value between the keys that have it. Returns `None` if no key has it.
     fn track(&self, time: f64, value: &dyn Fn(&Key) -> Option<f64>) -> Option<f64> {
         let mut said = self.keys.iter().filter_map(|key| Some((key, value(key)?)));
         let (mut from, mut before) = said.next()?;
@@ -185,7 +188,7 @@ fn least_jerk(share: f64) -> f64 {
     share.powi(3) * (10.0 - 15.0 * share + 6.0 * share * share)
 }
 
-/// How far the lid is open so long after a blink began.
+/// Returns the opening of the lid, 0 to 1, at this number of seconds after a blink began.
 fn open(since: f64) -> f64 {
     let [down, closed, up] = BLINK;
     match since {
@@ -216,7 +219,7 @@ mod tests {
         let at = |t: f64| path.at(t, 0.4).pupil;
         assert!(near(at(0.0).x, -4e-3) && near(at(1.0).x, 0.0) && near(at(2.0).x, 4e-3));
         assert!(at(0.5).x > -4e-3 && at(0.5).x < -2e-3, "it begins gently: {}", at(0.5).x);
-        // A jump waits for its time; what it says of the focus waits, too.
+        // A jump waits for its time, and so does its focus.
         assert!(near(at(2.99).x, 4e-3) && near(at(3.0).x, 0.0) && near(at(2.99).depth, 1e-3));
         assert!(near(at(3.0).depth, 0.1 * 0.4 * 0.4) && near(at(0.0).y, 2e-3) && near(at(9.0).diameter, 6e-3));
         let lid = |t: f64| path.at(t, 0.4).lid;

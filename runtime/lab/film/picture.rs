@@ -1,25 +1,26 @@
-//! From linear light to a frame.
+//! Composes a frame from linear light.
 
 use eyebox::low_level::evaluate::{Plane, rgb};
 use eyebox::low_level::files::linear_to_srgb;
 use eyebox::low_level::optics::Color;
 use rayon::prelude::*;
 
-/// Grey between two pictures, encoded.
+/// The encoded gray between two pictures.
 const GAP: u8 = 96;
-/// The gap's share of a picture's columns.
+/// The gap has the columns of a picture divided by this number.
 const GAP_SHARE: usize = 48;
 
-/// A frame: encoded red, green and blue of every pixel.
+/// A frame as encoded red, green and blue of each pixel.
 pub struct Canvas {
-    /// Rows, columns.
+    /// Rows and columns of the frame.
     pub size: [usize; 2],
-    /// (row, column, channel).
+    /// The levels by (row, column, channel).
     pub rgb: Vec<u8>,
 }
 
 impl Canvas {
-    /// Pictures of one size beside each other, each of a plane for each of the colours, dimmed to the share `open` of their light.
+    /// Composes pictures of one size next to each other. Each has one plane per color and is dimmed to the share `open`
+    /// of its light.
     pub fn of(pictures: &[&[Plane]], colors: &[Option<Color>], open: f32) -> Self {
         let first = pictures.iter().find_map(|p| p.first());
         let (rows, columns) = first.map_or((0, 0), |p| (p.rows, p.columns));
@@ -35,7 +36,7 @@ impl Canvas {
                 for (x, pixel) in row[3 * left..][..3 * columns].chunks_exact_mut(3).enumerate() {
                     for (out, channel) in pixel.iter_mut().zip(channels) {
                         let light = f64::from(channel[y * columns + x] * open);
-                        // A cast from float saturates, and takes NaN to 0.
+                        // A cast from float saturates, and converts NaN to 0.
                         *out = (linear_to_srgb(light) * 255.0).round() as u8;
                     }
                 }
@@ -45,7 +46,8 @@ impl Canvas {
     }
 }
 
-/// The mean of every block of `n` x `n` pixels; what is left over at the ends is dropped, and a picture smaller than a block stays.
+/// Returns the mean of each block of `n` x `n` pixels. Incomplete blocks at the ends are dropped. A picture smaller
+/// than a block is unchanged.
 pub fn binned(plane: &Plane, n: usize) -> Plane {
     let (rows, columns) = (plane.rows / n.max(1), plane.columns / n.max(1));
     if n <= 1 || rows == 0 || columns == 0 {

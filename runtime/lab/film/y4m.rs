@@ -1,12 +1,13 @@
-//! YUV4MPEG2, the plain video that every tool reads: a line of words, and frames of bytes.
+//! Writes YUV4MPEG2, a plain video format that most tools read.
 //!
-//! Y'CbCr of ITU-R BT.601 in limited range, what programs take a Y4M for that does not say its matrix; one sample of each a pixel
-//! (4:4:4), so that grain keeps its colour.
+//! The file is one line of words, followed by frames of bytes. The colors are Y'CbCr of ITU-R BT.601 in limited range,
+//! because programs assume this for a Y4M without a stated matrix. There is one sample of each component per pixel
+//! (4:4:4), so that grain keeps its color.
 
 use super::picture::Canvas;
 use std::io::{self, Write};
 
-/// The first line, for frames of (rows, columns) at `rate`, frames in so many seconds.
+/// Writes the first line, for frames of (rows, columns) at `rate`, as a number of frames in a number of seconds.
 pub fn head(out: &mut dyn Write, [rows, columns]: [usize; 2], [frames, seconds]: [u64; 2]) -> io::Result<()> {
     writeln!(
         out,
@@ -14,7 +15,7 @@ pub fn head(out: &mut dyn Write, [rows, columns]: [usize; 2], [frames, seconds]:
     )
 }
 
-/// One frame.
+/// Writes one frame with its marker.
 pub fn frame(out: &mut dyn Write, canvas: &Canvas) -> io::Result<()> {
     out.write_all(b"FRAME\n")?;
     for plane in planes(&canvas.rgb) {
@@ -23,7 +24,7 @@ pub fn frame(out: &mut dyn Write, canvas: &Canvas) -> io::Result<()> {
     Ok(())
 }
 
-/// Luma and both differences of encoded red, green and blue.
+/// Returns the luma and both color differences of encoded red, green and blue.
 fn planes(rgb: &[u8]) -> [Vec<u8>; 3] {
     let mut planes = [const { Vec::new() }; 3];
     for pixel in rgb.chunks_exact(3) {
@@ -41,7 +42,7 @@ mod tests {
 
     #[test]
     fn colours_are_those_of_the_standard() {
-        // The bars of ITU-R BT.601 at full amplitude: white, black, red, green, blue.
+        // The bars of ITU-R BT.601 at full amplitude are white, black, red, green and blue.
         let rgb = [255, 255, 255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0, 255];
         let expected = [[235, 16, 81, 145, 41], [128, 128, 90, 54, 240], [128, 128, 240, 34, 110]];
         assert_eq!(planes(&rgb), expected.map(Vec::from));

@@ -1,4 +1,4 @@
-//! Coherence against quality, in the page of a comparison.
+//! Shows quality against coherence in the page of a comparison.
 
 use super::page::{self, figure, row, table};
 use super::pictures::{columns, decibels, img, in_decibels};
@@ -6,7 +6,7 @@ use super::plot::{Axis, Plot};
 use crate::comparison::{CoherenceFigures, Results};
 use maud::{Markup, html};
 
-/// Two plots for each scene, under their names.
+/// Returns two plots per scene with their names.
 pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     let of = |scene| {
         let named = |name: &str, plot| (format!("coherence {name} {scene}"), plot);
@@ -21,19 +21,19 @@ fn scenes(results: &Results) -> Vec<&str> {
     scenes
 }
 
-/// What was measured of one scene.
+/// Returns the measurements of one scene.
 fn of<'a>(results: &'a Results, scene: &'a str) -> impl Iterator<Item = &'a CoherenceFigures> {
     results.coherence.iter().filter(move |c| c.scene == scene)
 }
 
-/// Numbers of sub-frames, in the order in which they were measured.
+/// Returns the numbers of sub-frames in the order of the measurements.
 fn frames(results: &Results, scene: &str) -> Vec<usize> {
     let mut frames: Vec<usize> = of(results, scene).map(|c| c.frames).collect();
     frames.dedup();
     frames
 }
 
-/// A plot over the source's size, a line for each of these.
+/// One line of a plot over the size of the source, as its name, its number of sub-frames and its value.
 type Line<'a> = (String, usize, &'a dyn Fn(&CoherenceFigures) -> Option<f64>);
 
 fn plot(results: &Results, scene: &str, title: &str, y: Axis, lines: &[Line], legend: bool) -> Plot {
@@ -54,13 +54,13 @@ fn quality_lines(results: &Results, scene: &str) -> Vec<Line<'static>> {
     frames(results, scene).into_iter().map(line).collect()
 }
 
-/// Mean PSNR against the size of the source.
+/// Plots the mean PSNR against the size of the source.
 fn quality(results: &Results, scene: &str, legend: bool) -> Plot {
     let title = format!("PSNR of {scene} against the size of the source");
     plot(results, scene, &title, Axis::linear("dB"), &quality_lines(results, scene), legend)
 }
 
-/// What the most sub-frames keep: modulation, and the contrast of speckle.
+/// Returns the lines of modulation and speckle contrast, at the largest number of sub-frames.
 fn resolution_lines(results: &Results, scene: &str) -> Vec<Line<'static>> {
     let Some(most) = frames(results, scene).into_iter().max() else { return Vec::new() };
     vec![
@@ -75,7 +75,7 @@ fn resolution(results: &Results, scene: &str, legend: bool) -> Plot {
     plot(results, scene, &title, Axis::linear("share").floor(0.0), &resolution_lines(results, scene), legend)
 }
 
-/// The section; nothing where it was not compared.
+/// Returns the section, which is empty without a comparison of sources.
 pub fn section(results: &Results) -> Markup {
     let Some(first) = results.coherence.first() else { return Markup::default() };
     let legend = |lines: Vec<Line>| {
@@ -84,14 +84,16 @@ pub fn section(results: &Results) -> Markup {
     let body = html! {
         p {
             (format!(
-                "Square sources of several sizes, in {}, each with as few modes as the scene requires: solved for it, and seen in \
-                 its light by up to 25 modes. The narrowest pupils of a step ({:.1} mm) and the widest ({:.1} mm) are solved \
-                 for with as many of them as leave their speckle as it is. A wide source averages speckle, and blurs content that is away from the SLM. Speckle is \
-                 the standard deviation of an even plane over its mean, through {:.1} mm. Modulation is what upright bars at a \
-                 depth of {:.1} mm keep of theirs for who focuses on them through {:.1} mm, for narrower pupils pass less than \
-                 the picture's Nyquist frequency. Depth of field is the width of the focus through which bars of half the cut-off \
-                 of {:.1} mm keep half of their modulation; it is looked for up to twice the wavelength times the square of focal \
-                 length over diameter on either side, and is more where that is what stands here.",
+                "Square sources of several sizes are compared in {}. Each hologram is solved for its source, with as \
+                 few modes as the scene requires, and judged in the light of up to 25 modes. The narrowest pupils of a \
+                 step ({:.1} mm) and the widest ({:.1} mm) use as many of the modes as leave their speckle unchanged. \
+                 A wide source averages speckle, and blurs content that is away from the SLM. Speckle is the standard \
+                 deviation of an even plane over its mean, through a pupil of {:.1} mm. Modulation is the share that \
+                 vertical bars at a depth of {:.1} mm keep, in focus through a pupil of {:.1} mm. Narrower pupils pass \
+                 less than the picture's Nyquist frequency. Depth of field is the range of focus through which bars of \
+                 half the cut-off of {:.1} mm keep half of their modulation. It is measured up to twice the wavelength \
+                 times the square of focal length over diameter on either side. If the table has this limit, the depth \
+                 of field is larger.",
                 first.color, first.diameter_mm[0], first.diameter_mm[1], first.eye_mm, first.bars_mm, first.widest_mm, first.eye_mm
             ))
         }
@@ -107,7 +109,7 @@ pub fn section(results: &Results) -> Markup {
             (of_scene(results, scene))
         }
     };
-    page::section("coherence", "Coherence against quality", body)
+    page::section("coherence", "Quality against coherence", body)
 }
 
 fn of_scene(results: &Results, scene: &str) -> Markup {
@@ -137,7 +139,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         "at half of it",
         "depth of field, mm",
     ];
-    // Few sub-frames are where sources differ most.
+    // Sources differ most at few sub-frames.
     let fewest = of(results, scene).map(|c| c.frames).min();
     let shown: Vec<&CoherenceFigures> = of(results, scene).filter(|c| Some(c.frames) == fewest).collect();
     html! {
@@ -145,7 +147,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         div.shots style=(columns(shown.len())) {
             @for one in &shown {
                 @if let Some(picture) = &one.picture {
-                    @let words = format!("a source of {} mm, {} sub-frames: {}", one.image_mm, one.frames, in_decibels(one.mean_db));
+                    @let words = format!("{} mm, {} sub-frames, {}", one.image_mm, one.frames, in_decibels(one.mean_db));
                     figure { (img(picture, &format!("{scene}, {words}"), None)) figcaption { (words) } }
                 }
             }

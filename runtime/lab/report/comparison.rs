@@ -1,4 +1,4 @@
-//! The page of a comparison of methods.
+//! Makes the page of a comparison of methods.
 
 use super::page::{document, figure, row, section, table};
 use super::{coherence, etendue, joint, pictures, plots, sources};
@@ -6,33 +6,33 @@ use crate::comparison::{Results, SceneFigures, Series, mean};
 use eyebox::low_level::evaluate::{Group, Summary};
 use maud::{Markup, html};
 
-/// All of it.
+/// Returns the complete page as HTML.
 pub fn page(results: &Results) -> String {
     let title = match &results.scenes[..] {
-        [one] => format!("Methods compared: {}", one.name),
-        all => format!("Methods compared over {} scenes", all.len()),
+        [one] => format!("Comparison of methods for {}", one.name),
+        all => format!("Comparison of methods over {} scenes", all.len()),
     };
-    let lead = "A hologram should look right from anywhere in the eyebox: wherever the pupil is, however wide, whatever it \
-        focuses on. Here every method makes holograms of the same scenes, with the same steps, pupils and settings, and each \
-        is looked at through the same pupils.";
-    // Without methods there is nothing but what was asked for beside them.
+    let lead = "A hologram should give a correct image across the whole eyebox, for each position, diameter and focus \
+        of the pupil. Each method solves holograms of the same scenes, with the same steps, pupils and settings. All \
+        holograms are scored through the same pupils.";
+    // A comparison without methods has only the other sections.
     let compares = !results.methods.is_empty();
     let body = html! {
         @if results.missing > 0 {
             p.warn {
-                "The evaluation was stopped: " (results.missing)
-                " results are not here yet. The same command resumes where it was."
+                "The evaluation was stopped, and " (results.missing)
+                " results are missing. Run the same command again to resume."
             }
         }
         nav aria-label="Sections" {
             @if compares {
-                a href="#shows" { "What this shows" }
+                a href="#shows" { "Summary" }
                 a href="#scores" { "Scores" }
-                a href="#seen" { "What the eye sees" }
+                a href="#seen" { "Images" }
                 a href="#eyebox" { "Light in the eyebox" }
             }
             @if !results.speckle.is_empty() { a href="#speckle" { "Speckle" } }
-            @if !results.joint.is_empty() { a href="#joint" { "All colours at once" } }
+            @if !results.joint.is_empty() { a href="#joint" { "Simultaneous color" } }
             @if !results.coherence.is_empty() { a href="#coherence" { "Coherence" } }
             @if !results.etendue.is_empty() { a href="#etendue" { "Masks against eyebox" } }
             @if !results.sources.is_empty() { a href="#sources" { "Sources against eyebox" } }
@@ -62,7 +62,7 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
         ("Methods", list(results.methods.iter().map(|m| m.title.clone()).collect())),
         ("Pixels", format!("{} × {}", a.size[0], a.size[1])),
         ("Sub-frames", list(a.frames.iter().map(usize::to_string).collect())),
-        ("Colours", list(a.colors.iter().map(|c| c.to_string()).collect())),
+        ("Colors", list(a.colors.iter().map(|c| c.to_string()).collect())),
         ("Display shows", a.reach.clone()),
         ("Depth", list(results.scenes.iter().map(SceneFigures::depths_in_words).collect())),
         ("Steps", format!("{}, of {} pupils each", a.steps, a.pupils)),
@@ -71,10 +71,10 @@ fn facts(results: &Results) -> Vec<(&'static str, String)> {
 }
 
 fn shows(results: &Results) -> Markup {
-    section("shows", "What this shows", summary(results))
+    section("shows", "Summary", summary(results))
 }
 
-/// A few sentences from the numbers.
+/// Summarizes the numbers in a few sentences.
 fn summary(results: &Results) -> Markup {
     let ranked = |number: &dyn Fn(&Series) -> Option<f64>| {
         let mut all: Vec<_> = results.leading().into_iter().filter_map(|s| Some((number(&s)?, s))).collect();
@@ -89,12 +89,12 @@ fn summary(results: &Results) -> Markup {
     html! {
         p {
             @if let Some((best, series)) = means.first() {
-                "Through pupils anywhere in the eyebox, " (name(series)) " gives the best picture on average: " (db(*best))
+                "Through pupils anywhere in the eyebox, " (name(series)) " gives the best picture on average, with " (db(*best))
                 @if let Some(least) = random(series, |r| r.worst) { ", and " (db(least)) " at worst" } "."
-            } @else { "Nothing is measured yet." }
+            } @else { "There are no measurements yet." }
             @if let [(a, first), (b, second), .., ] = &worst[..] && let Some((c, last)) = worst.last() {
-                " The worst pupil is least bad with " (name(first)) " (" (db(*a)) "), then " (name(second)) " (" (db(*b))
-                "); it is worst with " (name(last)) " (" (db(*c)) ")."
+                " The worst pupil has the highest score with " (name(first)) " (" (db(*a)) "), then " (name(second)) " (" (db(*b))
+                "). The lowest score is from " (name(last)) " (" (db(*c)) ")."
             }
             @if let [(most, least_even), .., (least, most_even)] = &uneven[..] {
                 " Light is spread most evenly over the eyebox by " (name(most_even))
@@ -108,15 +108,16 @@ fn summary(results: &Results) -> Markup {
 fn scores(results: &Results) -> Markup {
     let body = html! {
         p {
-            "PSNR of every view against the photograph of the scene, after averaging over 2 × 2 pixels. Each hologram and \
-             colour has one exposure for all pupils, set as a photographer would: through the widest one, over the focal \
-             stack. Boxes hold the middle half, whiskers reach from the worst to the best, the thick line is the median, the \
-             ring the mean; pupils of all colours and scenes count alike. What lies below 0 dB is drawn at 0. The dashed line \
-             is the ceiling, the mean of what diffraction at the pupil leaves of each photograph at most: no hologram, however \
-             solved, scores more. Where it is far to the right of the axis it is not drawn, and hinders nobody."
+            "PSNR of each reconstruction against the target image of the scene, after averaging over 2 × 2 pixels. \
+             Each hologram and color has one exposure for all pupils. As in photography, the widest pupil sets it, \
+             over the focal stack. Boxes hold the middle half, and whiskers reach from the worst to the best score. \
+             The thick line is the median, and the ring is the mean. Pupils of all colors and scenes count alike. \
+             Scores below 0 dB are drawn at 0. The dashed line is the ceiling, which is the mean of the highest PSNR \
+             that diffraction at each pupil allows. No hologram scores more. A ceiling far above the scores is not \
+             drawn."
             @if !results.published.is_empty() {
-                " Dashed boxes are the published numbers that were given: from other scenes, with their own count of scores \
-                 (under the mouse), so read them as company and not as a target."
+                " Dashed boxes are published numbers from other scenes, with their own count of scores in the tooltip. \
+                 They are context and not a target."
             }
         }
         div.plots {
@@ -124,7 +125,7 @@ fn scores(results: &Results) -> Markup {
             (figure(
                 &plots::scatter(results),
                 "Every random pupil",
-                "one dot per pupil and colour; the bar is the mean, the worst is ringed",
+                "one dot per pupil and color, with a bar at the mean and a ring around the worst",
             ))
         }
     };
@@ -135,17 +136,17 @@ fn over_pupils(results: &Results) -> Markup {
     html! {
         section {
             h3 { "Against aperture and depth" }
-            ul.legend aria-label="Methods and their colours" {
+            ul.legend aria-label="Methods and their colors" {
                 @for series in results.leading() {
                     li class=(plots::color(results, &series.method)) { i {} (results.title(&series.method)) }
                 }
-                li { i.line {} "ceiling: what diffraction at the pupil leaves at most" }
+                li { i.line {} "ceiling, the highest PSNR that diffraction at the pupil allows" }
             }
             div.plots {
-                (figure(&plots::aperture(results), "Aperture", "centred, focused at the middle of the scene"))
-                (figure(&plots::focus(results), "Depth", "centred, as wide as the eyebox"))
+                (figure(&plots::aperture(results), "Aperture", "centered, focused at the middle of the scene"))
+                (figure(&plots::focus(results), "Depth", "centered, as wide as the eyebox"))
                 @if let Some(plot) = plots::jod(results) {
-                    (figure(&plot, "What people see", "JOD of random pupils: mean, and the worst"))
+                    (figure(&plot, "Perceived quality", "mean and worst JOD of random pupils"))
                 }
                 @if let Some(plot) = plots::frames(results) {
                     (figure(&plot, "Sub-frames", "mean over random pupils"))
@@ -163,28 +164,29 @@ fn seen(results: &Results) -> Markup {
             (pictures::views(results, scene))
             h3 { "Focus" }
             p {
-                "A pupil of 80 % of the eyebox, focused from the far end of the scene to the near end. What is out of focus \
-                 should blur as it does in the photographs, and not ring."
+                "A pupil of 80 % of the eyebox, focused from the far end of the scene to the near end. Content out of \
+                 focus should blur as in the target images, without ringing."
             }
             (pictures::strips(results, scene))
             h3 { "Parallax" }
             p {
-                "Rows " (scene.row) " and " (scene.row + 1) " of the picture, one slice for each of 31 places of a pupil of \
-                 1/8 of the eyebox, from the left edge (top) to the right. Content in focus stands upright, the rest leans; \
-                 where parallax is lost, lines break. It is the pair of rows whose photographs change most along the sweep."
+                "Rows " (scene.row) " and " (scene.row + 1) " of the picture, with one slice for each of 31 places of \
+                 a pupil of 1/8 of the eyebox, from the left edge (top) to the right. Content in focus is vertical, \
+                 and other content is slanted. Lines break if parallax is lost. The target images of this pair of rows \
+                 change most along the sweep."
             }
             (pictures::epipolar(results, scene))
         }
     };
-    section("seen", "What the eye sees", body)
+    section("seen", "Images", body)
 }
 
 fn light(results: &Results) -> Markup {
     let body = html! {
         p {
-            "Energy over the pupil plane, summed over sub-frames. An even map looks equally bright from everywhere; a bright \
-             middle and a dark rest mean a picture that is lost when the eye moves. The dashed square is the eyebox that all \
-             colours share."
+            "Energy over the pupil plane, summed over sub-frames. If the map is even, the picture is equally bright \
+             from all positions. If the middle is bright and the rest is dark, the picture is lost if the eye moves. \
+             The dashed square is the eyebox that all colors share."
         }
         @for scene in &results.scenes {
             @if results.scenes.len() > 1 { h3 { (scene.name) } }
@@ -194,7 +196,7 @@ fn light(results: &Results) -> Markup {
             (figure(
                 &plots::variation(results),
                 "Unevenness",
-                "standard deviation over mean of the light through a pupil of 1/8 of the eyebox, at 9 × 9 places; log scale",
+                "standard deviation over mean of the light through a pupil of 1/8 of the eyebox, at 9 × 9 places",
             ))
         }
     };
@@ -206,16 +208,17 @@ fn speckle(results: &Results) -> Markup {
     let body = html! {
         p {
             (format!(
-                "Contrast (standard deviation over mean) of an even grey plane of {0} × {0} pixels, {1}, through a centred \
-                 pupil of {2:.1} mm, without any averaging of pixels. Independent frames, each solved for itself, average as \
-                 1/√F; frames solved together do better, because they know of each other. Both axes are logarithmic.",
+                "Contrast (standard deviation over mean) of an even gray plane of {0} × {0} pixels, {1}, through a \
+                 centered pupil of {2:.1} mm, without any averaging of pixels. Independent frames, which are solved \
+                 separately, average as 1/√F. Frames that are solved together have less speckle, because they \
+                 compensate each other. Both axes are logarithmic.",
                 first.side, first.color, first.diameter_mm
             ))
         }
         ul.legend {
             li { i.line {} "1/√F from one frame" }
             li { i.ring {} "independent frames" }
-            li { i style="--c:var(--quiet)" {} "optimised together" }
+            li { i style="--c:var(--quiet)" {} "optimized together" }
         }
         div.plots {
             @for figures in &results.speckle {
@@ -232,15 +235,15 @@ fn colors(results: &Results) -> Markup {
     let body = html! {
         p {
             (format!(
-                "Mean CIEDE2000 over the random pupils, after 2 × 2 averaging, within 3 pixels of a step in the central view's \
-                 depth ({:.0} % of the picture), and elsewhere (paler). A difference of 1 is about the least that people \
-                 notice. The display's linear channels are taken as linear sRGB (D65).",
+                "Mean CIEDE2000 over the random pupils, after 2 × 2 averaging, within 3 pixels of a step in the \
+                 central view's depth ({:.0} % of the picture), and elsewhere (paler). A difference of 1 is about the \
+                 smallest visible difference. The display's linear channels are used as linear sRGB (D65).",
                 100.0 * share
             ))
         }
-        div.plots { (figure(&plot, "Colour error", "near edges in depth, and elsewhere")) }
+        div.plots { (figure(&plot, "Color error", "near edges in depth, and elsewhere")) }
     };
-    section("color", "Colour", body)
+    section("color", "Color", body)
 }
 
 fn tables(results: &Results) -> Markup {
@@ -266,21 +269,22 @@ fn tables(results: &Results) -> Markup {
         @if let (Some(judged), Some([white, black, pixels])) = (results.judged(), results.about.viewing) {
             p.note {
                 (format!(
-                    "JOD: just-objectionable differences by ColorVideoVDP, 10 where nothing is seen and 1 less where three of four \
-                     people prefer the photograph; of whole pictures in all colours at once, of {judged} pupils of each group, \
-                     seen at {pixels:.0} pixels a degree with white of {white:.0} and black of {black:.2} cd/m²."
+                    "JOD are just-objectionable differences by ColorVideoVDP. 10 JOD is no visible difference, and at \
+                     9 JOD three of four people prefer the target image. They are for whole pictures in all colors \
+                     together, through {judged} pupils of each group, at {pixels:.0} pixels per degree with white of \
+                     {white:.0} and black of {black:.2} cd/m²."
                 ))
             }
         }
         p.note {
-            "Every score of every pupil is in scores.csv, these tables in summary.csv, and all numbers in report.json, beside \
-             this page."
+            "The folder of this page has all scores of all pupils in scores.csv, these tables in summary.csv, and all \
+             numbers in report.json."
         }
     };
     section("tables", "Tables", body)
 }
 
-/// A row of a table in the colour of its method; cells, and whether they are the best of their column.
+/// A row of a table in the color of its method. Each cell has its text and true if it is the best of its column.
 fn of_method(results: &Results, series: &Series, cells: Vec<(String, bool)>) -> Markup {
     html! {
         tr {
@@ -293,7 +297,7 @@ fn of_method(results: &Results, series: &Series, cells: Vec<(String, bool)>) -> 
 fn of_group(results: &Results, scene: Option<&str>, group: Group, caption: &str) -> Markup {
     let rows: Vec<(Series, Summary)> =
         results.series().into_iter().filter_map(|s| results.psnr(&s, scene, group).map(|p| (s, p))).collect();
-    // The best of each column, to the digit that is shown.
+    // Two values are equal for the best of a column if their shown digits are equal.
     let shown = |v: f64| (v * 100.0).round();
     let cell = |s: &Summary, of: fn(&Summary) -> f64| {
         let is_best = rows.len() > 1 && rows.iter().all(|r| shown(of(&r.1)) <= shown(of(s)));
@@ -343,7 +347,7 @@ fn of_group(results: &Results, scene: Option<&str>, group: Group, caption: &str)
     table(caption, &columns, measured.chain(published))
 }
 
-/// What does not fit the other table: light, parallax, colour, time.
+/// The table of light, parallax, color and time.
 fn costs(results: &Results) -> Markup {
     let show = |v: Option<f64>, digits: usize| (v.map_or("–".into(), |v| format!("{v:.digits$}")), false);
     let series = results.series();
@@ -360,7 +364,7 @@ fn costs(results: &Results) -> Markup {
         of_method(results, series, cells)
     });
     let columns = ["Method", "unevenness", "slices near, dB", "slices far, dB", "ΔE edges", "ΔE elsewhere", "solve, s"];
-    table("Light, parallax, colour, time; means over colours and scenes", &columns, rows)
+    table("Light, parallax, color and time, as means over colors and scenes", &columns, rows)
 }
 
 fn methods(results: &Results) -> Markup {
@@ -374,8 +378,8 @@ fn methods(results: &Results) -> Markup {
         (section("methods", "Methods", body))
         footer {
             (format!(
-                "eyebox {}; display {} ({} × {} pixels of {:.1} µm), seed {}. One exposure per hologram and colour, never one \
-                 per pupil.",
+                "eyebox {}, display {} ({} × {} pixels of {:.1} µm), seed {}. Each hologram and color has one exposure \
+                 for all pupils.",
                 a.version, a.display, a.size[0], a.size[1], a.pitch_um, a.seed
             ))
         }

@@ -1,5 +1,7 @@
-//! A plot as it is laid out: shapes in pixels with the classes of the style sheet, drawn into a page, or as a file by itself
-//! in fixed colours on white, SVG or PDF, which needs no style sheet.
+//! Draws a laid-out plot into a page, or as a separate SVG or PDF file.
+//!
+//! Shapes are in pixels and have the classes of the style sheet. A separate file has fixed colors on white and needs no
+//! style sheet.
 
 use super::text::width;
 use maud::{Markup, PreEscaped, html};
@@ -7,21 +9,21 @@ use pdf_writer::types::TextRenderingMode;
 use pdf_writer::{Content, Finish, Name, Pdf, Rect, Ref, Str};
 use std::fmt::Write;
 
-/// Points of a PDF for each pixel.
+/// The points of a PDF per pixel.
 const POINTS: f32 = 0.75;
-/// Baselines of a title's lines, pixels apart.
+/// The distance of the baselines of a title's lines, in pixels.
 const TITLE_LINE: f64 = 17.0;
 
-/// A laid-out plot, pixels.
+/// A laid-out plot, in pixels.
 pub(super) struct Drawing {
     pub title: String,
-    /// Of the whole.
+    /// The size of the whole drawing.
     pub width: f64,
     pub height: f64,
     pub elements: Vec<Element>,
 }
 
-/// A shape with its classes, and what it says under the mouse.
+/// A shape with its classes and its tooltip.
 pub(super) struct Element {
     pub class: String,
     pub hover: String,
@@ -30,15 +32,15 @@ pub(super) struct Element {
 
 pub(super) enum Shape {
     Line(Vec<[f64; 2]>),
-    /// Centre and radius.
+    /// The center and the radius.
     Circle([f64; 2], f64),
-    /// The upper left corner, and width and height.
+    /// The upper left corner, and the width and height.
     Rect([f64; 2], [f64; 2]),
-    /// Its baseline's place; `start`, `middle` or `end`; what it says.
+    /// The place of the baseline, the anchor (`start`, `middle` or `end`) and the text.
     Text([f64; 2], &'static str, String),
 }
 
-/// Pixels as they are written.
+/// Formats a number of pixels.
 fn p(pixels: f64) -> String {
     format!("{pixels:.1}")
 }
@@ -49,7 +51,7 @@ fn points(all: &[[f64; 2]]) -> String {
 
 type Rgb = [u8; 3];
 
-/// The light colours of `plot.css`.
+/// The light colors of `plot.css`.
 const CARD: Rgb = [255, 255, 255];
 const INK: Rgb = [0x22, 0x25, 0x2a];
 const QUIET: Rgb = [0x64, 0x6a, 0x72];
@@ -67,18 +69,18 @@ const SERIES: [Rgb; 10] = [
     [0x6b, 0x72, 0x80],
 ];
 
-/// How a shape is drawn where there is no style sheet: what `plot.css` says of its classes, in light colours.
+/// The style of a shape without a style sheet. It copies the rules of `plot.css` for its classes, in light colors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Paint {
-    /// Colour and opacity.
+    /// The color and its opacity.
     fill: Option<(Rgb, f64)>,
     stroke: Option<(Rgb, f64)>,
     width: f64,
     dash: Option<[f64; 2]>,
-    /// Of text, pixels.
+    /// The size of text, in pixels.
     size: f64,
     bold: bool,
-    /// White around letters.
+    /// True for white around the letters.
     halo: bool,
 }
 
@@ -155,7 +157,7 @@ impl Paint {
         paint
     }
 
-    /// As attributes of SVG.
+    /// Returns the style as attributes of SVG.
     fn attributes(&self, is_text: bool) -> String {
         let hex = |[r, g, b]: Rgb| format!("#{r:02x}{g:02x}{b:02x}");
         let mut text = String::new();
@@ -185,7 +187,7 @@ impl Paint {
 }
 
 impl Drawing {
-    /// As an element of a page, whose style sheet colours it.
+    /// Draws an element of a page, which the style sheet colors.
     pub(super) fn markup(&self) -> Markup {
         html! {
             svg viewBox={ "0 0 " (self.width) " " (self.height) } role="img" aria-label=(self.title)
@@ -195,7 +197,7 @@ impl Drawing {
         }
     }
 
-    /// The title above, in lines as long as the drawing is wide, on white.
+    /// Adds the title above, in lines as long as the drawing is wide, on white.
     fn titled(self) -> Self {
         let mut lines: Vec<String> = vec![String::new()];
         for word in self.title.split(' ') {
@@ -218,7 +220,7 @@ impl Drawing {
         Self { height, elements, ..self }
     }
 
-    /// As a file by itself: an SVG that needs no style sheet.
+    /// Draws a separate SVG file that needs no style sheet.
     pub(super) fn svg_file(self) -> String {
         let titled = self.titled();
         let Self { title, width, height, elements } = &titled;
@@ -232,12 +234,13 @@ impl Drawing {
         .into_string()
     }
 
-    /// As a file by itself: a page of PDF, of lines and letters, in Helvetica, which every reader of PDF has.
+    /// Draws a separate file as one page of PDF, made of lines and letters. It uses Helvetica, which all PDF readers
+    /// have.
     pub(super) fn pdf_file(self) -> Vec<u8> {
         let titled = self.titled();
         let [catalog, tree, page, contents, plain, bold, info] = [1, 2, 3, 4, 5, 6, 7].map(Ref::new);
         let mut content = Content::new();
-        // Pixels from the upper left corner.
+        // The coordinates are pixels from the upper left corner.
         content.transform([POINTS, 0.0, 0.0, -POINTS, 0.0, titled.height as f32 * POINTS]);
         let mut opacities: Vec<[f64; 2]> = Vec::new();
         for element in &titled.elements {
@@ -290,7 +293,7 @@ impl Element {
         }
     }
 
-    /// The same without classes.
+    /// Draws the shape without classes.
     fn plain(&self) -> String {
         let paint = Paint::of(self);
         let style = paint.attributes(matches!(self.shape, Shape::Text(..)));
@@ -308,7 +311,7 @@ impl Element {
                 let text = |style: &str| {
                     format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\"{style}>{escaped}</text>")
                 };
-                // Behind the letters, for programs that know no order of painting.
+                // Programs that ignore the order of painting need the halo as separate text behind the letters.
                 let behind = Paint { stroke: Some((CARD, 1.0)), width: 3.0, ..paint };
                 let behind = if paint.halo { text(&behind.attributes(true)) } else { String::new() };
                 behind + &text(&style)
@@ -324,7 +327,8 @@ impl Element {
         self
     }
 
-    /// Into the content of a PDF's page; `opacities` are those of fill and stroke that it has names for.
+    /// Writes the shape into the content of a PDF page. `opacities` lists the named pairs of the opacities of fill and
+    /// stroke.
     fn write(&self, to: &mut Content, opacities: &mut Vec<[f64; 2]>) {
         let paint = Paint::of(self);
         let opacity = [paint.fill, paint.stroke].map(|paint| paint.map_or(1.0, |p| p.1));
@@ -362,7 +366,7 @@ impl Element {
     }
 }
 
-/// The path of a shape that is no text.
+/// Writes the path of a shape without text.
 fn outline(to: &mut Content, shape: &Shape) {
     let f = |v: f64| v as f32;
     match shape {
@@ -380,7 +384,7 @@ fn outline(to: &mut Content, shape: &Shape) {
         }
         Shape::Circle([x, y], r) => {
             let (x, y, r) = (f(*x), f(*y), f(*r));
-            // Of the Bezier curve that is closest to a quarter.
+            // This is the factor of the Bezier curve that is closest to a quarter circle.
             let k = 0.552_284_8 * r;
             to.move_to(x + r, y);
             to.cubic_to(x + r, y + k, x + k, y + r, x, y + r);
@@ -445,8 +449,8 @@ mod tests {
         assert_eq!((of("shade", rect()).fill, of("m0 bar pale", rect()).fill), (Some((GRID, 0.8)), Some((c0, 0.32))));
         let text = || Shape::Text([0.0, 0.0], "start", "a".into());
         assert_eq!((of("m1 label", text()).fill, of("name halo", text()).halo), (Some((c1, 1.0)), true));
-        let known = "alone axis bar beside box dot grid halo label line mean median name out pale paper ring root shade small \
-                     speck text tick title";
+        let known = "alone axis bar beside box dot grid halo label line mean median name out pale paper ring root \
+                     shade small speck text tick title";
         let sheet = super::super::plot::STYLE.split("svg .").skip(1);
         for class in sheet.flat_map(|rule| rule.split('{').next().unwrap_or_default().split('.')) {
             let class = class.split([',', ' ']).next().unwrap_or_default();

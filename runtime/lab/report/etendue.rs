@@ -1,4 +1,4 @@
-//! Masks of finer pixels against eyebox, in the page of a comparison.
+//! Shows quality against the eyebox of a mask in the page of a comparison.
 
 use super::page::{self, figure, row, table};
 use super::pictures::{columns, decibels, img, in_decibels};
@@ -6,7 +6,7 @@ use super::plot::{Axis, Plot};
 use crate::comparison::{EtendueFigures, Results};
 use maud::{Markup, html};
 
-/// A plot for each scene, under its name.
+/// Returns one plot per scene with its name.
 pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     scenes(results).into_iter().map(|scene| (format!("etendue {scene}"), plot(results, scene, true))).collect()
 }
@@ -17,12 +17,12 @@ fn scenes(results: &Results) -> Vec<&str> {
     scenes
 }
 
-/// What was measured of one scene.
+/// Returns the measurements of one scene.
 fn of<'a>(results: &'a Results, scene: &'a str) -> impl Iterator<Item = &'a EtendueFigures> {
     results.etendue.iter().filter(move |e| e.scene == scene)
 }
 
-/// Numbers of sub-frames with the kind of mask.
+/// Returns the numbers of sub-frames with the kind of mask.
 fn lines(results: &Results) -> Vec<(usize, bool)> {
     let mut lines: Vec<(usize, bool)> = results.etendue.iter().map(|e| (e.frames, e.designed)).collect();
     lines.sort_unstable();
@@ -34,7 +34,7 @@ fn name((frames, designed): (usize, bool)) -> String {
     format!("{frames} sub-frames, {} masks", if designed { "designed" } else { "random" })
 }
 
-/// Mean PSNR against the side of the eyebox.
+/// Plots the mean PSNR against the side of the eyebox.
 fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     let title = format!("PSNR of {scene} against the eyebox that a mask makes");
     let mut plot = Plot::new(&title, Axis::linear("side of the eyebox, mm"), Axis::linear("dB"));
@@ -49,16 +49,17 @@ fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     plot
 }
 
-/// The section; nothing where it was not compared.
+/// Returns the section, which is empty without a comparison of masks.
 pub fn section(results: &Results) -> Markup {
     let Some(first) = results.etendue.first() else { return Markup::default() };
     let body = html! {
         p {
             (format!(
-                "Masks of finer pixels in front of the SLM, in {}: each hologram is solved for its mask, and looked at behind it, through \
-                 random pupils over its whole eyebox. The SLM has as many phases with a mask as without: what is gained in eyebox \
-                 and etendue is paid in quality. Views without a stated pitch stretch over each eyebox. Speckle is the standard \
-                 deviation of an even plane over its mean, through {:.1} mm.",
+                "Masks of finer pixels in front of the SLM are compared in {}. Each hologram is solved for its mask, \
+                 and scored behind it through random pupils over its whole eyebox. The number of phases is the same \
+                 with and without a mask, so a larger eyebox and etendue cost quality. Views without a stated pitch \
+                 stretch over each eyebox. Speckle is the standard deviation of an even plane over its mean, through a \
+                 pupil of {:.1} mm.",
                 first.color, first.eye_mm
             ))
         }
@@ -90,7 +91,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         div.shots style=(columns(4)) {
             @for e in of(results, scene) {
                 @if let Some(picture) = &e.picture {
-                    @let words = format!("{}, {} sub-frames: {}", e.mask, e.frames, in_decibels(e.mean_db));
+                    @let words = format!("{}, {} sub-frames, {}", e.mask, e.frames, in_decibels(e.mean_db));
                     figure { (img(picture, &format!("{scene}, {words}"), None)) figcaption { (words) } }
                 }
             }

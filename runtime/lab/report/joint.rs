@@ -1,4 +1,4 @@
-//! All colours at once against one colour after another, in the page of a comparison.
+//! Compares simultaneous color with one color after another in the page of a comparison.
 
 use super::page::{self, figure, row, table};
 use super::pictures::{columns, decibels, img, in_decibels};
@@ -7,7 +7,7 @@ use super::plots::counts;
 use crate::comparison::{JointFigures, Results};
 use maud::{Markup, html};
 
-/// A plot for each scene, under its name.
+/// Returns one plot per scene with its name.
 pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     scenes(results).into_iter().map(|scene| (format!("joint color {scene}"), plot(results, scene, true))).collect()
 }
@@ -18,12 +18,12 @@ fn scenes(results: &Results) -> Vec<&str> {
     scenes
 }
 
-/// What was measured of one scene.
+/// Returns the measurements of one scene.
 fn of<'a>(results: &'a Results, scene: &'a str) -> impl Iterator<Item = &'a JointFigures> {
     results.joint.iter().filter(move |j| j.scene == scene)
 }
 
-/// The ways of lighting sub-frames, in the order in which they were measured.
+/// Lists the ways of lighting sub-frames in the order of the measurements.
 fn ways(results: &Results) -> Vec<&str> {
     let mut ways: Vec<&str> = Vec::new();
     for joint in &results.joint {
@@ -34,11 +34,11 @@ fn ways(results: &Results) -> Vec<&str> {
     ways
 }
 
-/// Mean PSNR against sub-frames in all, a line for each way.
+/// Plots the mean PSNR against the number of sub-frames in all, with one line per way.
 fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     let mut frames: Vec<usize> = of(results, scene).map(|j| j.frames).collect();
     frames.dedup();
-    let title = format!("PSNR of {scene} against sub-frames in all, by how they are lit");
+    let title = format!("PSNR of {scene} against sub-frames in all, by their lighting");
     let mut plot = Plot::new(&title, Axis::log("sub-frames in all").ticks(counts(frames)), Axis::linear("dB"));
     for (i, way) in ways(results).into_iter().enumerate() {
         let points: Vec<[f64; 2]> =
@@ -51,27 +51,27 @@ fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     plot
 }
 
-/// The section; nothing where it was not compared.
+/// Returns the section, which is empty without a comparison of ways.
 pub fn section(results: &Results) -> Markup {
     if results.joint.is_empty() {
         return Markup::default();
     }
     let body = html! {
         p {
-            "The same number of sub-frames in all, lasers of the same peak power, each colour at the same exposure, the same steps \
-             and pupils. In sequence each colour has its own sub-frames, a third of them; at once every laser lights every \
-             sub-frame, with a power of its own, and one set of phases serves all colours. Brightness is that of white, times \
-             that in sequence. PSNR is over random pupils and all colours."
+            "All ways have the same number of sub-frames in all, lasers of the same peak power, each color at the same \
+             exposure, and the same steps and pupils. In sequence, each color has its own third of the sub-frames. At \
+             once, each laser lights all sub-frames with its own power, and one set of phases serves all colors. \
+             Brightness is the brightness of white relative to the sequence. PSNR is over random pupils and all colors."
         }
         ul.legend {
             @for (i, way) in ways(results).into_iter().enumerate() { li class={ "m" (i) } { i {} (way) } }
         }
         div.plots {
-            @for scene in scenes(results) { (figure(&plot(results, scene, false), scene, "mean over random pupils and colours")) }
+            @for scene in scenes(results) { (figure(&plot(results, scene, false), scene, "mean over random pupils and colors")) }
         }
         @for scene in scenes(results) { (of_scene(results, scene)) }
     };
-    page::section("joint", "All colours at once", body)
+    page::section("joint", "Simultaneous color", body)
 }
 
 fn of_scene(results: &Results, scene: &str) -> Markup {
@@ -81,15 +81,15 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
             [format!("{:.2}", j.brightness), decibels(j.mean_db, 2), decibels(j.worst_db, 2), colors.join(", ")];
         row(&format!("{} sub-frames, {}", j.frames, j.way), cells)
     };
-    // Few sub-frames are where the ways differ most.
+    // The ways differ most at few sub-frames.
     let fewest = of(results, scene).map(|j| j.frames).min();
     let shown: Vec<&JointFigures> = of(results, scene).filter(|j| Some(j.frames) == fewest).collect();
     html! {
-        (table(scene, &["Sub-frames in all", "brightness", "mean dB", "worst dB", "colours, mean dB"], of(results, scene).map(line)))
+        (table(scene, &["Sub-frames in all", "brightness", "mean dB", "worst dB", "colors, mean dB"], of(results, scene).map(line)))
         div.shots style=(columns(shown.len())) {
             @for joint in &shown {
                 @if let Some(picture) = &joint.picture {
-                    @let alt = format!("{scene}, {} sub-frames, {}: {}", joint.frames, joint.way, in_decibels(joint.mean_db));
+                    @let alt = format!("{scene}, {} sub-frames, {}, {}", joint.frames, joint.way, in_decibels(joint.mean_db));
                     figure {
                         (img(picture, &alt, None))
                         figcaption { b { (joint.way) } (format!(" {} sub-frames, {}", joint.frames, in_decibels(joint.mean_db))) }

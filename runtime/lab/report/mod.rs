@@ -1,7 +1,7 @@
-//! Writes reports: pages that open from disk, and the same numbers as CSV and JSON.
+//! Writes reports as pages that open from disk, and the same numbers as CSV and JSON.
 //!
-//! What was measured comes as plain data ([`comparison::Results`](crate::comparison::Results)); nothing here
-//! computes light. A [`Plot`] is the one type of drawing, `page` is what all pages are made of.
+//! The measurements arrive as plain data ([`comparison::Results`](crate::comparison::Results)), and this module
+//! computes no light. A [`Plot`] is the one type of drawing, and `page` has the parts of all pages.
 
 mod calibration;
 mod coherence;
@@ -30,7 +30,7 @@ use eyebox::low_level::files::{FileError, ManagedDir};
 use eyebox::low_level::optics::Color;
 use serde_json::Value;
 
-/// What [`write_comparison`] writes, as [`ManagedDir::open`] takes it.
+/// The files that [`write_comparison`] writes, in the form of [`ManagedDir::open`].
 pub const COMPARISON: [&str; 8] = [
     "report.html",
     "scores.csv",
@@ -41,21 +41,24 @@ pub const COMPARISON: [&str; 8] = [
     "report.json",
     "figures/",
 ];
-/// What [`write_tuned`] writes.
+/// The files that [`write_tuned`] writes.
 pub const TUNED: [&str; 4] = ["index.html", "trials.csv", "tradeoff.json", "figures/"];
-/// What [`write_study`] writes.
+/// The files that [`write_study`] writes.
 pub const STUDY: [&str; 3] = ["study.html", "study.json", "figures/"];
 
-/// The numbers of a comparison of methods as one JSON object, without its pictures.
+/// Returns the numbers of a comparison of methods as one JSON object, without its pictures.
 pub fn comparison_json(results: &Results) -> Value {
     tables::json(results)
 }
 
-/// Writes `report.html`, `scores.csv`, `summary.csv`, `report.json` and, where it has them, `joint-color.csv`, `coherence.csv` and
-/// `etendue.csv` of a comparison of methods into a folder, each whole or not at all; and its plots, each by itself as SVG and as PDF, into `figures/`.
+/// Writes `report.html`, `scores.csv`, `summary.csv` and `report.json` of a comparison of methods into a folder, each
+/// atomically.
+///
+/// If the comparison has such results, it also writes `joint-color.csv`, `coherence.csv` and `etendue.csv`. Each plot
+/// is also written as a separate SVG and PDF into `figures/`.
 ///
 /// # Errors
-/// [`FileError`].
+/// Returns [`FileError`] if a file cannot be written.
 pub fn write_comparison(results: &Results, folder: &mut ManagedDir) -> Result<(), FileError> {
     let methods = if results.methods.is_empty() { Vec::new() } else { plots::figures(results) };
     let joint = (!results.joint.is_empty()).then(|| ("joint-color.csv", tables::joint_table(results)));
@@ -78,21 +81,22 @@ pub fn write_comparison(results: &Results, folder: &mut ManagedDir) -> Result<()
     )
 }
 
-/// The page of a calibration: pictures beside predictions, the model's numbers, what is left and where.
+/// Returns the page of a calibration with pictures next to predictions, the parameters of the model, and the residuals
+/// with their places.
 pub fn calibration_page(calibration: &Calibration, color: Color) -> String {
     calibration::page(calibration, color)
 }
 
-/// The numbers of a tuning as one JSON object, with the trials that are on each front.
+/// Returns the numbers of a tuning as one JSON object, with the trials that are on each front.
 pub fn tuned_json(tuned: &Tuned) -> Value {
     tradeoff::json(tuned)
 }
 
-/// Writes `index.html`, `trials.csv` and `tradeoff.json` of a tuning into a folder, each whole or not at all; and its plots,
-/// each by itself as SVG and as PDF, into `figures/`.
+/// Writes `index.html`, `trials.csv` and `tradeoff.json` of a tuning into a folder, each atomically. Each plot is also
+/// written as a separate SVG and PDF into `figures/`.
 ///
 /// # Errors
-/// [`FileError`].
+/// Returns [`FileError`] if a file cannot be written.
 pub fn write_tuned(tuned: &Tuned, folder: &mut ManagedDir) -> Result<(), FileError> {
     write(
         folder,
@@ -105,11 +109,12 @@ pub fn write_tuned(tuned: &Tuned, folder: &mut ManagedDir) -> Result<(), FileErr
     )
 }
 
-/// Writes `study.html`, the page of a study of steering, and `study.json`, its `numbers`, into a folder, each whole or not at
-/// all; and its plots, each by itself as SVG and as PDF, into `figures/`. `engine` is what computed it.
+/// Writes `study.html`, the page of a study of the refinement for the tracked pupil, and `study.json`, its `numbers`,
+/// into a folder, each atomically. Each plot is also written as a separate SVG and PDF into `figures/`. `engine` is the
+/// description of the engine.
 ///
 /// # Errors
-/// [`FileError`].
+/// Returns [`FileError`] if a file cannot be written.
 pub fn write_study(
     title: &str,
     engine: &str,
@@ -122,10 +127,11 @@ pub fn write_study(
     write(folder, study::figures(study), [("study.json", numbers), ("study.html", page)])
 }
 
-/// The same of a study of content that stands still, moves or jumps: its runs, and how many sets after a change summaries leave out.
+/// Writes the same files for a study of still, moving or jumping content. The pair has its runs and the number of sets
+/// after a change that the means leave out.
 ///
 /// # Errors
-/// [`FileError`].
+/// Returns [`FileError`] if a file cannot be written.
 pub fn write_content_study(
     title: &str,
     engine: &str,
@@ -138,7 +144,7 @@ pub fn write_content_study(
     write(folder, content_study::figures(runs), [("study.json", numbers), ("study.html", page)])
 }
 
-/// The files, after each plot by itself, under its name with dashes.
+/// Writes each plot under its name with dashes, and then the files.
 fn write<'f>(
     folder: &mut ManagedDir,
     figures: impl IntoIterator<Item = (impl AsRef<str>, Plot)>,

@@ -1,17 +1,17 @@
-//! What pages are made of: one file that opens from disk, without scripts and without a network.
+//! Builds the parts of pages, each of which is one file that opens from disk without scripts or network.
 
 use super::plot::{self, Plot};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str = include_str!("style.css");
 
-/// A self-contained page around `body`, under a heading.
+/// Returns a self-contained page around `body`, under a heading, with a note about the folder of plots.
 pub fn document(title: &str, lead: &str, facts: &[(&str, String)], body: Markup) -> String {
-    let note = html! { p.note { "Every plot here is in the folder " code { "figures" } " too, by itself, as SVG and as PDF." } };
+    let note = html! { p.note { "The folder " code { "figures" } " has each plot of this page as SVG and as PDF." } };
     bare(title, lead, facts, html! { (body) (note) })
 }
 
-/// Such a page whose plots are in no folder.
+/// Returns a self-contained page whose plots are in no folder.
 pub fn bare(title: &str, lead: &str, facts: &[(&str, String)], body: Markup) -> String {
     html! {
         (DOCTYPE)
@@ -37,17 +37,17 @@ pub fn bare(title: &str, lead: &str, facts: &[(&str, String)], body: Markup) -> 
     .into_string()
 }
 
-/// A part of a page under a heading that links can reach.
+/// Returns a part of a page under a heading that links can reach.
 pub fn section(id: &str, title: &str, body: Markup) -> Markup {
     html! { section aria-labelledby=(id) { h2 id=(id) { (title) } (body) } }
 }
 
-/// A plot with what it is called and what it shows.
+/// Returns a plot with its name and its description.
 pub(crate) fn figure(plot: &Plot, name: &str, about: &str) -> Markup {
     html! { figure { figcaption { b { (name) } " " span { (about) } } (plot.svg()) } }
 }
 
-/// A table whose first column names its rows; rows are `tr` elements.
+/// Returns a table whose first column names its rows. Rows are `tr` elements.
 pub fn table(caption: &str, columns: &[&str], rows: impl IntoIterator<Item = Markup>) -> Markup {
     html! {
         div.scroll tabindex="0" role="region" aria-label=(caption) {
@@ -60,12 +60,13 @@ pub fn table(caption: &str, columns: &[&str], rows: impl IntoIterator<Item = Mar
     }
 }
 
-/// A row of a table: its name, then its cells.
+/// Returns a row of a table as its name and its cells.
 pub fn row(name: &str, cells: impl IntoIterator<Item = String>) -> Markup {
     html! { tr { th scope="row" .words[name.len() > 24] { (name) } @for cell in cells { td .words[cell.len() > 24] { (cell) } } } }
 }
 
-/// Statements with what came of each: class (`holds`, `partly`, `fails` or `open`), title, tag, numbers, and a note.
+/// Returns a list of statements with their results. Each has a class (`holds`, `partly`, `fails` or `open`), a title, a
+/// tag, numbers and a note.
 pub(crate) fn statements<'a>(all: impl IntoIterator<Item = (&'a str, String, &'a str, Vec<String>, String)>) -> Markup {
     html! {
         ul.claims {

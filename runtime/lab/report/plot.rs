@@ -1,21 +1,23 @@
-//! The one type of plot: marks in the units of its axes, drawn as SVG. Colours are CSS variables of the style sheet, so that
-//! light and dark both read well; the classes `m0`, `m1`, ... are the colours of series.
+//! Defines the one type of plot, with marks in the units of its axes, drawn as SVG.
+//!
+//! Colors are CSS variables of the style sheet, so that a light and a dark page are both readable. The classes `m0`,
+//! `m1`, ... are the colors of series.
 
 use super::drawing::{self, Drawing, Element};
 use super::text::width;
 use maud::Markup;
 
-/// Width of a plot unless it says otherwise: it is shown at this size, or at a phone's width.
+/// The default width of a plot in pixels. A page shows it at this size or at the width of a phone.
 const WIDTH: f64 = 370.0;
-/// Margins of the drawing area, pixels: at the left for numbers and for names of rows, and below for the axis.
+/// The left margin for tick labels, in pixels.
 const NUMBERS: f64 = 44.0;
-/// At least.
+/// The smallest left margin for names of rows, in pixels.
 const NAMES: f64 = 112.0;
 const BELOW: f64 = 38.0;
-/// At the right, and where series are named there.
+/// The right margin, in pixels.
 const MARGIN: f64 = 16.0;
 const LEGEND: f64 = 170.0;
-/// Marks of an axis, at most.
+/// The largest number of ticks of an axis.
 const MOST: usize = 7;
 /// The rules of the style sheet that drawings need.
 pub(super) const STYLE: &str = include_str!("plot.css");
@@ -24,20 +26,20 @@ pub(super) const STYLE: &str = include_str!("plot.css");
 enum Kind {
     Linear,
     Log,
-    /// Names, one for each row from the top; row `i` spans `i` to `i + 1`.
+    /// Names, one for each row from the top. Row `i` spans `i` to `i + 1`.
     Rows(Vec<String>),
 }
 
-/// An axis: what is along it, and how.
+/// An axis with its name and its scale.
 #[derive(Debug, Clone)]
 pub struct Axis {
     name: String,
     kind: Kind,
-    /// Values below are drawn here.
+    /// Smaller values are drawn at this value.
     floor: f64,
-    /// Values that it covers besides those of the marks.
+    /// Values that the axis covers in addition to the values of the marks.
     covered: Vec<f64>,
-    /// Values with what is written at them; without them, round numbers.
+    /// Values with their labels. If there are none, the axis has round numbers.
     ticks: Vec<(f64, String)>,
     text: Option<fn(f64) -> String>,
 }
@@ -48,42 +50,42 @@ impl Axis {
         Self { name: name.into(), kind, floor: f64::NEG_INFINITY, covered, ticks, text: None }
     }
 
-    /// A linear axis.
+    /// Makes a linear axis.
     pub fn linear(name: &str) -> Self {
         Self::new(name, Kind::Linear)
     }
 
-    /// A logarithmic axis; values must be positive.
+    /// Makes a logarithmic axis, whose values must be positive.
     pub fn log(name: &str) -> Self {
         Self::new(name, Kind::Log)
     }
 
-    /// An axis of named rows, the first on top; row `i` spans the values `i` to `i + 1`.
+    /// Makes an axis of named rows, with the first on top. Row `i` spans the values `i` to `i + 1`.
     pub fn rows(names: impl IntoIterator<Item = String>) -> Self {
         Self::new("", Kind::Rows(names.into_iter().collect()))
     }
 
-    /// Values below `floor` are drawn at `floor`.
+    /// Draws values below `floor` at `floor`.
     pub fn floor(self, floor: f64) -> Self {
         Self { floor, ..self }
     }
 
-    /// The axis reaches these values too.
+    /// Extends the axis to these values.
     pub(crate) fn covering(self, values: impl IntoIterator<Item = f64>) -> Self {
         Self { covered: values.into_iter().collect(), ..self }
     }
 
-    /// Ticks at these values with these texts, in place of round numbers.
+    /// Replaces the round numbers by ticks at these values with these texts.
     pub fn ticks(self, ticks: impl IntoIterator<Item = (f64, String)>) -> Self {
         Self { ticks: ticks.into_iter().collect(), ..self }
     }
 
-    /// How the number of a tick is written.
+    /// Sets the format of the numbers of ticks.
     pub fn text(self, text: fn(f64) -> String) -> Self {
         Self { text: Some(text), ..self }
     }
 
-    /// Ticks and range over these values.
+    /// Returns ticks and range for these values.
     fn laid_out(&self, values: impl Iterator<Item = f64>) -> (Vec<(f64, String)>, [f64; 2]) {
         let all = values.chain(self.covered.iter().copied()).filter(|v| v.is_finite()).map(|v| v.max(self.floor));
         let [low, high] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
@@ -112,7 +114,7 @@ impl Axis {
     }
 }
 
-/// Round numbers that cover a range, and the step between them: about `most` of them.
+/// Returns about `most` round numbers that cover a range, and the step between them.
 fn round_numbers([low, high]: [f64; 2], most: usize) -> (Vec<f64>, f64) {
     let wide = (high - low).max(1e-6 * high.abs()).max(1e-9);
     let rough = wide / (most.max(2) - 1) as f64;
@@ -122,7 +124,7 @@ fn round_numbers([low, high]: [f64; 2], most: usize) -> (Vec<f64>, f64) {
     ((0..=(last - first) as usize).map(|i| (first + i as f64) * step).collect(), step)
 }
 
-/// Ticks of a logarithmic axis.
+/// Returns the ticks of a logarithmic axis.
 fn decades([low, high]: [f64; 2]) -> Vec<f64> {
     let wide = (high / low).log10();
     let parts: &[f64] = match wide {
@@ -136,7 +138,7 @@ fn decades([low, high]: [f64; 2]) -> Vec<f64> {
     all.filter(|v| (low..=high).contains(v)).collect()
 }
 
-/// A tick's number: no more digits than its step has; without a step, three digits that count.
+/// Formats the number of a tick with the digits of its step. Without a step, it has three significant digits.
 fn number(value: f64, step: f64) -> String {
     let size = if step > 0.0 { step } else { value.abs() / 100.0 };
     if step == 0.0 && !(1e-3..1e6).contains(&value.abs()) {
@@ -157,7 +159,7 @@ enum Shape {
     Line(Vec<[f64; 2]>),
     Dot([f64; 2], f64),
     Rect([f64; 2], [f64; 2]),
-    /// At a place, so many pixels from it; `text-anchor`; the text.
+    /// The place, the offset from it in pixels, the `text-anchor` and the text.
     Text([f64; 2], [f64; 2], &'static str, String),
 }
 
@@ -168,28 +170,28 @@ struct Mark {
     shape: Shape,
 }
 
-/// A plot in the making. Marks are drawn in the order in which they are added.
+/// A plot that is being built. Marks are drawn in the order in which they were added.
 #[derive(Debug, Clone)]
 pub struct Plot {
     title: String,
     x: Axis,
     y: Axis,
     width: f64,
-    /// Of the drawing area; of one row where there are rows.
+    /// The height of the drawing area, or of one row if there are rows, in pixels.
     height: f64,
     marks: Vec<Mark>,
-    /// Class and name of each series, written at the right.
+    /// The class and the name of each series, written at the right.
     legend: Vec<(String, String)>,
 }
 
 impl Plot {
-    /// `title` is what a screen reader says.
+    /// Makes an empty plot. Screen readers read `title`.
     pub fn new(title: &str, x: Axis, y: Axis) -> Self {
         let height = if matches!(y.kind, Kind::Rows(_)) { 28.0 } else { 212.0 };
         Self { title: title.into(), x, y, width: WIDTH, height, marks: Vec::new(), legend: Vec::new() }
     }
 
-    /// Of another width in all, and height of the drawing area or of each row, pixels.
+    /// Sets the total width, and the height of the drawing area or of each row, in pixels.
     pub fn sized(self, width: f64, height: f64) -> Self {
         Self { width, height, ..self }
     }
@@ -198,27 +200,28 @@ impl Plot {
         self.marks.push(Mark { class: class.into(), hover: hover.into(), shape });
     }
 
-    /// Straight lines through points.
+    /// Adds straight lines through points.
     pub fn line(&mut self, class: &str, points: Vec<[f64; 2]>) {
         self.add(class, "", Shape::Line(points));
     }
 
-    /// A disc of `radius` pixels; `hover` is what it says under the mouse.
+    /// Adds a disc of `radius` pixels. `hover` is its tooltip.
     pub fn dot(&mut self, class: &str, at: [f64; 2], radius: f64, hover: &str) {
         self.add(class, hover, Shape::Dot(at, radius));
     }
 
-    /// A rectangle between two corners; what is infinite ends at the edge.
+    /// Adds a rectangle between two corners. Infinite coordinates end at the edge.
     pub(crate) fn rect(&mut self, class: &str, from: [f64; 2], to: [f64; 2], hover: &str) {
         self.add(class, hover, Shape::Rect(from, to));
     }
 
-    /// Text so many pixels from a place; `anchor` is start, middle or end. It moves down where other text is.
+    /// Adds text at this offset in pixels from a place. `anchor` is start, middle or end. The text moves down if it
+    /// would cover other text.
     pub fn text(&mut self, class: &str, at: [f64; 2], offset: [f64; 2], anchor: &'static str, text: &str) {
         self.add(class, "", Shape::Text(at, offset, anchor, text.into()));
     }
 
-    /// A line with a dot at every point, which says its value under the mouse.
+    /// Adds a line with a dot at each point. The tooltip of a dot has its value.
     pub fn series(&mut self, class: &str, name: &str, points: &[[f64; 2]]) {
         self.line(&format!("{class} line"), points.to_vec());
         for [x, y] in points {
@@ -227,8 +230,8 @@ impl Plot {
         }
     }
 
-    /// A box plot along x: the lowest value, quartile, median, quartile and highest value, and where there is one, the mean.
-    /// Its middle and height are in rows.
+    /// Adds a box plot along x with the lowest value, quartile, median, quartile and highest value, and the mean if it
+    /// is given. Its middle and height are in rows.
     pub(crate) fn boxes(
         &mut self,
         class: &str,
@@ -249,35 +252,35 @@ impl Plot {
         }
     }
 
-    /// A bar along x from `from`, with its value at its end.
+    /// Adds a bar along x from `from`, with its value at its end.
     pub fn bar(&mut self, class: &str, [top, bottom]: [f64; 2], [from, to]: [f64; 2], hover: &str, value: &str) {
         self.rect(class, [from, top], [to, bottom], hover);
         self.text("small", [to, (top + bottom) / 2.0], [4.0, 3.5], "start", value);
     }
 
-    /// Names a series at the right of the plot, which is as much narrower.
+    /// Names a series at the right of the plot and narrows the drawing area for it.
     pub fn legend(&mut self, class: &str, name: &str) {
         self.legend.push((class.into(), name.into()));
     }
 
-    /// As wide as before, and the names of all series at its right.
+    /// Adds the names of all series at the right and widens the plot for them.
     pub(crate) fn with_legend(mut self, series: impl IntoIterator<Item = (String, String)>) -> Self {
         self.legend.extend(series);
         self.width += LEGEND - MARGIN;
         self
     }
 
-    /// The drawing as an element of a page.
+    /// Draws the plot as an element of a page.
     pub fn svg(&self) -> Markup {
         self.laid_out().markup()
     }
 
-    /// The drawing as an SVG file by itself, with its title, in fixed colours on white.
+    /// Draws the plot as a separate SVG file, with its title, in fixed colors on white.
     pub fn file(&self) -> String {
         self.laid_out().svg_file()
     }
 
-    /// The drawing as a PDF of one page, with its title, in fixed colours on white.
+    /// Draws the plot as a PDF of one page, with its title, in fixed colors on white.
     pub fn pdf(&self) -> Vec<u8> {
         self.laid_out().pdf_file()
     }
@@ -326,7 +329,7 @@ impl Plot {
 }
 
 impl Shape {
-    /// Its values along axis `k`.
+    /// Returns the coordinates of the shape along axis `k`.
     fn values(&self, k: usize) -> impl Iterator<Item = f64> {
         let points = match self {
             Self::Line(points) => points.clone(),
@@ -338,7 +341,7 @@ impl Shape {
 }
 
 impl Mark {
-    /// `taken` are the places of the texts so far.
+    /// Converts the mark to pixels. `taken` has the places of the texts before it.
     fn laid_out(&self, x: &Scale, y: &Scale, taken: &mut Vec<[f64; 2]>) -> Element {
         let at = |[a, b]: [f64; 2]| [x.at(a), y.at(b)];
         let shape = match &self.shape {
@@ -362,7 +365,7 @@ impl Mark {
     }
 }
 
-/// From values to pixels.
+/// Converts values to pixels.
 #[derive(Debug, Clone, Copy)]
 struct Scale {
     range: [f64; 2],
@@ -371,7 +374,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// Where a value is; what lies outside stands on the edge.
+    /// Returns the pixel of a value. Values outside the range are drawn at the edge.
     fn at(&self, value: f64) -> f64 {
         let of = |v: f64| if self.is_log { v.ln() } else { v };
         let ([a, b], [from, to]) = (self.range.map(of), self.pixels);

@@ -1,15 +1,15 @@
-//! The plots of a comparison of methods.
+//! Makes the plots of a comparison of methods.
 
 use super::plot::{Axis, Plot};
 use crate::comparison::{Published, Results, Series, SpeckleFigures, mean};
 use eyebox::low_level::evaluate::{Group, Summary};
 
-/// Class of a method's colour.
+/// Returns the class of a method's color.
 pub fn color(results: &Results, method: &str) -> String {
     format!("m{}", results.methods.iter().position(|m| m.name == method).unwrap_or(0) % 10)
 }
 
-/// PSNR along an axis: below 0 dB nothing is left to tell apart.
+/// Returns an axis of PSNR. Scores below 0 dB have no useful differences.
 fn decibels() -> Axis {
     Axis::linear("PSNR, dB").floor(0.0)
 }
@@ -22,7 +22,7 @@ fn published<'a>(results: &'a Results, series: &Series, group: Group) -> Option<
     results.published.iter().find(|p| p.is_of(&series.method, group))
 }
 
-/// Every plot of the page, each complete in itself, and the name of its file.
+/// Returns all plots of the page with the names of their files. Each is complete in itself.
 pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     let series = || results.leading().into_iter().map(|s| (color(results, &s.method), results.title(&s.method)));
     let mut all: Vec<(String, Plot)> =
@@ -35,7 +35,7 @@ pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     all.push(("light over the eyebox".into(), variation(results)));
     let speckles = results.speckle.iter().map(|s| {
         let class = color(results, &s.method);
-        let names = ["optimised together", "independent frames", "1 / root of their number"];
+        let names = ["optimized together", "independent frames", "1 / root of their number"];
         let classes = [class.clone(), format!("{class} alone"), "root".into()];
         let legend = classes.into_iter().zip(names.map(String::from));
         (format!("speckle {}", s.method), speckle(results, s).with_legend(legend))
@@ -45,7 +45,7 @@ pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     all
 }
 
-/// What box plots of all groups reach from and to: their axis is the same.
+/// Returns the extremes of the box plots of all groups, which share an axis.
 fn extremes(results: &Results) -> Vec<f64> {
     let mut values = Vec::new();
     for series in results.leading() {
@@ -57,7 +57,7 @@ fn extremes(results: &Results) -> Vec<f64> {
     values
 }
 
-/// Box plots of one group: a row per method, published numbers under the measured ones.
+/// Plots one group as box plots, with one row per method. Published numbers are under the measured ones.
 pub(crate) fn boxes(results: &Results, group: Group) -> Plot {
     let all = results.leading();
     let several = all.iter().any(|s| published(results, s, group).is_some());
@@ -92,7 +92,7 @@ fn said(what: &str, mean: f64, [worst, q25, median, q75, best]: [f64; 5]) -> Str
     )
 }
 
-/// Every random pupil as a dot, the worst one ringed.
+/// Plots each random pupil as a dot, with a ring around the worst one.
 pub(crate) fn scatter(results: &Results) -> Plot {
     let all = results.leading();
     let rows = names(results, &all);
@@ -105,7 +105,7 @@ pub(crate) fn scatter(results: &Results) -> Plot {
         let worst = format!("worst {:.1}", summary.worst);
         plot.text("small", [f64::NEG_INFINITY, middle], [-10.0, 16.0], "end", &worst);
         for (k, (r, psnr)) in rows.iter().filter_map(|r| Some((r, r.psnr?))).enumerate() {
-            // Golden ratio: even, and the same on every run.
+            // Steps of the golden ratio are even and equal on each run.
             let at = [psnr, middle + ((k as f64 * 0.618_034).fract() - 0.5) * 0.62];
             let [x, y, d, z] = r.pupil_mm;
             let hover = format!(
@@ -126,7 +126,8 @@ pub(crate) fn scatter(results: &Results) -> Plot {
     plot
 }
 
-/// Mean PSNR of each method at every place of a group, against what `x` makes of the place and its pupil.
+/// Plots the mean PSNR of each method at all places of a group, against a number that `x` computes from the place and
+/// its pupil.
 fn over_group(results: &Results, plot: &mut Plot, group: Group, x: impl Fn(usize, &[f64; 4]) -> f64) {
     for series in results.leading() {
         let place = |index: usize| {
@@ -142,35 +143,35 @@ fn over_group(results: &Results, plot: &mut Plot, group: Group, x: impl Fn(usize
         let row = results.rows(&leading, None, group).find(|r| r.index == index)?;
         Some(results.ceiling_at(group, index).map(|db| [x(index, &row.pupil_mm), db]))
     };
-    // Up to where it is of interest: above, it hinders nobody.
+    // A ceiling far above the scores limits no method, so it is not drawn.
     let points: Vec<[f64; 2]> = (0..).map_while(place).map_while(|p| p.filter(|p| p[1] <= highest)).collect();
     plot.line("root line", points);
 }
 
-/// How far above the best score a ceiling is drawn, dB.
+/// The largest distance of a drawn ceiling above the best score, in dB.
 const ABOVE: f64 = 10.0;
 
-/// The best mean score of any method at any place.
+/// Returns the best score of any method in any group.
 fn highest(results: &Results) -> f64 {
     let best = |s: Series| Group::ALL.map(|g| results.psnr(&s, None, g).map_or(0.0, |p| p.best));
     results.leading().into_iter().flat_map(best).fold(0.0, f64::max)
 }
 
-/// Mean PSNR against the diameter of a centred pupil.
+/// Plots the mean PSNR against the diameter of a centered pupil.
 pub(crate) fn aperture(results: &Results) -> Plot {
-    let title = "Mean PSNR against the diameter of a centred pupil";
+    let title = "Mean PSNR against the diameter of a centered pupil";
     let mut plot = Plot::new(title, Axis::log("diameter, mm"), decibels());
     over_group(results, &mut plot, Group::VaryingAperture, |_, pupil| pupil[2]);
     plot
 }
 
-/// Mean PSNR against the focus, from the scenes' far ends to their near ends.
+/// Plots the mean PSNR against the focus, from the scenes' far ends to their near ends.
 pub fn focus(results: &Results) -> Plot {
-    // Scenes differ in depth: places in the stack are what they have in common.
+    // Scenes differ in depth. Their common coordinate is the place in the focal stack.
     let places = results.runs.iter().flat_map(|r| &r.rows).filter(|r| r.group == Group::FocalStack).map(|r| r.index);
     let last = places.max().unwrap_or(1).max(1);
     let ticks = [(0.0, "far"), (0.5, "middle"), (1.0, "near")].map(|(share, name)| (share, name.to_string()));
-    let title = "Mean PSNR against the focus of a centred pupil as wide as the eyebox";
+    let title = "Mean PSNR against the focus of a centered pupil as wide as the eyebox";
     let depths = match &results.scenes[..] {
         [one] => format!("focus, {}", one.depths_in_words()),
         _ => "focus".into(),
@@ -180,7 +181,7 @@ pub fn focus(results: &Results) -> Plot {
     plot
 }
 
-/// Numbers of sub-frames as ticks.
+/// Returns numbers of sub-frames as ticks.
 pub(super) fn counts(all: impl IntoIterator<Item = usize>) -> Vec<(f64, String)> {
     let mut counts: Vec<usize> = all.into_iter().collect();
     counts.sort_unstable();
@@ -188,7 +189,8 @@ pub(super) fn counts(all: impl IntoIterator<Item = usize>) -> Vec<(f64, String)>
     counts.into_iter().map(|n| (n as f64, n.to_string())).collect()
 }
 
-/// Mean PSNR over random pupils against the number of sub-frames; nothing where only one was compared.
+/// Plots the mean PSNR over random pupils against the number of sub-frames. Returns `None` if only one number was
+/// compared.
 pub fn frames(results: &Results) -> Option<Plot> {
     let ticks = counts(results.series().iter().map(|s| s.frames));
     if ticks.len() < 2 {
@@ -205,7 +207,7 @@ pub fn frames(results: &Results) -> Option<Plot> {
     Some(plot)
 }
 
-/// Speckle contrast of one method against the number of sub-frames, both axes logarithmic.
+/// Plots the speckle contrast of one method against the number of sub-frames, with two logarithmic axes.
 pub fn speckle(results: &Results, figures: &SpeckleFigures) -> Plot {
     let points = |of: &[(usize, f64)]| of.iter().map(|(n, c)| [*n as f64, *c]).collect::<Vec<_>>();
     let independent = points(&figures.independent);
@@ -216,11 +218,12 @@ pub fn speckle(results: &Results, figures: &SpeckleFigures) -> Plot {
     let mut plot = Plot::new(&title, x, Axis::log("contrast"));
     plot.line("root line", independent.iter().map(|p| [p[0], one / p[0].sqrt()]).collect());
     plot.series(&format!("{class} alone"), "independent frames", &independent);
-    plot.series(&class, "optimised together", &points(&figures.joint));
+    plot.series(&class, "optimized together", &points(&figures.joint));
     plot
 }
 
-/// Two bars a method: near edges in depth, and elsewhere. Nothing where there is no colour error.
+/// Plots the color error of each method as two bars, near edges in depth and elsewhere. Returns `None` without color
+/// errors.
 pub fn colors(results: &Results) -> Option<Plot> {
     let mut all = results.leading();
     all.retain(|s| results.color_error(s) != [None, None]);
@@ -243,7 +246,8 @@ pub fn colors(results: &Results) -> Option<Plot> {
     Some(plot)
 }
 
-/// What people see through random pupils: a bar to the mean, and a paler one to the worst. Nothing where none was judged.
+/// Plots the JOD through random pupils as a bar to the mean and a paler one to the worst. Returns `None` if no pupil
+/// was judged.
 pub fn jod(results: &Results) -> Option<Plot> {
     let judged = |s: Series| results.jod(&s, None, Group::Random).map(|jod| (s, jod));
     let all: Vec<(Series, Summary)> = results.leading().into_iter().filter_map(judged).collect();
@@ -265,13 +269,13 @@ pub fn jod(results: &Results) -> Option<Plot> {
     Some(plot)
 }
 
-/// How uneven the light is over the eyebox, mean over colours and scenes.
+/// Plots the unevenness of the light over the eyebox, as the mean over colors and scenes.
 pub fn variation(results: &Results) -> Plot {
     let with_value = |s: Series| results.mean_of(&s, |c| Some(c.variation)).map(|v| (s, v));
     let all: Vec<(Series, f64)> = results.leading().into_iter().filter_map(with_value).collect();
     let names = Axis::rows(all.iter().map(|(s, _)| results.title(&s.method)));
     let least = all.iter().map(|a| a.1).fold(1.0, f64::min).max(1e-3);
-    // From the power of ten below.
+    // The axis begins at the power of ten below.
     let from = 10f64.powf(least.log10().floor());
     let x = Axis::log("standard deviation / mean").covering([from, 10.0 * from]);
     let mut plot = Plot::new("Variation of the light over the eyebox, by method", x, names);

@@ -1,4 +1,4 @@
-//! What an eye sees across the eyebox of a display's switchable sources, in the page of a comparison.
+//! Shows the scores across the eyebox of a display's switchable sources in the page of a comparison.
 
 use super::page::{self, figure, row, table};
 use super::pictures::{columns, decibels, img, in_decibels};
@@ -6,7 +6,7 @@ use super::plot::{Axis, Plot};
 use crate::comparison::{Results, SourcesFigures};
 use maud::{Markup, html};
 
-/// A plot for each scene, under its name.
+/// Returns one plot per scene with its name.
 pub fn figures(results: &Results) -> Vec<(String, Plot)> {
     scenes(results).into_iter().map(|scene| (format!("sources {scene}"), plot(results, scene, true))).collect()
 }
@@ -17,7 +17,7 @@ fn scenes(results: &Results) -> Vec<&str> {
     scenes
 }
 
-/// What was measured of one scene.
+/// Returns the measurements of one scene.
 fn of<'a>(results: &'a Results, scene: &'a str) -> impl Iterator<Item = &'a SourcesFigures> {
     results.sources.iter().filter(move |s| s.scene == scene)
 }
@@ -26,7 +26,7 @@ fn is_diagonal(figures: &SourcesFigures) -> bool {
     figures.place_mm[1] != 0.0
 }
 
-/// Each way of lighting the sources, along x and along the diagonal.
+/// Lists the ways of lighting the sources, along x and along the diagonal.
 fn lines(results: &Results) -> Vec<(&str, bool)> {
     let mut lines: Vec<(&str, bool)> = Vec::new();
     for s in &results.sources {
@@ -42,9 +42,9 @@ fn name((way, diagonal): (&str, bool)) -> String {
     format!("{way}, {}", if diagonal { "along the diagonal" } else { "along x" })
 }
 
-/// Mean PSNR against how far the eye is from the middle of the eyebox along x.
+/// Plots the mean PSNR against the distance of the eye from the middle of the eyebox along x.
 fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
-    let title = format!("PSNR of {scene} at the eye against where in the eyebox it is, by how the sources are lit");
+    let title = format!("PSNR of {scene} at the eye against its place in the eyebox, by the lighting of the sources");
     let mut plot = Plot::new(&title, Axis::linear("mm from the middle along x"), Axis::linear("dB"));
     for (i, line) in lines(results).into_iter().enumerate() {
         let own = of(results, scene).filter(|s| s.way == line.0 && is_diagonal(s) == line.1);
@@ -57,23 +57,24 @@ fn plot(results: &Results, scene: &str, legend: bool) -> Plot {
     plot
 }
 
-/// The section; nothing where it was not compared.
+/// Returns the section, which is empty without a comparison of sources.
 pub fn section(results: &Results) -> Markup {
     if results.sources.is_empty() {
         return Markup::default();
     }
     let body = html! {
         p {
-            "The display's switchable sources, each with an eyebox of its own. Steered, a hologram is solved for where the eye is, lit by \
-             the source whose eyebox holds the pupil, or near a border by all that it touches. In turn, each sub-frame has its own \
-             source; together, all are lit in all. PSNR is through pupils of 3.5 to 4.5 mm within 0.2 mm of the place, focused \
-             through the scene, each place at an exposure of its own."
+            "Each of the display's switchable sources has its own eyebox. If they follow the eye, a hologram is solved \
+             for the position of the eye. The source whose eyebox holds the pupil lights it, or near a border all \
+             sources that the pupil touches. If they are lit in turn, each sub-frame has its own source. If they are \
+             lit together, all sources light all sub-frames. PSNR is through pupils of 3.5 to 4.5 mm within 0.2 mm of \
+             the place, focused through the scene. Each place has its own exposure."
         }
         ul.legend {
             @for (i, line) in lines(results).into_iter().enumerate() { li class={ "m" (i) } { i {} (name(line)) } }
         }
         div.plots {
-            @for scene in scenes(results) { (figure(&plot(results, scene, false), scene, "mean over pupils and colours")) }
+            @for scene in scenes(results) { (figure(&plot(results, scene, false), scene, "mean over pupils and colors")) }
         }
         @for scene in scenes(results) { (of_scene(results, scene)) }
     };
@@ -86,7 +87,7 @@ fn of_scene(results: &Results, scene: &str) -> Markup {
         let [x, y] = s.place_mm;
         row(&format!("{}, ({x:.1}, {y:.1}) mm", s.way), [lit, decibels(s.mean_db, 2), decibels(s.worst_db, 2)])
     };
-    // Along x: what each way shows in the middle, halfway and at the rim.
+    // Each way has pictures along x, in the middle, halfway and at the rim.
     let own = |way: &str| of(results, scene).filter(|s| s.way == way && !is_diagonal(s)).collect::<Vec<_>>();
     let ways = lines(results).into_iter().filter(|(_, diagonal)| !diagonal);
     let shown: Vec<&SourcesFigures> = ways

@@ -1,21 +1,22 @@
-//! The page of a study of steering: decibels against milliseconds since the eye landed, and over time.
+//! Makes the page of a study of the refinement for the tracked pupil.
 
 use super::page::{document, figure, section};
 use super::plot::{Axis, Plot};
 use crate::study::{Study, StudySample};
 use maud::html;
 
-/// Milliseconds over which gains are averaged.
+/// The width of the bins in which gains are averaged, in milliseconds.
 const BIN_MS: f64 = 20.0;
 
-/// The page: gain since landing, quality over time, and the numbers. `engine` is what computed it.
+/// Returns the page with the gain since landing, the quality over time, and the numbers. `engine` is the description of
+/// the engine.
 pub(super) fn page(title: &str, engine: &str, study: &Study) -> String {
     let [end, soon] = [study.at_the_end_db(), study.within_db(50.0)].map(|all| {
         let mean = all.iter().sum::<f64>() / all.len() as f64;
         let least = all.iter().copied().fold(f64::INFINITY, f64::min);
         [mean, least].map(|v| if v.is_finite() { format!("{v:+.2} dB") } else { "-".into() })
     });
-    let lead = "What the eye sees of a hologram that follows it, against the same hologram unsteered.";
+    let lead = "The image at the eye of a hologram refined for the tracked pupil, against the same hologram static.";
     let jod = study.at_the_end_jod();
     let jod = [0, 1].map(|i| match jod.is_empty() {
         true => "-".into(),
@@ -24,33 +25,33 @@ pub(super) fn page(title: &str, engine: &str, study: &Study) -> String {
     let facts = [
         ("At the end of a fixation", end[0].clone()),
         ("at least", end[1].clone()),
-        ("seen there", jod[0].clone()),
-        ("seen there unsteered", jod[1].clone()),
+        ("JOD there", jod[0].clone()),
+        ("JOD there, static", jod[1].clone()),
         ("Within 50 ms of a landing", soon[0].clone()),
         ("at least", soon[1].clone()),
         ("At any time at least", study.worst_db().map_or("-".into(), |db| format!("{db:+.2} dB"))),
-        ("A step of one colour", format!("{:.2} ms", study.step_ms)),
+        ("A step of one color", format!("{:.2} ms", study.step_ms)),
         ("Engine", engine.into()),
     ];
     let [(_, gain), (_, time)] = figures(study);
     let body = html! {
         (section("landing", "Gain since the eye landed", figure(
             &gain,
-            "Each dot is a set at its light;",
-            "the line is their mean over 20 ms. Time runs from the end of the saccade to the middle of the set's light.",
+            "Each dot is a set at its light,",
+            "and the line is the mean over 20 ms. Time begins at the end of the saccade and ends at the middle of the light.",
         )))
         (section("time", "Over time", figure(
             &time,
             "PSNR at the eye,",
-            "mean over the colours: steered, and the same hologram unsteered (pale). The shaded times are saccades.",
+            "mean over the colors, refined and static (pale). Saccades are shaded.",
         )))
     };
     document(title, lead, &facts, body)
 }
 
-/// The plots of the page, and the names of their files.
+/// Returns the plots of the page with the names of their files.
 pub(super) fn figures(study: &Study) -> [(&'static str, Plot); 2] {
-    let steered = [("m0", "steered"), ("m1 alone", "unsteered")].map(|(class, name)| (class.into(), name.into()));
+    let steered = [("m0", "refined"), ("m1 alone", "static")].map(|(class, name)| (class.into(), name.into()));
     [
         ("gain since landing", since_landing(&study.moments)),
         ("psnr over time", over_time(&study.moments).with_legend(steered)),
@@ -64,9 +65,9 @@ fn wide(title: &str, x: &str, y: &str) -> Plot {
 fn since_landing(moments: &[StudySample]) -> Plot {
     let landed: Vec<(f64, &StudySample)> = moments.iter().filter_map(|m| m.since_landing_ms.map(|t| (t, m))).collect();
     let mut plot =
-        wide("gain in decibels against milliseconds since the eye landed", "ms since landing", "dB above unsteered");
+        wide("gain in decibels against milliseconds since the eye landed", "ms since landing", "dB above static");
     for (t, m) in &landed {
-        let text = format!("{t:.0} ms: {:.1} dB, {:.1} unsteered", m.steered_db, m.whole_db);
+        let text = format!("{t:.0} ms: {:.1} dB, {:.1} dB static", m.steered_db, m.whole_db);
         plot.dot("m0 speck", [*t, m.gain_db()], 2.4, &text);
     }
     let longest = landed.iter().map(|(t, _)| *t).fold(0.0, f64::max);
@@ -81,7 +82,7 @@ fn since_landing(moments: &[StudySample]) -> Plot {
 }
 
 fn over_time(moments: &[StudySample]) -> Plot {
-    let mut plot = wide("PSNR at the eye over time, steered and unsteered", "s", "PSNR at the eye, dB");
+    let mut plot = wide("PSNR at the eye over time, refined and static", "s", "PSNR at the eye, dB");
     for pair in moments.windows(2).filter(|p| p[1].since_landing_ms.is_none() && p[1].jumps > 0) {
         let (from, to) = ([pair[0].time_s, f64::NEG_INFINITY], [pair[1].time_s, f64::INFINITY]);
         plot.rect("shade", from, to, "saccade");

@@ -1,4 +1,4 @@
-//! The numbers of a comparison as CSV and JSON.
+//! Writes the numbers of a comparison as CSV and JSON.
 
 use crate::comparison::{
     CoherenceFigures, EtendueFigures, JointFigures, Results, SceneFigures, Series, SourcesFigures,
@@ -6,7 +6,7 @@ use crate::comparison::{
 use eyebox::low_level::evaluate::{Group, Summary};
 use serde_json::{Map, Value, json};
 
-/// A CSV file of these lines.
+/// Returns a CSV file of these lines.
 pub fn csv(head: &[&str], lines: impl IntoIterator<Item = Vec<String>>) -> Vec<u8> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(head).expect("a vector takes everything");
@@ -14,7 +14,7 @@ pub fn csv(head: &[&str], lines: impl IntoIterator<Item = Vec<String>>) -> Vec<u
     out.into_inner().expect("a vector takes everything")
 }
 
-/// Every score: one line per method, scene, colour and pupil.
+/// Returns all scores, with one line per method, scene, color and pupil.
 pub fn scores(results: &Results) -> Vec<u8> {
     let head = "method,frames,scene,color,group,pupil,x_mm,y_mm,diameter_mm,focus_mm,psnr_db,ssim,focus_dioptres,ceiling_db,jod";
     let rows = results.runs.iter().flat_map(|run| run.rows.iter().map(move |row| (run, row)));
@@ -38,7 +38,7 @@ pub fn scores(results: &Results) -> Vec<u8> {
     csv(&head.split(',').collect::<Vec<_>>(), lines)
 }
 
-/// Every summary: per method, sub-frames, group, and scene or all scenes together.
+/// Returns all summaries by method, sub-frames, group, and scene or all scenes together.
 pub fn summary(results: &Results) -> Vec<u8> {
     let statistics = ["mean", "median", "q25", "q75", "worst", "best", "sd"];
     let mut head: Vec<String> = ["method", "frames", "scene", "group", "n"].map(String::from).to_vec();
@@ -71,12 +71,12 @@ pub fn summary(results: &Results) -> Vec<u8> {
     csv(&head.iter().map(|h| &h[..]).collect::<Vec<_>>(), lines)
 }
 
-/// A number in a table; nothing if there is none.
+/// Formats a number of a table. The cell is empty without a number.
 fn cell(value: Option<f64>) -> String {
     value.map_or(String::new(), |v| format!("{v:.4}"))
 }
 
-/// One way of lighting, without its picture.
+/// Returns one way of lighting as JSON, without its picture.
 fn joint(figures: &JointFigures) -> Value {
     let JointFigures { scene, frames, way, brightness, mean_db, worst_db, colors_db, powers, .. } = figures;
     json!({
@@ -85,7 +85,8 @@ fn joint(figures: &JointFigures) -> Value {
     })
 }
 
-/// All colours at once against one colour after another: one line per scene, number of sub-frames and way of lighting them.
+/// Returns simultaneous color against one color after another, with one line per scene, number of sub-frames and way of
+/// lighting.
 pub fn joint_table(results: &Results) -> Vec<u8> {
     let lines = results.joint.iter().map(|j| {
         let numbers = [Some(j.brightness), j.mean_db, j.worst_db].map(cell);
@@ -94,12 +95,12 @@ pub fn joint_table(results: &Results) -> Vec<u8> {
     csv(&["scene", "frames", "way", "brightness", "psnr_mean_db", "psnr_worst_db"], lines)
 }
 
-/// One source, without its picture.
+/// Returns one source as JSON, without its picture.
 fn coherence(figures: &CoherenceFigures) -> Value {
     json!(CoherenceFigures { picture: None, ..figures.clone() })
 }
 
-/// Coherence against quality: one line per scene, number of sub-frames and size of the source.
+/// Returns quality against coherence, with one line per scene, number of sub-frames and size of the source.
 pub fn coherence_table(results: &Results) -> Vec<u8> {
     let lines = results.coherence.iter().map(|c| {
         let [nyquist, half] = c.modulation;
@@ -114,12 +115,12 @@ pub fn coherence_table(results: &Results) -> Vec<u8> {
     csv(&[&["scene", "frames", "source_mm"][..], &modes, &measured, &["depth_of_field_mm"]].concat(), lines)
 }
 
-/// One mask, without its picture.
+/// Returns one mask as JSON, without its picture.
 fn etendue(figures: &EtendueFigures) -> Value {
     json!(EtendueFigures { picture: None, ..figures.clone() })
 }
 
-/// Masks against eyebox: one line per scene, number of sub-frames and mask.
+/// Returns quality against masks, with one line per scene, number of sub-frames and mask.
 pub fn etendue_table(results: &Results) -> Vec<u8> {
     let lines = results.etendue.iter().map(|e| {
         let numbers = [Some(e.eyebox_mm), Some(e.etendue_mm2_sr), e.mean_db, e.worst_db, Some(e.contrast)].map(cell);
@@ -131,7 +132,7 @@ pub fn etendue_table(results: &Results) -> Vec<u8> {
     csv(&[&about[..], &measured].concat(), lines)
 }
 
-/// One place across the eyebox of switchable sources, without its picture.
+/// Returns one position across the eyebox of switchable sources as JSON, without its picture.
 fn source(figures: &SourcesFigures) -> Value {
     let SourcesFigures { scene, frames, way, place_mm, lit, mean_db, worst_db, .. } = figures;
     json!({
@@ -139,7 +140,7 @@ fn source(figures: &SourcesFigures) -> Value {
     })
 }
 
-/// All numbers, without pictures.
+/// Returns all numbers as JSON, without pictures.
 pub fn json(results: &Results) -> Value {
     let groups = |method: &str, frames: usize, scene: Option<&str>| -> Value {
         let series = Series { method: method.into(), frames };

@@ -1,6 +1,6 @@
-//! Text in Helvetica, one of the fonts that every reader of PDF has: how wide it is, and its bytes.
+//! Measures and encodes text in Helvetica, a font that all PDF readers have.
 
-/// Widths of the characters from the space to the tilde, thousandths of the size (Adobe's metrics of the font).
+/// Widths of the characters from the space to the tilde, in thousandths of the size (Adobe's metrics of the font).
 #[rustfmt::skip]
 const PLAIN: [u16; 95] = [
     278, 278, 355, 556, 556, 889, 667, 191, 333, 333, 389, 584, 278, 333, 278, 278,
@@ -11,16 +11,16 @@ const PLAIN: [u16; 95] = [
     556, 556, 333, 500, 278, 556, 500, 722, 500, 500, 500, 334, 260, 334, 584,
 ];
 
-/// How much wider bold letters are, on average.
+/// The average width of bold letters relative to plain ones.
 const BOLD: f64 = 1.07;
 
-/// How wide a text is, in sizes of the font; of bold text, about.
+/// Returns the width of a text in sizes of the font. It is approximate for bold text.
 pub(super) fn width(text: &str, bold: bool) -> f64 {
     let of = |c: char| (c as usize).checked_sub(32).and_then(|i| PLAIN.get(i)).map_or(556, |w| *w);
     text.chars().map(|c| f64::from(of(c)) / 1000.0).sum::<f64>() * if bold { BOLD } else { 1.0 }
 }
 
-/// The bytes of a text in the encoding of Western PDF fonts; what it lacks becomes a question mark.
+/// Returns the bytes of a text in the encoding of Western PDF fonts. Characters that it lacks become question marks.
 pub(super) fn win_ansi(text: &str) -> Vec<u8> {
     let byte = |c: char| match c {
         '\u{20}'..='\u{7e}' | '\u{a0}'..='\u{ff}' => c as u8,

@@ -1,4 +1,4 @@
-//! The page of a tuning: what a better picture costs, and which settings are worth it; and its numbers as CSV and JSON.
+//! Makes the page of a tuning, with the cost of quality and the recommended settings, and its numbers as CSV and JSON.
 
 use super::page::{document, figure, row, section, statements, table};
 use super::plot::{Axis, Plot};
@@ -10,15 +10,15 @@ use eyebox::low_level::solve::{Levels, Optimizer, PaddingRule, Settings};
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
-/// All of it.
+/// Returns the complete page as HTML.
 pub fn page(tuned: &Tuned) -> String {
-    let title = format!("Speed against accuracy: {}", tuned.scene);
-    let lead = "What a better picture costs on this machine. Each trial solves one colour of the scene with other settings; all \
-        are judged alike. The line is what no trial beats: every point above it would be a surprise.";
+    let title = format!("Speed against accuracy for {}", tuned.scene);
+    let lead = "The cost of a better picture on this machine. Each trial solves one color of the scene with other \
+        settings, and all are scored in the same way. The line joins the trials that no other trial beats.";
     let facts = [
         ("Scene", tuned.scene.clone()),
         ("Display", format!("{}, {} × {} pixels", tuned.display, tuned.size[0], tuned.size[1])),
-        ("Colour", tuned.color.to_string()),
+        ("Color", tuned.color.to_string()),
         ("Sub-frames shown", tuned.frames.to_string()),
         ("Levels", tuned.slm_levels.map_or("any phase".into(), |n| n.to_string())),
         (
@@ -33,7 +33,7 @@ pub fn page(tuned: &Tuned) -> String {
     let body = html! {
         @if tuned.interrupted {
             p.warn {
-                "It was stopped: this is what was measured until then. The same command resumes there."
+                "The tuning was stopped, and the page has its results until then. Run the same command again to resume."
             }
         }
         (recommended(tuned)) (fronts(tuned)) (alone(tuned)) (levels(tuned)) (trials(tuned)) (how())
@@ -42,7 +42,7 @@ pub fn page(tuned: &Tuned) -> String {
     document(&title, lead, &facts, body)
 }
 
-/// Milliseconds for people.
+/// Formats milliseconds for the page.
 fn time(milliseconds: f64) -> String {
     match milliseconds {
         ms if ms < 100.0 => format!("{ms:.1} ms"),
@@ -52,7 +52,7 @@ fn time(milliseconds: f64) -> String {
     }
 }
 
-/// Mean and worst JOD, where it was judged.
+/// Formats the mean and the worst JOD, if the trial was judged.
 fn jod(trial: &Trial) -> [String; 2] {
     trial.jod.map_or_else(|| ["–".into(), "–".into()], |jod| jod.map(|jod| format!("{jod:.2}")))
 }
@@ -75,18 +75,18 @@ fn recommended(tuned: &Tuned) -> Markup {
     let checked = tuned.check.iter().map(|c| {
         let (class, tag) = if c.holds() { ("holds", "holds") } else { ("fails", "does not hold") };
         let short = c.short_db.map_or("not measured".into(), |db| {
-            format!("{db:.2} dB below the best that costs no more; {NEAR_DB} dB is allowed")
+            format!("{db:.2} dB below the best that costs no more, with {NEAR_DB} dB allowed")
         });
         let t = &c.setting.trial;
         let (took, there) = (time(t.milliseconds), c.mean_there);
-        let line = format!("{took}, {:.2} dB mean (there {there:.2} dB, through other pupils): {short}", t.mean);
+        let line = format!("{took}, {:.2} dB mean (there {there:.2} dB, through other pupils), {short}", t.mean);
         (class, c.setting.quality.name().to_string(), tag, vec![line], t.recipe.to_string())
     });
     let body = html! {
         p {
-            b { "accurate" } " has the best mean; where means are alike, the best worst pupil. " b { "balanced" }
-            " is the cheapest within 0.5 dB of it that takes a fifth of its time at most. " b { "fast" }
-            " is the best that takes a twentieth of its time at most. All three lie on the line of the first plot."
+            b { "accurate" } " has the best mean. Among equal means, the worst pupil decides. " b { "balanced" }
+            " is the cheapest within 0.5 dB of it, and takes at most a fifth of its time. " b { "fast" }
+            " is the best that takes at most a twentieth of its time. All three are on the line of the first plot."
         }
         (table(
             "The three settings",
@@ -95,25 +95,25 @@ fn recommended(tuned: &Tuned) -> Markup {
         ))
         @if tuned.recommended.iter().any(|r| !r.met) {
             p.warn {
-                "* No trial has what this name promises; this one comes nearest. A larger budget of time finds more."
+                "* No trial meets the conditions of this name. This one comes nearest. Allow more time to find more."
             }
         }
         @if !tuned.check.is_empty() {
             h3 { "Settings of another run" }
-            p { "Measured again here, with this run's seed and pupils, against this run's front." }
+            p { "These settings were measured again with this run's seed and pupils, against this run's front." }
             (statements(checked))
         }
     };
     section("three", "Three settings", body)
 }
 
-/// How far above the best trial a ceiling is drawn, dB.
+/// The largest distance of a drawn ceiling above the best trial, in dB.
 const ABOVE: f64 = 10.0;
 
-/// A number of a trial.
+/// Reads a number of a trial.
 type Number = fn(&Trial) -> f64;
 
-/// Every trial as a dot, what none beats as a line, the recommended ones ringed and named.
+/// Plots each trial as a dot, the front as a line, and the recommended trials with rings and names.
 fn front(
     tuned: &Tuned,
     title: &str,
@@ -123,7 +123,7 @@ fn front(
     front: &[&Trial],
     ceiling: Option<f64>,
 ) -> Plot {
-    // What is far below the front, a few per cent of the trials, stands on the lower edge.
+    // A few percent of the trials are far below the front. They are drawn at the lower edge.
     let (worst, best) = (front.first().map_or(0.0, |t| good(t)), front.last().map_or(1.0, |t| good(t)));
     let y = y.floor(worst - 0.5 * (best - worst).max(1.0));
     let mut plot = Plot::new(title, x, y).sized(370.0, 234.0);
@@ -138,11 +138,11 @@ fn front(
     }
     let mut line: Vec<[f64; 2]> = Vec::new();
     for trial in front {
-        // Up to here, the one before is the best.
+        // Up to this cost, the trial before is the best.
         line.extend(line.last().map(|before| [cost(trial), before[1]]));
         line.push(at(trial));
     }
-    // Up to where it is of interest: above, it hinders nobody.
+    // A ceiling far above the trials limits none of them, so it is not drawn.
     if let Some(ceiling) = ceiling.filter(|db| *db <= best + ABOVE) {
         let costs = tuned.trials.iter().map(cost);
         let [from, to] = costs.fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
@@ -156,7 +156,7 @@ fn front(
     for r in &tuned.recommended {
         let name = r.quality.name();
         plot.dot(&format!("{class} ring"), at(&r.trial), 6.5, &format!("{name}: {}", hover(&r.trial)));
-        // Below the ring, and to its left where the edge is.
+        // The name is below the ring, or to its left if the ring is near the edge.
         let is_last = r.quality == Quality::Accurate;
         let (offset, anchor) = if is_last { ([4.0, 20.0], "end") } else { ([9.0, 13.0], "start") };
         plot.text("name halo", at(&r.trial), offset, anchor, name);
@@ -164,7 +164,7 @@ fn front(
     plot
 }
 
-/// The plots of the page, and the names of their files.
+/// Returns the plots of the page with the names of their files.
 pub fn figures(tuned: &Tuned) -> Vec<(&'static str, Plot)> {
     let milliseconds = || {
         Axis::log("time of a solve").text(|ms| if ms < 1000.0 { format!("{ms} ms") } else { format!("{} s", ms / 1e3) })
@@ -182,7 +182,7 @@ pub fn figures(tuned: &Tuned) -> Vec<(&'static str, Plot)> {
     ];
     if tuned.trials.iter().all(|t| t.jod.is_some()) {
         let jod: Number = |t| t.jod.map_or(0.0, |[mean, _]| mean);
-        let d = "What people see against time";
+        let d = "Perceived quality against time";
         let plot = front(tuned, d, "m3", [x(), Axis::linear("mean JOD")], [ms, jod], &tuned.by_jod(), None);
         all.push(("time and JOD", plot));
     }
@@ -195,13 +195,13 @@ fn fronts(tuned: &Tuned) -> Markup {
         ("Time and mean", "the mean over all pupils"),
         ("Time and worst pupil", "the worst of all pupils"),
         ("Memory and mean", "buffers at the peak of the solve, as planned"),
-        ("Time and JOD", "just-objectionable differences by ColorVideoVDP: 10 where nothing is seen"),
+        ("Time and JOD", "just-objectionable differences by ColorVideoVDP, where 10 is no visible difference"),
     ];
     let body = html! {
         p {
-            "One dot a trial; what it did is under the mouse, and in the table below. Time and memory are logarithmic. The \
-             dashed line, where it is near, is the ceiling: what diffraction at the pupils leaves of the photographs at most, \
-             whatever is tried."
+            "Each dot is a trial. Its settings are in the tooltip and in the table below. Time and memory are \
+             logarithmic. The dashed line, if it is near, is the ceiling, which is the highest PSNR that diffraction \
+             at the pupils allows."
         }
         div.plots {
             @for ((_, plot), (name, note)) in figures.iter().zip(notes) { (figure(plot, name, note)) }
@@ -210,7 +210,7 @@ fn fronts(tuned: &Tuned) -> Markup {
     section("fronts", "Fronts", body)
 }
 
-/// What each setting alone does to the default.
+/// Shows the effect of each setting alone on the default.
 fn alone(tuned: &Tuned) -> Markup {
     let changed = tuned.trials.iter().filter_map(|t| Some((only_change(&t.recipe)?, t))).collect::<Vec<_>>();
     let base = tuned.trials.iter().find(|t| t.recipe == Settings::default());
@@ -223,7 +223,7 @@ fn alone(tuned: &Tuned) -> Markup {
     });
     let body = html! {
         p {
-            "One setting changed, the others as they are by default (" (base.recipe) ": " (time(base.milliseconds))
+            "One setting is changed, and the others have their defaults (" (base.recipe) ", " (time(base.milliseconds))
             (format!(", {:.2} dB mean, {:.2} dB worst).", base.mean, base.worst))
         }
         (table("Each setting alone", &["Change", "time", "mean, dB", "worst, dB", "memory"], rows))
@@ -231,14 +231,15 @@ fn alone(tuned: &Tuned) -> Markup {
     section("alone", "Each setting alone", body)
 }
 
-/// The one setting in which a recipe differs from the default; nothing where it is none, or more.
+/// Returns the one setting in which a recipe differs from the default. Returns `None` if no setting differs, or more
+/// than one.
 fn only_change(recipe: &Settings) -> Option<String> {
     let (start, [from, to]) = (Settings::default(), [&Settings::default(), recipe].map(|r| json!(r)));
     let changed: Vec<&String> =
         to.as_object()?.iter().filter(|(key, v)| from[*key] != **v).map(|(key, _)| key).collect();
     match changed[..] {
         [key] if key == "steps" => Some(format!("{} steps", recipe.steps)),
-        [key] if key == "pupils" => Some(format!("{} pupils a step", recipe.pupils)),
+        [key] if key == "pupils" => Some(format!("{} pupils per step", recipe.pupils)),
         [_] => {
             let (words, plain) = (recipe.to_string(), start.to_string());
             let of_start: Vec<&str> = plain.split(", ").collect();
@@ -259,12 +260,13 @@ fn levels(tuned: &Tuned) -> Markup {
     let body = html! {
         @if let Some(first) = tuned.levels.first() {
             p {
-                "An SLM shows so many phases and no others. What that loses after the fact, when each phase goes to its nearest \
-                 level, against what it loses when the solve knew the levels. Without levels: "
+                "An SLM shows only a limited number of phase levels. The table compares the loss from rounding each \
+                 phase to its nearest level after the solve with the loss of a solve for these levels. Phases without \
+                 levels have "
                 (format!("{:.2} dB mean, {:.2} dB worst ({}).", first.free[0], first.free[1], tuned.levels_recipe))
             }
             @let columns = [
-                "Levels", "lost after the fact, dB", "lost when optimised for, dB", "worst: after", "worst: optimised", "its time",
+                "Levels", "rounding loss, dB", "optimized loss, dB", "worst, rounding", "worst, optimized", "its time",
             ];
             (table("Levels", &columns, rows))
         } @else { p { "There was no time to compare levels." } }
@@ -285,7 +287,7 @@ fn trials(tuned: &Tuned) -> Markup {
     let mut all: Vec<&Trial> = tuned.trials.iter().collect();
     all.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
     let body = html! {
-        (list("What no trial beats: mean against time", &tuned.by_mean()))
+        (list("The front of mean against time", &tuned.by_mean()))
         details { summary { "The worst pupil against time" } (list("Worst against time", &tuned.by_worst())) }
         details { summary { "Mean against memory" } (list("Mean against memory", &tuned.by_memory())) }
         details { summary { "All " (all.len()) " trials" } (list("All trials", &all)) }
@@ -296,28 +298,32 @@ fn trials(tuned: &Tuned) -> Markup {
 fn how() -> Markup {
     let body = html! {
         p {
-            "Quality: PSNR through " (REFERENCE_PUPILS) " random pupils that no solve draws, uniform in diameter, of the phases as \
-             the SLM's levels show them, against photographs of the whole light field, with the full window and all the padding \
-             that the scene requires, after averaging over 2 × 2 pixels, with one exposure for all. It is the same for every \
-             trial: fewer views, coarser pixels or no padding gain nothing by being judged by themselves."
+            "Quality is the PSNR through " (REFERENCE_PUPILS) " random pupils, uniform in diameter, that no solve \
+             draws. The phases are rounded to the SLM's levels. The target images are of the whole light field, with \
+             the full spectral window and all the padding that the scene requires. PSNR is after averaging over 2 × 2 \
+             pixels, with one exposure for all. The measure is the same for all trials, so fewer views, coarser pixels \
+             or no padding gain nothing by an easier target."
         }
         p {
-            "JOD: just-objectionable differences by ColorVideoVDP, 10 where nothing is seen, of whole pictures in this colour, as grey ones, through \
-             some of the same pupils, at the display's luminance and pixels a degree. No solve works towards it."
+            "JOD are just-objectionable differences by ColorVideoVDP, where 10 is no visible difference. They are for \
+             whole pictures in this color, as gray ones, through some of the same pupils, at the display's luminance \
+             and pixels per degree. No solve optimizes them."
         }
         p {
-            "Time: from the light field in memory to the phases of one colour, the choice of the exposure included, alone in the \
-             process; the median where it was taken more than once. Memory: all buffers that the solve plans."
+            "Time runs from the light field in memory to the phases of one color, including the choice of the \
+             exposure, alone in the process. Repeated times give their median. Memory counts all buffers that the \
+             solve plans."
         }
         p {
-            "What was tried: the default, as many steps as a trial has time for (a sixth of the time given) with a fifth and a \
-             twentieth of them, each setting alone, and a grid of steps, windows, optimisers and pupils a step."
+            "The first trials are the default, as many steps as a trial has time for (a sixth of the allowed time), \
+             and a fifth and a twentieth of these steps. Then come each setting alone, and a grid of steps, windows, \
+             optimizers and pupils per step."
         }
     };
     section("how", "How it was measured", body)
 }
 
-/// Everything, and which trials are on which front.
+/// Returns all numbers with the trials that are on each front.
 pub fn json(tuned: &Tuned) -> Value {
     let mut all = serde_json::to_value(tuned).expect("plain data");
     let places = |front: Vec<&Trial>| -> Vec<usize> {
@@ -329,7 +335,7 @@ pub fn json(tuned: &Tuned) -> Value {
     all
 }
 
-/// One line per trial.
+/// Returns a CSV file with one line per trial.
 pub fn csv(tuned: &Tuned) -> Vec<u8> {
     let head = "trial,steps,pupils,optimizer,momentum,diameters,window,repeats,views,storage,levels,padding,pixel,ms,times,\
                 mean_db,worst_db,jod_mean,jod_worst,bytes,on_mean_front,on_worst_front,on_memory_front,recommended";

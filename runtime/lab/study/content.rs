@@ -1,9 +1,10 @@
-//! What moments gain: content that stands still, moves or jumps, set by set, for an eye that rests or follows it.
+//! Measures the gain of motion compensation for content that is still, moves or jumps (OPTICS 15).
 //!
-//! Every set has its own content frame and as many steps; the eye is the study's, before its tracker. What is seen is judged by
-//! what an eye sees that turns as it should (OPTICS 15), against the scene's photograph integrated over the motion. Where sets
-//! roll, every video frame is decided on, and what is seen is the sub-frames that were lit in a set's time until then, each from
-//! the set that was the newest when its turn came.
+//! Each set has its own content frame and the same number of steps. The eye is the eye of the study, and it rests or
+//! follows the content. The image at the eye is compared with the image of an eye that turns as it should, and with the
+//! scene's target image integrated over the motion. With rolling updates, each video frame has its own decision. The
+//! eye then sees the sub-frames that were lit in the time of a set until then. Each sub-frame is from the newest set at
+//! its turn.
 
 mod jumps;
 
@@ -26,86 +27,90 @@ use serde::Serialize;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What the content of a study does.
+/// The motion of the content of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StudiedContent {
-    /// It stands still.
+    /// The content is still.
     Still,
-    /// It moves to the right, round the edges of the picture.
+    /// The content moves to the right and reenters at the other edge of the picture.
     Moving,
-    /// Every so many sets it is another: the next slide, or the scene's mirror image somewhere else.
+    /// The content changes after every `jumps_every` sets, to the next slide or to the scene's mirror image at another
+    /// place.
     Jumping,
 }
 
-/// What an eye does with content that moves.
+/// The motion of an eye that looks at moving content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StudiedEye {
-    /// It looks where it looked.
+    /// The eye keeps its direction.
     Rests,
-    /// It follows the content.
+    /// The eye follows the content.
     Follows,
 }
 
-/// What is studied, beside the eye.
+/// The settings of a study of content, without the eye.
 #[derive(Debug, Clone)]
 pub struct ContentSettings {
-    /// What content does, one after the other.
+    /// The motions of the content, one after the other.
     pub contents: Vec<StudiedContent>,
-    /// So many sets.
+    /// The number of sets per run.
     pub sets: u32,
-    /// So many steps of every colour for each.
+    /// The number of steps of each color per set.
     pub steps: u32,
-    /// Content that moves does so by so many pixels a set.
+    /// The speed of moving content, in pixels per set.
     pub speed: u32,
-    /// Content that jumps does so every so many sets.
+    /// The number of sets between two jumps of jumping content.
     pub jumps_every: u32,
-    /// Pictures that content jumps to, one after the other and then back to the scene. If there are none, it jumps to its mirror image.
+    /// The pictures to which content jumps, one after the other and then back to the scene. If there are none, it jumps
+    /// to its mirror image.
     pub slides: Vec<Vec<LiveColor>>,
-    /// What is begun with after a jump.
+    /// The start of the refinement after a jump.
     pub start: JumpStart,
-    /// The tables, as [`start_tables`](eyebox::low_level::session::start_tables) gives them; empty where none is used.
+    /// The tables of first phases from [`start_tables`](eyebox::low_level::session::start_tables). Empty if no table is
+    /// used.
     pub start_tables: Vec<Option<Arc<StartTable>>>,
-    /// When the sub-frames of each colour are lit: of sets that are shown whole, or that roll.
+    /// The times at which the sub-frames of each color are lit, for complete sets or for rolling updates.
     pub lighting: Lighting,
 }
 
-/// One way to show one content to one eye, and what it sees.
+/// One way to show one content to one eye, with the scores of the images at the eye.
 #[derive(Debug, Clone, Serialize)]
 pub struct ContentRun {
-    /// What the content does.
+    /// The motion of the content.
     pub content: StudiedContent,
-    /// What the eye does.
+    /// The motion of the eye.
     pub eye: StudiedEye,
-    /// Whether the hologram is refined for where the pupil is; else for all of the eyebox, with as many steps.
+    /// True if the hologram is refined for the position of the pupil. Otherwise it is refined for the whole eyebox,
+    /// with the same number of steps.
     pub steered: bool,
-    /// Whether its sub-frames are refined for their moments.
+    /// True if the sub-frames are refined with motion compensation.
     pub moments: bool,
-    /// Set by set; where sets roll, video frame by video frame.
+    /// One sample per set, or per video frame of rolling updates.
     pub samples: Vec<ContentSample>,
 }
 
-/// What was lit in a set's time: one set, or, where sets roll, the sub-frames that came last.
+/// The score of the light in the time of a set. This is one set, or the last sub-frames of rolling updates.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct ContentSample {
-    /// The middle of its light, seconds from the beginning.
+    /// The middle of the light, in seconds from the beginning.
     pub time_s: f64,
-    /// PSNR of what the eye sees, mean over the colours, dB.
+    /// The PSNR of the image at the eye, as the mean over the colors in dB.
     pub db: f64,
-    /// Of sets that roll, the video frame that came last; else 0.
+    /// The last video frame of a rolling update. 0 for complete sets.
     pub turn: u32,
-    /// Sets since the content changed as a whole.
+    /// The number of sets since the content changed as a whole.
     pub since_jump: u32,
-    /// Whether the content has jumped with this set.
+    /// True if the content has jumped with this set.
     pub jumped: bool,
-    /// Whether the eye is in a saccade.
+    /// True if the eye is in a saccade.
     pub saccade: bool,
 }
 
 impl ContentRun {
-    /// Mean, worst and best of the sets outside saccades, from `from` sets after the beginning and after every jump, dB; none where
-    /// there is no such set.
+    /// Returns mean, worst and best score of the sets outside saccades, in dB. It leaves out the first `from` sets
+    /// after the beginning and after each jump. Returns `None` if there is no such set.
     pub fn summary(&self, from: u32) -> Option<[f64; 3]> {
         let all: Vec<f64> = self.settled(from).map(|s| s.db).collect();
         let worst = all.iter().copied().reduce(f64::min)?;
@@ -113,8 +118,8 @@ impl ContentRun {
         Some([all.iter().sum::<f64>() / all.len() as f64, worst, best])
     }
 
-    /// The same sets, and of sets that roll the windows that end with each of their video frames: the means of these, worst and
-    /// best, dB. None where there is no such set.
+    /// Averages these sets for each video frame with which a window of a rolling update ends. Returns the worst and the
+    /// best of these means, in dB. Returns `None` if there is no such set.
     pub fn windows(&self, from: u32) -> Option<[f64; 2]> {
         let turns = self.settled(from).map(|s| s.turn).max()? + 1;
         let mean = |turn: u32| {
@@ -131,12 +136,14 @@ impl ContentRun {
     }
 }
 
-/// Shows `colors`, a scene that stands still with its hologram for the whole eyebox, as each content of `settings`, to each eye,
-/// with and without steering and moments. `study` has the eye and when sets are lit; `observe` is told after every set which share is
-/// done, and may end the study.
+/// Shows `colors`, a still scene with its hologram for the whole eyebox, as each content of `settings` to each eye.
+///
+/// Each pair of content and eye is shown with and without refinement for the pupil, and with and without motion
+/// compensation. The settings `study` have the eye and the times at which sets are lit. The observer receives the
+/// completed share after each set, and may end the study.
 ///
 /// # Errors
-/// [`SessionError::Setting`] for what cannot be; those of the engines.
+/// Returns [`SessionError::Setting`] for an invalid setting, and the errors of the engines.
 pub fn study_content(
     colors: &[LiveColor],
     policy: &Policy,
@@ -149,12 +156,12 @@ pub fn study_content(
     if sets == 0 || steps == 0 || jumps_every == 0 || study.period_ns <= 0 || study.lead_ns < 0 {
         return Err(SessionError::Setting(reason!(
             "study",
-            "a study of content has a set, a step and a period at least"
+            "a study of content needs at least one set, one step, a jump distance of one set and a positive period"
         )));
     }
     if let Some(slide) = settings.slides.iter().find(|slide| slide.len() != colors.len()) {
         let (has, wanted) = (slide.len(), colors.len());
-        return Err(SessionError::Setting(reason!("slide-colors", "a slide has {has} colors, and the scene {wanted}")));
+        return Err(SessionError::Setting(reason!("slide-colors", "a slide has {has} colors, but the scene {wanted}")));
     }
     let lighting = lighting_of(settings.lighting.clone(), colors);
     let settings = &ContentSettings { lighting, ..settings.clone() };
@@ -170,7 +177,7 @@ pub fn study_content(
         .flat_map(|content| eyes(content).into_iter().map(|eye| (*content, eye)))
         .flat_map(|(content, eye)| both.into_iter().flat_map(ways).map(move |way| (content, eye, way)))
         .collect();
-    // What had been refined is of no other scene's hologram: it goes on.
+    // No content restarts the refinement, because no hologram of another scene exists.
     let policy = Policy { restart: f64::INFINITY, ..*policy };
     let depth = 0.5 * (study.gaze.focus[0] + study.gaze.focus[1]);
     let seen = colors.iter().map(|color| SeenColor::new(color, &policy, depth, engine()?));
@@ -196,18 +203,18 @@ pub fn study_content(
     Ok(all)
 }
 
-/// The frames of content that is made of one scene.
+/// The content frames that are made of one scene.
 struct Frames<'a> {
     colors: &'a [LiveColor],
     settings: &'a ContentSettings,
 }
 
-/// Which frame a set shows.
+/// The picture that a set shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Picture {
-    /// The scene, so many pixels to the right, or its mirror image.
+    /// The scene, moved right by `shift` pixels, or its mirror image.
     Scene { shift: usize, mirrored: bool },
-    /// Another picture.
+    /// Another picture by its index.
     Slide(usize),
 }
 
@@ -259,16 +266,18 @@ struct ContentDisplay<'a> {
     watch: PupilSource,
     moments: MotionCompensation,
     scene: Vec<LiveColor>,
-    /// Which frame that is, and the moment that it shows.
+    /// The picture in `scene`.
     shown: Picture,
+    /// The time that the picture shows.
     shows_ns: i64,
     jumped: u32,
-    /// It has jumped, and nothing was begun with yet.
+    /// True if the content has jumped and the refinement has not started again yet.
     begins: bool,
-    /// The newest set, colour by colour, and what was lit in a set's time until now.
+    /// The phases of the newest set by color.
     newest: Vec<Vec<f32>>,
+    /// The phases by color that were lit in the time of a set until now.
     lit: Vec<Vec<f32>>,
-    /// How the eye turns that follows the content, radians a second.
+    /// The angular speed of an eye that follows the content, in radians per second.
     pursuit: f64,
 }
 
@@ -281,8 +290,10 @@ impl<'a> ContentDisplay<'a> {
         depth: f64,
     ) -> Result<Self, SessionError> {
         let ContentSettings { speed, lighting, .. } = frames.settings;
-        let first =
-            frames.colors.first().ok_or_else(|| SessionError::Setting(reason!("no-color", "there is no colour")))?;
+        let first = frames
+            .colors
+            .first()
+            .ok_or_else(|| SessionError::Setting(reason!("no-color", "the scene has no color")))?;
         let pixel = first.problem.pixel();
         let pursuit = match run.eye {
             StudiedEye::Follows => f64::from(*speed) * pixel / (study.period_ns as f64 * 1e-9),
@@ -320,7 +331,8 @@ impl<'a> ContentDisplay<'a> {
         })
     }
 
-    /// Refines for a set, or for a video frame of sets that roll, and sees what was lit in a set's time until then.
+    /// Refines for a set, or for a video frame of a rolling update, and scores the light in the time of a set until
+    /// then.
     fn decide(&mut self, decision: u64, seen: &mut [SeenColor]) -> Result<Option<ContentSample>, SessionError> {
         let StudySettings { period_ns, lead_ns, light_after_ns, .. } = *self.study;
         let ContentSettings { lighting, steps, .. } = self.frames.settings;
@@ -330,13 +342,13 @@ impl<'a> ContentDisplay<'a> {
         let set_ns = i64::from(set + 1) * period_ns;
         let start_ns = set_ns + turn as i64 * frame_ns;
         let light_ns = start_ns + light_after_ns / turns as i64;
-        // Steps begin a period before it is handed over.
+        // Steps begin one period before the set is handed over.
         let now_ns = start_ns - lead_ns.min(SetTiming::usual_lead_ns(frame_ns)) - frame_ns;
         if turn == 0 {
             self.next_frame(set, set_ns + light_after_ns)?;
         }
         let at = |time_ns: i64| u64::try_from(time_ns).unwrap_or(0);
-        // The first video frame of a set has a step, however few there are: with it begins what content has jumped to.
+        // The first video frame of a set always has a step, because it starts the content after a jump.
         let share = |decisions: u64| (decisions * u64::from(*steps)).div_ceil(turns);
         let rounds = share(decision + 1) - share(decision);
         if rounds > 0 {
@@ -373,11 +385,11 @@ impl<'a> ContentDisplay<'a> {
         let db = self.seen(pupil, (turn, middle_ns), seen)?;
         let saccade = matches!(truth.doing, Doing::Saccade { .. });
         let (time_s, since_jump, jumped) = (middle_ns as f64 * 1e-9, set - self.jumped, set > 0 && self.jumped == set);
-        // A black photograph has no PSNR.
+        // A black target image has no PSNR.
         Ok(db.map(|db| ContentSample { time_s, db, turn: turn as u32, since_jump, jumped, saccade }))
     }
 
-    /// The content frame of a set, which shows the middle of its light.
+    /// Sets the content frame of a set. The frame is for the middle of its light.
     fn next_frame(&mut self, set: u32, shows_ns: i64) -> Result<(), SessionError> {
         let wanted = self.frames.of(self.run.0, set);
         if set > 0 && wanted == self.shown {
@@ -392,7 +404,7 @@ impl<'a> ContentDisplay<'a> {
         Ok(())
     }
 
-    /// What was lit in a set's time that had its middle then, and ended with this turn.
+    /// Scores the light in the time of a set that has this middle and ends with this turn.
     fn seen(&mut self, pupil: Pupil, at: (usize, i64), seen: &mut [SeenColor]) -> Result<Option<f64>, SessionError> {
         let (turn, middle_ns) = at;
         let ContentSettings { lighting, speed, .. } = self.frames.settings;
@@ -421,10 +433,10 @@ impl<'a> ContentDisplay<'a> {
     }
 }
 
-/// An eye before its tracker that turns to the right besides.
+/// An eye before its tracker that also turns to the right.
 struct Pursuing {
     source: SimulatedSource,
-    /// Of its pupil, metres a second.
+    /// The speed of its pupil, in meters per second.
     speed: f64,
 }
 

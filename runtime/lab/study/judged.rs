@@ -1,4 +1,4 @@
-//! What people see of the difference at the end of a fixation: just-objectionable differences.
+//! Computes the JOD at the end of a fixation.
 
 use super::results::Judging;
 use super::seen::SeenColor;
@@ -7,25 +7,28 @@ use eyebox::low_level::evaluate::{JodMetric, rgb};
 use eyebox::low_level::optics::{Color, Pupil};
 use eyebox::low_level::session::SessionError;
 
-/// Judges what the eye sees of all colours at once.
+/// Judges the images at the eye of all colors together.
 pub(super) struct Judge {
     metric: JodMetric,
     colors: Vec<Color>,
 }
 
 impl Judge {
+    /// Makes the judge for these viewing conditions.
+    ///
     /// # Errors
-    /// [`SessionError::Setting`] for a viewing that cannot be.
+    /// Returns [`SessionError::Setting`] for invalid viewing conditions.
     pub(super) fn new(judging: &Judging) -> Result<Self, SessionError> {
         let metric = JodMetric::new(&judging.viewing, judging.pixels_per_degree, false);
         let metric = metric.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Self { metric, colors: judging.colors.clone() })
     }
 
-    /// JOD through this pupil of two holograms of one scene, beside its photograph; none for pictures that have none.
+    /// Returns the JOD through this pupil of two holograms of one scene, against its target image. Returns `None` for
+    /// pictures without a JOD.
     ///
     /// # Errors
-    /// Those of the engines; [`SessionError::Setting`] for what is no picture.
+    /// Returns the errors of the engines, and [`SessionError::Setting`] for values that are no picture.
     pub(super) fn both(
         &self,
         holograms: [&mut Vec<SeenColor>; 2],

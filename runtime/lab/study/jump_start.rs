@@ -1,16 +1,16 @@
-//! The beginnings that a study of content which jumps compares.
+//! Defines the starting phases that a study of jumping content compares.
 
 use serde::Serialize;
 
-/// What refinement begins with after content has jumped.
+/// The phases with which the refinement starts after content has jumped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum JumpStart {
-    /// As a session does: the phases that a table has for the picture, those as they are where there is none.
+    /// The phases that a table has for the picture, as in a session. Without a table, the phases stay.
     Table,
-    /// The phases as they are.
+    /// The phases before the jump.
     Last,
-    /// Random phases.
+    /// Random phases for each color.
     Random,
 }

@@ -1,8 +1,9 @@
-//! What steering gains: a simulated eye before a hologram that follows it, judged by what the eye really sees.
+//! Measures the gain of the refinement for the tracked pupil with a simulated eye.
 //!
-//! Time is simulated: it passes by what refining and encoding cost ([`Cost`](eyebox::low_level::session::Cost)), and stands still while quality is measured.
-//! Everything else is as in a live session: samples come late and with noise, the pupil is predicted, sets are handed over
-//! whole, and those that come too late are shown a set later.
+//! The eye looks at a hologram that follows it, and the image at its true position is scored. Time is simulated. It
+//! passes by the cost of refining and encoding ([`Cost`](eyebox::low_level::session::Cost)), and stops while the
+//! quality is measured. All else is as in a live session. Samples arrive late and with noise, the pupil is predicted,
+//! and sets are handed over complete. A set that is late is shown one set later.
 
 mod content;
 mod judged;
@@ -29,25 +30,25 @@ use judged::Judge;
 use seen::SeenColor;
 use stage::Stage;
 
-/// What handing over is allowed beside encoding, nanoseconds.
+/// The time that is reserved for the hand-over in addition to encoding, in nanoseconds.
 const SLACK_NS: i64 = 500_000;
 
-/// Mean PSNR of the colors whose photographs are not black, dB.
+/// Returns the mean PSNR of the colors whose target images are not black, in dB.
 fn psnr(colors: &mut [SeenColor], pupil: Pupil) -> Result<Option<f64>, EngineError> {
     let all: Vec<Option<f64>> = colors.iter_mut().map(|c| c.psnr(pupil)).collect::<Result<_, _>>()?;
     let lit: Vec<f64> = all.into_iter().flatten().collect();
     Ok((!lit.is_empty()).then(|| lit.iter().sum::<f64>() / lit.len() as f64))
 }
 
-/// Sees every set at its light, with the phases that were lit, colour by colour, and which share of the study is done; ends
-/// it by answering `false`.
+/// Observer of a study. It receives each set at its light, the phases by color that were lit, and the completed share
+/// of the study. It ends the study by returning `false`.
 pub type Observer<'a> = dyn FnMut(&StudySample, &[Vec<f32>], f64) -> bool + 'a;
 
-/// A set that was made: its phases, colour by colour, where the pupil is expected, and the steps taken for it.
+/// A complete set with its phases by color, the expected position of the pupil and the number of its steps.
 struct MadeSet {
     phases: Vec<Vec<f32>>,
     pupil: Option<[f64; 2]>,
-    /// The display's switchable sources that it is lit by.
+    /// The display's switchable sources that light it, by color.
     sources: Vec<Vec<usize>>,
     steps: u32,
     new: bool,
@@ -60,24 +61,27 @@ struct Studying<'a> {
     refiner: LiveRefiner,
     stage: Stage,
     depth: f64,
-    /// What the eye sees of the set on the display, and of the hologram for the whole eyebox.
+    /// The set on the display.
     lit: Vec<SeenColor>,
+    /// The hologram for the whole eyebox.
     whole: Vec<SeenColor>,
     judge: Option<Judge>,
     shown: MadeSet,
     samples: Vec<StudySample>,
     next_start_ns: i64,
-    /// What encoding is expected to take; all that was spent on encoding and on refining; sets handed over.
+    /// The expected time of encoding.
     encoding_ns: i64,
+    /// The total time of encoding.
     encoded_ns: i64,
+    /// The total time of refining.
     refined_ns: i64,
     handed_over: u64,
 }
 
-/// Steers `colors` for a simulated eye. `engine` makes engines, three for each colour.
+/// Studies `colors` with refinement for a simulated eye. `engine` makes engines, three for each color.
 ///
 /// # Errors
-/// [`SessionError::Setting`] for what cannot be; those of the engines and of the encoder.
+/// Returns [`SessionError::Setting`] for an invalid setting, and the errors of the engines and of the encoder.
 pub fn study(
     colors: &[LiveColor],
     policy: &Policy,
@@ -89,7 +93,7 @@ pub fn study(
     if settings.period_ns <= 0 || settings.lead_ns < 0 || !(settings.seconds > 0.0 && settings.seconds <= 3600.0) {
         return Err(SessionError::Setting(reason!(
             "study",
-            "a study lasts up to an hour, with sets of a positive period"
+            "a study needs a duration of up to one hour and sets of a positive period"
         )));
     }
     let depth = 0.5 * (settings.gaze.focus[0] + settings.gaze.focus[1]);
@@ -99,7 +103,7 @@ pub fn study(
     };
     let (lit, whole) = (seen()?, seen()?);
     let judge = settings.judging.as_ref().map(Judge::new).transpose()?;
-    // Before time begins: no first step is like the others.
+    // These steps run before the simulated time begins, because first steps are slower than others.
     for _ in 0..4 {
         refiner.round_while(|_, _| true)?;
     }
@@ -141,12 +145,13 @@ impl Studying<'_> {
         (self.settings.seconds * 1e9) as i64
     }
 
-    /// What a step of every colour is expected to cost.
+    /// Returns the expected cost of a step of all colors, in nanoseconds.
     fn round_ns(&self) -> i64 {
         self.settings.cost.round_ns(self.lit.len(), || self.refiner.round())
     }
 
-    /// Steps for the next set that can be reached, and encodes it: time passes. None where there was no time for a step.
+    /// Refines the next set that can be reached, and encodes it. Simulated time passes. Returns `None` if there was no
+    /// time for a step.
     fn refine(&mut self) -> Result<Option<MadeSet>, SessionError> {
         self.stage.arrive()?;
         let ends_ns = self.encoding_ns + SLACK_NS;
@@ -187,7 +192,7 @@ impl Studying<'_> {
         Ok(Some(MadeSet { phases, pupil: Some(pupil.centre), sources, steps, new: true }))
     }
 
-    /// What the eye sees of the sets that are lit before one that is handed over now; false where the observer ends it.
+    /// Scores the sets that are lit before a set that is handed over now. Returns false if the observer ends the study.
     fn light(&mut self, observe: &mut Observer<'_>) -> Result<bool, SessionError> {
         let end_ns = self.end_ns();
         let first_new_ns = self.stage.timing().reachable(self.stage.now_ns, 0).start_ns;
@@ -207,7 +212,7 @@ impl Studying<'_> {
                 None => None,
             };
             let [steered, whole] = [&mut self.lit, &mut self.whole].map(|colors| psnr(colors, pupil));
-            // Before black nothing is compared.
+            // A black target image gives no comparison.
             let (Some(steered_db), Some(whole_db)) = (steered?, whole?) else { continue };
             let sample = StudySample {
                 time_s: light_ns as f64 * 1e-9,
@@ -232,13 +237,13 @@ impl Studying<'_> {
         Ok(true)
     }
 
-    /// Share of the pupil that the sources which are lit serve, of the colour that is served least.
+    /// Returns the share of the pupil that the lit sources serve, at the color that is served least.
     fn served(&self, pupil: Pupil) -> f64 {
         let colors = self.lit.iter().zip(&self.shown.sources);
         colors.map(|(color, lit)| color.seen.served(lit, &pupil)).fold(1.0, f64::min)
     }
 
-    /// From now on the display shows this one.
+    /// Shows this set on the display from now on.
     fn show(&mut self, made: MadeSet) -> Result<(), SessionError> {
         for (i, (color, phases)) in self.lit.iter_mut().zip(&made.phases).enumerate() {
             color.seen.restart(phases)?;

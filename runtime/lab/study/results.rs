@@ -1,4 +1,4 @@
-//! What is studied, and what came of it.
+//! Defines the settings and the results of a study.
 
 use eyebox::low_level::gaze;
 use eyebox::low_level::optics::{Color, Viewing};
@@ -7,40 +7,41 @@ use eyebox::low_level::session::SetTiming;
 use eyebox::low_level::trackers::simulated;
 use serde::Serialize;
 
-/// What is studied.
+/// The settings of a study.
 #[derive(Debug, Clone)]
 pub struct StudySettings {
-    /// So long, seconds.
+    /// The simulated duration in seconds.
     pub seconds: f64,
-    /// From the beginning of a set to that of the next, nanoseconds.
+    /// The time from the beginning of a set to the beginning of the next, in nanoseconds.
     pub period_ns: i64,
-    /// So long before it begins, a set is decided on.
+    /// The time between the decision on a set and its beginning, in nanoseconds.
     pub lead_ns: i64,
-    /// From the beginning of a set to the middle of its light.
+    /// The time from the beginning of a set to the middle of its light, in nanoseconds.
     pub light_after_ns: i64,
-    /// What refining costs.
+    /// The cost of refining and encoding.
     pub cost: Cost,
-    /// The eye and its tracker.
+    /// The simulated eye and its tracker.
     pub eye: simulated::Settings,
-    /// From samples to the pupil. The eye's focus is the middle of its range.
+    /// The settings of the estimator, which converts samples to the pupil. The focus of the eye is the middle of its
+    /// range.
     pub gaze: gaze::Settings,
-    /// Where given, the last set of every fixation is judged in just-objectionable differences, too.
+    /// If given, the last set of each fixation is also judged in JOD.
     pub judging: Option<Judging>,
 }
 
-/// How what is seen is judged in just-objectionable differences (ColorVideoVDP).
+/// The viewing conditions for JOD (ColorVideoVDP).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judging {
-    /// How bright the display is.
+    /// The luminance of the display.
     pub viewing: Viewing,
-    /// Pixels of the picture a degree.
+    /// Pixels of the picture per degree.
     pub pixels_per_degree: f64,
-    /// Which colours are steered, in their order.
+    /// The refined colors, in their order.
     pub colors: Vec<Color>,
 }
 
 impl Default for StudySettings {
-    /// A set a video frame at 60 Hz; fixations of 300 ms.
+    /// Has one set per video frame at 60 Hz, and fixations of 300 ms.
     fn default() -> Self {
         let eye = simulated::Settings { fixation: [0.3, 0.3], pursuit: 0.0, blinks: 0.0, ..Default::default() };
         let period_ns = 1_000_000_000 / 60;
@@ -57,73 +58,74 @@ impl Default for StudySettings {
     }
 }
 
-/// One set, at its light.
+/// The scores of one set at its light.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct StudySample {
-    /// When, seconds from the beginning.
+    /// The time in seconds from the beginning.
     pub time_s: f64,
-    /// Since the eye came to rest, ms; none while it jumps, and before the first jump.
+    /// The time since the eye came to rest, in ms. `None` while it jumps, and before the first jump.
     pub since_landing_ms: Option<f64>,
-    /// Jumps so far.
+    /// The number of jumps until then.
     pub jumps: u32,
-    /// Where the pupil is, metres.
+    /// The position of the pupil, in meters.
     pub position: [f64; 2],
-    /// Its diameter, metres.
+    /// The diameter of the pupil, in meters.
     pub diameter: f64,
-    /// How far from there the set was made for, metres; none before the first.
+    /// The distance of the pupil from the position for which the set was made, in meters. `None` before the first set.
     pub error: Option<f64>,
-    /// PSNR of what the eye sees, mean over the colours, dB.
+    /// The PSNR of the image at the eye, as the mean over the colors in dB.
     pub steered_db: f64,
-    /// The same of the hologram for the whole eyebox.
+    /// The same PSNR for the hologram for the whole eyebox.
     pub whole_db: f64,
-    /// Just-objectionable differences of both, 10 for none; of the last set of a fixation, where they are asked for.
+    /// The JOD of both, 10 for no difference. Only the last set of a fixation has it, and only if it was requested.
     pub jod: Option<[f64; 2]>,
-    /// Steps that were taken for the set, over all colours.
+    /// The steps for the set, over all colors.
     pub steps: u32,
-    /// Share of the pupil that the display's switchable sources serve which are lit; 1 where it has none.
+    /// The share of the pupil that the lit switchable sources serve. 1 for a display without such sources.
     pub served: f64,
-    /// How many of those sources are lit, at most in any colour.
+    /// The largest number of lit sources of any color.
     pub sources: usize,
-    /// Whether the set is new.
+    /// True if the set is new.
     pub new: bool,
 }
 
 impl StudySample {
-    /// What steering gains, dB.
+    /// Returns the gain of the refinement for the tracked pupil, in dB.
     pub fn gain_db(&self) -> f64 {
         self.steered_db - self.whole_db
     }
 }
 
-/// What came of it.
+/// The results of a study.
 #[derive(Debug, Clone, Serialize)]
 pub struct Study {
-    /// Every set at which the eye was open.
+    /// One sample per set at which the eye was open.
     pub moments: Vec<StudySample>,
-    /// How often the refinement began again.
+    /// The number of restarts of the refinement.
     pub restarts: u64,
-    /// Steps over all colours.
+    /// The number of steps over all colors.
     pub steps: u64,
-    /// What a step of one colour takes, ms: the mean.
+    /// The mean time of a step of one color, in ms.
     pub step_ms: f64,
-    /// Reading back and encoding a set, ms: the mean.
+    /// The mean time for reading back and encoding a set, in ms.
     pub encode_ms: f64,
 }
 
 impl Study {
-    /// Of each fixation that lasted to a jump: the gain at its last set, in dB.
+    /// Returns the gain at the last set of each fixation that lasted to a jump, in dB.
     pub fn at_the_end_db(&self) -> Vec<f64> {
         let last = |pair: &[StudySample]| pair[1].jumps > pair[0].jumps && pair[0].since_landing_ms.is_some();
         let with_jump = |pair: &[StudySample]| pair[0].since_landing_ms.is_some() && pair[1].since_landing_ms.is_none();
         self.moments.windows(2).filter(|p| last(p) || with_jump(p)).map(|p| p[0].gain_db()).collect()
     }
 
-    /// Of each fixation that lasted to a jump, at its last set: JOD steered and unsteered; of those that were judged.
+    /// Returns the JOD of the refined and of the static hologram at the last set of each judged fixation that lasted to
+    /// a jump.
     pub fn at_the_end_jod(&self) -> Vec<[f64; 2]> {
         self.moments.iter().filter_map(|m| m.jod).collect()
     }
 
-    /// Of each fixation: the gain at the last set that is lit within so many milliseconds of the landing, dB.
+    /// Returns the gain of each fixation at the last set that is lit within `ms` milliseconds of the landing, in dB.
     pub fn within_db(&self, ms: f64) -> Vec<f64> {
         let mut all: Vec<(u32, f64)> = Vec::new();
         for m in self.moments.iter().filter(|m| m.since_landing_ms.is_some_and(|t| t <= ms)) {
@@ -135,8 +137,8 @@ impl Study {
         all.into_iter().map(|a| a.1).collect()
     }
 
-    /// Sets of which the eye saw nothing, for it was in the eyebox of no source that was lit: while it was under way from one
-    /// place to another, and while it rested.
+    /// Returns the numbers of dark sets during saccades and at rest. A set is dark if the pupil is in the eyebox of no
+    /// lit source.
     pub fn dark_sets(&self) -> [usize; 2] {
         let dark = |rests: bool| {
             let is = |m: &&StudySample| m.served == 0.0 && (m.since_landing_ms.is_some() || m.jumps == 0) == rests;
@@ -145,7 +147,7 @@ impl Study {
         [dark(false), dark(true)]
     }
 
-    /// The worst that steering did at any time, dB; `None` if nothing was compared.
+    /// Returns the lowest gain of the refinement at any time, in dB. `None` if nothing was compared.
     pub fn worst_db(&self) -> Option<f64> {
         self.moments.iter().map(StudySample::gain_db).reduce(f64::min)
     }

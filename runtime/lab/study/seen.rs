@@ -1,4 +1,4 @@
-//! What an eye sees of the holograms of a study.
+//! Reconstructs the image at the eye of the holograms of a study.
 
 use eyebox::low_level::engine::{Engine, EngineError};
 use eyebox::low_level::error::Reason;
@@ -9,10 +9,10 @@ use eyebox::low_level::session::{LiveColor, Policy};
 use eyebox::low_level::solve::{PupilRange, Refiner, Sampler, Sequence};
 use std::sync::Arc;
 
-/// Pupils that the exposure is fitted over.
+/// The number of pupils over which the exposure is fitted.
 const EXPOSED: usize = 12;
 
-/// What an eye sees of one colour's phases, at an exposure that stays.
+/// The reconstruction of one color's phases at a constant exposure.
 pub(super) struct SeenColor {
     pub(super) seen: Refiner,
     pub(super) exposure: f64,
@@ -35,12 +35,12 @@ impl SeenColor {
         };
         let mut sampler = Sampler::new(range, Sequence::Sobol, 0x006a_7564_6765).over(regions);
         let pupils: Vec<Pupil> = (0..EXPOSED).map(|_| sampler.draw()).collect();
-        // Lasers stay as they are: one exposure, that of the hologram for the whole eyebox.
+        // The lasers do not change, so there is one exposure, which is fitted to the hologram for the whole eyebox.
         let exposure = Sums::fit_exposure(&seen.look(&pupils)?).map_err(|e| SessionError::Setting(Reason::of(&e)))?;
         Ok(Self { seen, exposure })
     }
 
-    /// PSNR through this pupil, dB; `None` if its photograph is black.
+    /// Returns the PSNR through this pupil, in dB. `None` if the target image is black.
     pub(super) fn psnr(&mut self, pupil: Pupil) -> Result<Option<f64>, EngineError> {
         Ok(self.seen.look(&[pupil])?.first().and_then(|sums| sums.quality(self.exposure)))
     }

@@ -1,4 +1,4 @@
-//! A study's simulated world: the eye, its tracker, and time.
+//! Simulates the eye, its tracker and the time of a study.
 
 use super::results::StudySettings;
 use eyebox::low_level::error::Reason;
@@ -12,12 +12,12 @@ use eyebox::low_level::trackers::simulated::{Doing, Eye, SimulatedSource, Truth}
 pub(super) struct Stage {
     settings: StudySettings,
     eye: Eye,
-    /// The same eye, which is asked what it will do.
+    /// A second copy of the eye, for a look at its future.
     ahead: Eye,
     samples: Samples,
-    /// Time that has passed.
+    /// The simulated time that has passed, in nanoseconds.
     pub(super) now_ns: i64,
-    /// Looked at until here for jumps.
+    /// The time until which jumps have been searched, in nanoseconds.
     watched_ns: u64,
     pub(super) landed_ns: Option<u64>,
     pub(super) jumps: u32,
@@ -42,19 +42,19 @@ impl Stage {
         })
     }
 
-    /// Samples that have arrived by now.
+    /// Reads the samples that have arrived by now.
     pub(super) fn arrive(&mut self) -> Result<(), SessionError> {
         self.samples.arrive(u64::try_from(self.now_ns).unwrap_or(0))
     }
 
-    /// Where the pupil will be then.
+    /// Predicts the pupil at this time.
     pub(super) fn predict(&self, light_ns: u64) -> PupilDistribution {
         self.samples.estimator.predict(light_ns)
     }
 
-    /// The eye at a time, and what it did until then.
+    /// Returns the eye at a time, and counts its jumps until then.
     pub(super) fn truth(&mut self, time_ns: u64) -> Truth {
-        // Jumps last 20 ms at least.
+        // Jumps last at least 20 ms.
         while self.watched_ns < time_ns {
             self.watched_ns = (self.watched_ns + 5_000_000).min(time_ns);
             if let Doing::Saccade { lands_ns, .. } = self.eye.at(self.watched_ns).doing
@@ -67,13 +67,13 @@ impl Stage {
         self.eye.at(time_ns)
     }
 
-    /// Whether the eye, which rests now, jumps until then.
+    /// Returns true if the eye, which rests now, jumps by this time.
     pub(super) fn jumps_by(&mut self, time_ns: i64) -> bool {
         let truth = self.ahead.at(u64::try_from(time_ns).unwrap_or(0));
         matches!(truth.doing, Doing::Saccade { .. })
     }
 
-    /// The last set that is decided on by now.
+    /// Returns the timing of the last set that is decided by now.
     pub(super) fn timing(&self) -> SetTiming {
         let StudySettings { period_ns, lead_ns, .. } = self.settings;
         let start_ns = (self.now_ns + lead_ns).div_euclid(period_ns) * period_ns;

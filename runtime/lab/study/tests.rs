@@ -1,4 +1,4 @@
-//! Tests of studies: what steering, motion compensation and tables of first phases gain.
+//! Tests the gain of the refinement, of motion compensation and of tables of first phases in studies.
 
 use crate::study::{ContentRun, ContentSettings, JumpStart, StudiedContent, StudiedEye, StudySample, StudySettings};
 use crate::study::{study, study_content};
@@ -60,8 +60,8 @@ fn after_the_jump(runs: &[ContentRun]) -> f64 {
     run.after_jumps(1).expect("sets after a jump")
 }
 
-/// In a study, too, content that jumps begins with the phases of its table: its first set is better than from the last phases, and from
-/// random ones; of sets that roll, too, though all of their video frames have one step.
+/// In a study, content that jumps also begins with the phases of its table. Its first set is better than from the last
+/// phases and from random ones. This also holds for rolling updates, although all of their video frames have one step.
 #[test]
 fn a_study_of_jumping_content_begins_with_the_table() {
     for (packing, rolls) in [("planes8", false), ("grey8", true)] {
@@ -81,7 +81,7 @@ fn first_set_after_a_jump(stage: &Scripted, start: JumpStart, rolls: bool) -> f6
     after_the_jump(&studied(&stage.begun(), &content, calm_eye()).unwrap())
 }
 
-/// In a study of colors that share their sub-frames content that jumps begins with the drives of the table, too.
+/// In a study of colors that share their sub-frames, content that jumps begins with the drives of the table, too.
 #[test]
 fn a_study_of_joint_colors_begins_with_the_table() {
     let whole = joint_colors(&joint_display());
@@ -97,8 +97,8 @@ fn a_study_of_joint_colors_begins_with_the_table() {
     assert!(table > last && table > random + 0.5, "{table} {last} {random}");
 }
 
-/// Slides follow each other, and after the last comes the scene again. Of a black slide there is no PSNR, so that the sets which have one
-/// are those of the scene. A slide of another number of colors is refused.
+/// Slides follow each other, and after the last the scene returns. A black slide has no PSNR, so the sets with a PSNR
+/// belong to the scene. A slide with another number of colors is refused.
 #[test]
 fn a_study_of_slides_shows_them_in_turn() {
     let stage = Scripted::new("planes8", SIDE, 1);
@@ -114,12 +114,12 @@ fn a_study_of_slides_shows_them_in_turn() {
         studied(&stage.begun(), &content, eye)
     };
     let lit = |slides| study(slides).unwrap()[0].samples.iter().map(|s| s.since_jump).collect::<Vec<_>>();
-    // Scene, black, black, scene, black, black, scene: the first has not jumped.
+    // The order is scene, black, black, scene, black, black, scene. The first scene has not jumped.
     assert_eq!(lit(vec![black.clone(), black.clone()]), [0, 1, 0, 1, 0, 1]);
     assert_eq!(lit(vec![black.clone()]), [0, 1, 0, 1, 0, 1, 0, 1]);
     let two = [black.clone(), black.clone()].concat();
     assert!(matches!(study(vec![two]), Err(SessionError::Setting(reason)) if reason.code() == "slide-colors"));
-    // A slide that is brighter than all of the light raises the exposure, a darker one leaves it.
+    // A slide that is brighter than all of the light raises the exposure, and a darker one does not change it.
     assert_eq!(black[0].exposure, EXPOSURE);
     assert!((even(0.8)[0].exposure - 0.8).abs() < 1e-3, "{}", even(0.8)[0].exposure);
     assert!(black[0].phases.is_empty());
@@ -129,9 +129,9 @@ fn mean(run: &ContentRun) -> f64 {
     run.summary(8).expect("sets that have settled")[0]
 }
 
-/// Content that moves by ten pixels a set is seen, with moments, within a decibel of what stands still: sharp by an eye that follows
-/// it, as the photograph integrated over the motion by one that rests; without, who follows sees it smeared. What stands still and
-/// what jumps lose nothing.
+/// With motion compensation, content that moves by ten pixels per set is within a decibel of still content. For an eye
+/// that follows it, the content is sharp. For an eye at rest, it matches the target image integrated over the motion.
+/// Without motion compensation, an eye that follows it sees it smeared. Still and jumping content lose nothing.
 #[test]
 fn what_moves_is_seen_as_well_as_what_stands_still() {
     let stage = Scripted::new("planes8", 96, 1);
@@ -166,9 +166,9 @@ fn what_moves_is_seen_as_well_as_what_stands_still() {
     assert!(at_rest > of(still, rests, false, false) + 1.5, "steering:\n{all}");
 }
 
-/// Of sets that roll any window of a set's time is a good set, of content that stands still and of content that moves by ten pixels
-/// a set: the worst video frame to end with is within 0.3 dB of the best. With moments, what moves is seen within a decibel of what stands
-/// still.
+/// With rolling updates, each window of the length of a set is a good set, for still content and for content that moves
+/// by ten pixels per set. The worst last video frame is within 0.3 dB of the best. With motion compensation, moving
+/// content is within a decibel of still content.
 #[test]
 fn windows_of_sets_that_roll_are_as_good_as_each_other() {
     let stage = Scripted::new("grey8", 64, 1);
@@ -203,7 +203,7 @@ fn windows_of_sets_that_roll_are_as_good_as_each_other() {
     }
 }
 
-/// In simulated time, with a cost that is the same on every machine: the eye sees better after a while, and every set is
+/// In simulated time, with a cost that is equal on all machines, the eye sees better after a while, and each set is
 /// measured.
 #[test]
 fn a_simulated_eye_sees_better_when_steered() {
@@ -233,7 +233,7 @@ fn a_simulated_eye_sees_better_when_steered() {
     let gain = landed.iter().map(|m| m.gain_db()).sum::<f64>() / landed.len() as f64;
     let error = landed.iter().filter_map(|m| m.error).fold(0.0, f64::max);
     assert!(gain > 0.5 && error < 0.5e-3, "{gain} dB, {error} m");
-    // What ends it early leaves what there is.
+    // A study that ends early returns its samples until then.
     let few = study(&parts, &Policy::default(), &encoder, &settings, &mut cpu, &mut |_, _, share| share < 0.3);
     assert!((1..sets / 2).contains(&few.unwrap().moments.len()));
     let wrong = StudySettings { period_ns: 0, ..settings };

@@ -1,32 +1,33 @@
-//! Which trials are worth recommending, and which one fits a deadline.
+//! Chooses the trials to recommend, and the trial that fits a deadline.
 
 use super::{Quality, Trial, front};
 use serde::{Deserialize, Serialize};
 
-/// Balanced: so many decibels from accurate, at most.
+/// The largest difference of balanced from accurate, in dB.
 pub(crate) const BALANCED_DB: f64 = 0.5;
-/// Balanced: so much of accurate's time, at most.
+/// The largest time of balanced, as a share of accurate's time.
 pub(crate) const BALANCED_SHARE: f64 = 1.0 / 5.0;
-/// Fast: so much of accurate's time, at most.
+/// The largest time of fast, as a share of accurate's time.
 pub(crate) const FAST_SHARE: f64 = 1.0 / 20.0;
-/// Mean PSNRs closer than this are alike: the worst pupil decides, dB.
+/// The largest difference of mean PSNRs that count as equal, in dB. Then the worst pupil decides.
 const ALIKE_DB: f64 = 0.01;
 
-/// A recommended trial.
+/// A trial that is recommended.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recommended {
-    /// As what.
+    /// The quality for which it is recommended.
     pub quality: Quality,
-    /// What was measured.
+    /// The trial with its measurements.
     pub trial: Trial,
-    /// Whether it is what its name promises; where no trial is, it is the nearest.
+    /// True if the trial meets the conditions of its name. If no trial meets them, this is the nearest one.
     pub met: bool,
 }
 
-/// Fast, balanced and accurate among trials; nothing of nothing.
+/// Recommends fast, balanced and accurate among trials. Returns `None` without trials.
 ///
-/// Accurate has the best mean of the front; where means are alike, the best worst pupil. Balanced is the cheapest within
-/// half a decibel of it that takes a fifth of its time at most; fast is the best that takes a twentieth at most.
+/// Accurate has the best mean of the front. Among equal means, the worst pupil decides. Balanced is the cheapest trial
+/// within half a decibel of accurate that takes at most a fifth of its time. Fast is the best trial that takes at most
+/// a twentieth.
 pub fn recommend(trials: &[Trial]) -> Option<[Recommended; 3]> {
     let front = front(trials, |t| t.milliseconds, |t| t.mean);
     let best = front.last()?.mean;
@@ -34,7 +35,7 @@ pub fn recommend(trials: &[Trial]) -> Option<[Recommended; 3]> {
     let accurate = *front.iter().filter(alike).max_by(|a, b| a.worst.total_cmp(&b.worst))?;
     let within = |share: f64| move |t: &&&Trial| t.milliseconds <= share * accurate.milliseconds;
     let near = |t: &&&Trial| t.mean >= accurate.mean - BALANCED_DB;
-    // By rising time, the front rises in quality: the first is the cheapest, the last the best.
+    // The front rises in quality with rising time, so the first one is the cheapest and the last one the best.
     let balanced = front.iter().filter(within(BALANCED_SHARE)).find(near);
     let fast = front.iter().rfind(within(FAST_SHARE));
     let or_nearest = |quality, found: Option<&&Trial>, nearest: &Trial| Recommended {
@@ -50,7 +51,8 @@ pub fn recommend(trials: &[Trial]) -> Option<[Recommended; 3]> {
     ])
 }
 
-/// The best of these that takes at most so many milliseconds, where each takes `scale` times what was measured.
+/// Returns the best trial that takes at most this number of milliseconds, if each takes `scale` times its measured
+/// time.
 pub fn within(trials: &[Trial], milliseconds: f64, scale: f64) -> Option<&Trial> {
     let fits = |t: &&Trial| t.milliseconds * scale <= milliseconds;
     front(trials, |t| t.milliseconds, |t| t.mean).into_iter().rfind(fits)
@@ -77,7 +79,7 @@ mod tests {
         assert_eq!([fast.trial.mean, balanced.trial.mean, accurate.trial.mean], [28.5, 30.11, 30.6]);
         assert!(fast.met && balanced.met && accurate.met);
         assert_eq!([fast.quality, balanced.quality, accurate.quality], Quality::ALL);
-        // Whatever their order.
+        // The order of the trials does not matter.
         let mut other = all.to_vec();
         other.reverse();
         assert_eq!(recommend(&other).unwrap(), recommend(&all).unwrap());
@@ -96,7 +98,7 @@ mod tests {
         let [fast, balanced, accurate] = recommend(&[trial(0, 10.0, 20.0), trial(1, 20.0, 30.0)]).unwrap();
         assert!(!fast.met && !balanced.met && accurate.met);
         assert_eq!((fast.trial.mean, balanced.trial.mean, accurate.trial.mean), (20.0, 20.0, 30.0));
-        // In time, but too far from accurate.
+        // The second trial is in time, but too far from accurate.
         let [_, balanced, _] = recommend(&[trial(0, 1.0, 20.0), trial(1, 2.0, 29.0), trial(2, 20.0, 30.0)]).unwrap();
         assert!(!balanced.met && balanced.trial.mean == 29.0);
     }

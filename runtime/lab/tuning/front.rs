@@ -1,39 +1,39 @@
-//! The Pareto front: trials that no other trial beats.
+//! Finds the Pareto front, which is the set of trials that no other trial beats.
 
 use eyebox::low_level::solve::Settings;
 use serde::{Deserialize, Serialize};
 
-/// A recipe that was measured.
+/// A recipe with its measurements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
-    /// What was done.
+    /// The settings of the solve.
     pub recipe: Settings,
-    /// Milliseconds of the solve, the median of `times`.
+    /// The median of `times`, in milliseconds.
     pub milliseconds: f64,
-    /// Every time that it was measured, milliseconds.
+    /// All measured times of the solve, in milliseconds.
     pub times: Vec<f64>,
-    /// Mean PSNR over the reference's pupils, dB.
+    /// The mean PSNR over the pupils of the reference, in dB.
     pub mean: f64,
-    /// The worst of them.
+    /// The worst PSNR over these pupils, in dB.
     pub worst: f64,
-    /// Each of them.
+    /// The PSNR through each of these pupils, in dB.
     pub psnr: Vec<f64>,
-    /// Expected bytes at the peak ([`ColorJob::cost`](super::ColorJob::cost)).
+    /// The expected peak memory in bytes ([`ColorJob::cost`](super::ColorJob::cost)).
     pub bytes: u64,
-    /// Mean and worst JOD over those of the reference's pupils that were judged; none where none was.
+    /// The mean and the worst JOD over the judged pupils of the reference. `None` if no pupil was judged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub jod: Option<[f64; 2]>,
 }
 
 impl Trial {
-    /// One measurement.
+    /// Makes a trial of one measurement.
     pub fn new(recipe: Settings, milliseconds: f64, psnr: Vec<f64>, bytes: u64) -> Self {
         let mean = psnr.iter().sum::<f64>() / psnr.len().max(1) as f64;
         let worst = psnr.iter().copied().fold(f64::INFINITY, f64::min);
         Self { recipe, milliseconds, times: vec![milliseconds], mean, worst, psnr, bytes, jod: None }
     }
 
-    /// One more time of the same recipe.
+    /// Adds another time of the same recipe, in milliseconds.
     pub fn timed(&mut self, milliseconds: f64) {
         self.times.push(milliseconds);
         let mut sorted = self.times.clone();
@@ -42,17 +42,19 @@ impl Trial {
         self.milliseconds = 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]);
     }
 
-    /// Whether its numbers are such as a measurement gives.
+    /// Returns true if the numbers can come from a measurement.
     pub fn is_sound(&self) -> bool {
         self.recipe.is_sound() && self.milliseconds > 0.0 && self.milliseconds.is_finite() && self.mean.is_finite()
     }
 }
 
-/// The trials that none beats: none other costs at most as much and is at least as good, one of the two strictly. By
-/// rising cost, and so by rising good. Of trials alike in both, the first. NaN is never on it.
+/// Returns the trials that no other trial beats, by rising cost and therefore by rising quality.
+///
+/// A trial beats another one if it costs at most as much and is at least as good, and one of the two strictly. Among
+/// equal trials, the first is returned. NaN is never on the front.
 pub fn front(trials: &[Trial], cost: impl Fn(&Trial) -> f64, good: impl Fn(&Trial) -> f64) -> Vec<&Trial> {
     let mut all: Vec<&Trial> = trials.iter().filter(|t| !cost(t).is_nan() && !good(t).is_nan()).collect();
-    // The best first of those that cost the same.
+    // The best of the trials with equal cost comes first.
     all.sort_by(|a, b| cost(a).total_cmp(&cost(b)).then(good(b).total_cmp(&good(a))));
     let mut best = f64::NEG_INFINITY;
     all.retain(|t| {
@@ -63,8 +65,8 @@ pub fn front(trials: &[Trial], cost: impl Fn(&Trial) -> f64, good: impl Fn(&Tria
     all
 }
 
-/// How many decibels of mean PSNR something of this cost and quality falls short of the trials that cost no more; 0 on
-/// their front and beyond it.
+/// Returns the difference in mean PSNR, in dB, to the best trial that costs no more. It is 0 on the front and beyond
+/// it.
 pub(crate) fn short_of(trials: &[Trial], milliseconds: f64, mean: f64) -> f64 {
     let cheaper = trials.iter().filter(|t| t.milliseconds <= milliseconds).map(|t| t.mean);
     (cheaper.fold(mean, f64::max) - mean).max(0.0)
@@ -75,14 +77,14 @@ pub(super) mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A trial of this cost and quality; the recipe tells them apart.
+    /// A trial of this cost and quality. The recipe distinguishes the trials.
     pub fn trial(index: usize, milliseconds: f64, mean: f64) -> Trial {
         let recipe = Settings { steps: index + 1, ..Settings::default() };
         Trial::new(recipe, milliseconds, vec![mean], 1)
     }
 
     fn trials() -> impl Strategy<Value = Vec<Trial>> {
-        // Few values, so that many are alike.
+        // There are few values, so that many trials are equal.
         let value = prop_oneof![Just(f64::NAN), (1..12u8).prop_map(f64::from)];
         proptest::collection::vec((value.clone(), value), 0..40)
             .prop_map(|all| all.into_iter().enumerate().map(|(i, (ms, db))| trial(i, ms, db)).collect())
@@ -106,12 +108,12 @@ pub(super) mod tests {
                 prop_assert_eq!(short_of(&all, t.milliseconds, t.mean), 0.0);
             }
             prop_assert!(found.windows(2).all(|p| p[0].milliseconds < p[1].milliseconds && p[0].mean < p[1].mean));
-            // What is not on it is beaten, or alike to what is.
+            // Trials that are not on the front are beaten by one that is, or are equal to it.
             for t in all.iter().filter(|t| !t.milliseconds.is_nan() && !t.mean.is_nan()) {
                 let held = found.iter().any(|f| beats(f, t) || (f.milliseconds, f.mean) == (t.milliseconds, t.mean));
                 prop_assert!(held);
             }
-            // Whatever their order.
+            // The order of the trials does not matter.
             let mut other = all.clone();
             other.rotate_left(turn.min(all.len()));
             prop_assert_eq!(numbers(&found), numbers(&front(&other, |t| t.milliseconds, |t| t.mean)));

@@ -1,36 +1,38 @@
-//! What is tried: a grid of recipes, in an order in which it can be cut off anywhere.
+//! Lists the recipes to try, in an order that can end anywhere.
 //!
-//! First the default, then so many steps as a trial has time for, and about a fifth and a twentieth of them, where `balanced`
-//! and `fast` will be looked for. Then each setting changed alone around the default, and the grid itself: steps, windows and
-//! optimisers, and for the shorter ones the same work shared out to fewer and more pupils a step.
+//! The first recipe is the default. Then come as many steps as a trial has time for, and about a fifth and a twentieth
+//! of them, where `balanced` and `fast` are expected. Then each setting is changed alone from the default. The grid
+//! itself has steps, windows and optimizers. For the shorter recipes, the same work is also divided into fewer and more
+//! pupils per step.
 
 use eyebox::low_level::optics::WindowFactor;
 use eyebox::low_level::plan::Storage;
 use eyebox::low_level::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
 
-/// What there is to choose from.
+/// The limits of the choices.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Space {
-    /// Sub-frames shown.
+    /// The number of shown sub-frames.
     pub frames: usize,
     /// Rows and columns of views.
     pub views: [usize; 2],
-    /// Whether the engine saves anything by storing fields as halves.
+    /// True if the engine saves time or memory by storing fields as halves.
     pub halves: bool,
-    /// Whether the SLM's levels can be optimised for.
+    /// True if the solver can optimize for the SLM's levels.
     pub levels: bool,
-    /// Whether the scene asks for padding.
+    /// True if the scene requires padding.
     pub padding: bool,
-    /// Whether the SLM can be solved at half its resolution.
+    /// True if the SLM can be solved at half its resolution.
     pub pixel: bool,
 }
 
-/// Parts of the longest trial's steps: all of them, then a little less than what balanced and fast may take, then between.
+/// The shares of the longest trial's steps. The first is all of them. The next two are a little less than balanced and
+/// fast may take, and the others are between.
 const PARTS: [f64; 7] = [1.0, 0.185, 0.045, 0.5, 0.1, 0.15, 0.022];
-/// Parts up to this are tried with other numbers of pupils too.
+/// Shares up to this value are also tried with other numbers of pupils.
 const SHORT: f64 = 0.2;
 
-/// Every recipe once, where the longest trial takes so many steps of 16 pupils with a window of 2.
+/// Lists each recipe once. The longest trial has `longest` steps of 16 pupils with a window of 2.
 pub(super) fn grid(space: &Space, longest: usize) -> Vec<Settings> {
     let spine = |part: f64, pupils: usize, window: WindowFactor, optimizer: Optimizer| {
         let steps = (longest as f64 * part * 16.0 / pupils as f64).round().max(1.0) as usize;
@@ -60,8 +62,8 @@ pub(super) fn grid(space: &Space, longest: usize) -> Vec<Settings> {
     once
 }
 
-/// Each setting alone, well away from the default: what takes something away from the problem, and what adds to it, as far
-/// as there is something. Steps are what the rest is about.
+/// Lists each setting alone, well away from the default. Settings that reduce the problem or add to it are listed only
+/// if they have an effect. The rest of the grid varies the steps.
 fn alone(space: &Space) -> Vec<Settings> {
     let start = Settings::default;
     let thins = |n: usize| {
@@ -117,7 +119,7 @@ mod tests {
 
     #[test]
     fn the_first_of_the_grid_have_what_is_recommended() {
-        // A machine of which all is known: time is work, quality has diminishing returns.
+        // On this model machine, time is work, and quality has diminishing returns.
         let measure = |r: &Settings| {
             let ms = 20.0 + (r.steps * r.pupils) as f64;
             let db = 31.0 - 60.0 / ((r.steps * r.pupils) as f64).powf(0.7);

@@ -1,6 +1,7 @@
-//! What was measured on this device, kept in the user's cache for every solve after it.
+//! Stores the measured settings of this device in the user's cache, for later solves.
 //!
-//! A convenience: a file that is damaged, of another version or of another device is not used, and says so in a line.
+//! The file is a convenience. A file that is damaged, of another version or of another device is not used, and the
+//! error states the reason in one line.
 
 use super::{Quality, Recommended, Trial};
 use eyebox::low_level::error::Reason;
@@ -10,50 +11,50 @@ use eyebox::low_level::reason;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// First words of the file; a checksum of the rest follows on the same line.
+/// The first words of the file. A checksum of the rest follows on the same line.
 const HEAD: &str = "eyebox tradeoff 1 ";
-/// Larger files are not ours.
+/// The largest file size in bytes. A larger file is not from eyebox.
 const LARGEST: u64 = 8 << 20;
 
-/// Why a file of measured settings is not used.
+/// The reasons for which a file of measured settings is not used.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum MeasuredError {
-    /// It could not be read or written.
+    /// The file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// It holds something else.
-    #[error("{file}: {reason}; run `eyebox eval tune` again to replace it")]
+    /// The file has other content.
+    #[error("{file}: {reason}. Run `eyebox eval tune` again to replace it.")]
     Content {
-        /// The file.
+        /// The path of the file.
         file: String,
-        /// What is wrong.
+        /// The problem with the content.
         reason: Reason,
     },
 }
 
-/// What a run of `eval tune` found on one device.
+/// The result of `eval tune` on one device.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// The engine, as it [describes](eyebox::low_level::engine::Engine::describe) itself.
+    /// The description of the engine, from [`describe`](eyebox::low_level::engine::Engine::describe).
     pub device: String,
-    /// The scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Its colour.
+    /// The color of the scene that was tuned.
     pub color: Color,
     /// Rows and columns of the SLM.
     pub size: [usize; 2],
-    /// Sub-frames shown.
+    /// The number of shown sub-frames.
     pub frames: usize,
-    /// Fast, balanced, accurate.
+    /// Fast, balanced and accurate, in this order.
     pub recommended: Vec<Recommended>,
-    /// The trials that none beats, by rising time.
+    /// The trials that no other trial beats, by rising time.
     pub front: Vec<Trial>,
 }
 
 impl Measured {
-    /// The device's file in a folder of caches.
+    /// Returns the path of the device's file in a folder of caches.
     pub fn file(folder: &Path, device: &str) -> PathBuf {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' };
         let words: String = device.chars().map(plain).collect();
@@ -62,10 +63,10 @@ impl Measured {
         folder.join(format!("tradeoff-{name}-{:08x}.json", crc32c::crc32c(device.as_bytes())))
     }
 
-    /// What was measured on this device; nothing where nothing was.
+    /// Loads the measurements of this device. Returns `None` if there are none.
     ///
     /// # Errors
-    /// [`MeasuredError`]: go on without it.
+    /// Returns [`MeasuredError`] if the file cannot be used. Callers continue without it.
     pub fn load(folder: &Path, device: &str) -> Result<Option<Self>, MeasuredError> {
         let path = Self::file(folder, device);
         let wrong = |reason| MeasuredError::Content { file: path.display().to_string(), reason };
@@ -75,32 +76,32 @@ impl Measured {
             Err(e) => return Err(FileError::read(&path, e).into()),
         };
         if size > LARGEST {
-            return Err(wrong(reason!("length", "is too large for measured settings")));
+            return Err(wrong(reason!("length", "too large for measured settings")));
         }
         let bytes = eyebox::low_level::files::read::bytes(&path, LARGEST).map_err(|e| FileError::read(&path, e))?;
-        let text = std::str::from_utf8(&bytes).map_err(|_| wrong(reason!("no-text", "is no text")))?;
-        let (head, body) = text.split_once('\n').ok_or_else(|| wrong(reason!("cut-off", "is cut off")))?;
+        let text = std::str::from_utf8(&bytes).map_err(|_| wrong(reason!("no-text", "not a text file")))?;
+        let (head, body) = text.split_once('\n').ok_or_else(|| wrong(reason!("cut-off", "the file is cut off")))?;
         let sum = head
             .strip_prefix(HEAD)
-            .ok_or_else(|| wrong(reason!("version", "holds no settings of this version of eyebox")))?;
+            .ok_or_else(|| wrong(reason!("version", "no settings of this version of eyebox")))?;
         if sum != format!("{:08x}", crc32c::crc32c(body.as_bytes())) {
-            return Err(wrong(reason!("checksum", "is damaged")));
+            return Err(wrong(reason!("checksum", "the file is damaged")));
         }
         let found: Self =
-            serde_json::from_str(body).map_err(|e| wrong(reason!("content", "holds something else ({e})")))?;
+            serde_json::from_str(body).map_err(|e| wrong(reason!("content", "not measured settings ({e})")))?;
         if found.device != device {
-            return Err(wrong(reason!("another-device", "is of another device")));
+            return Err(wrong(reason!("another-device", "settings of another device")));
         }
         if !found.is_sound() {
-            return Err(wrong(reason!("settings", "holds settings that cannot be")));
+            return Err(wrong(reason!("settings", "the settings are invalid")));
         }
         Ok(Some(found))
     }
 
-    /// Keeps it, whole or not at all; says where.
+    /// Saves the measurements atomically and returns the path of the file.
     ///
     /// # Errors
-    /// [`MeasuredError::File`].
+    /// Returns [`MeasuredError::File`] if the file cannot be written.
     pub fn save(&self, folder: &Path) -> Result<PathBuf, MeasuredError> {
         std::fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         let path = Self::file(folder, &self.device);
@@ -120,14 +121,14 @@ impl Measured {
             && (1..=4096).contains(&self.frames)
     }
 
-    /// The trial that is recommended as this.
+    /// Returns the trial that is recommended for this quality.
     pub fn of(&self, quality: Quality) -> &Trial {
         let found = self.recommended.iter().find(|r| r.quality == quality);
         &found.expect("a sound file has all three").trial
     }
 
-    /// How many times what was measured a solve of this size takes: by pixels x log2(pixels), as transforms do, and by
-    /// sub-frames.
+    /// Returns the time of a solve of this size relative to the measured size. It scales with pixels x log2(pixels), as
+    /// transforms do, and with sub-frames.
     pub fn scale(&self, [height, width]: [usize; 2], frames: usize) -> f64 {
         let work = |[h, w]: [usize; 2], frames: usize| {
             let pixels = h as f64 * w as f64;
@@ -165,7 +166,7 @@ mod tests {
         let file = measured().save(&folder).unwrap();
         assert_eq!(Measured::load(&folder, &measured().device).unwrap(), Some(measured()));
         assert!(Measured::load(&folder, "another").unwrap().is_none());
-        // Another device's file under this device's name.
+        // This is another device's file under this device's name.
         std::fs::rename(&file, Measured::file(&folder, "another")).unwrap();
         assert_eq!(ErrorData::of(&Measured::load(&folder, "another").unwrap_err()).code, "content/another-device");
         assert_eq!(measured().of(Quality::Accurate).mean, 28.75);

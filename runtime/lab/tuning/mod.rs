@@ -1,8 +1,9 @@
 //! Tries settings on this machine and recommends three of them.
 //!
-//! [`Settings`](eyebox::low_level::solve::Settings) hold every setting that trades quality for time. A [`Tuning`] tries a grid of them on a
-//! [`ColorJob`], [`front`](fn@front) says which trials none beats, [`recommend`] which three of them are `fast`, `balanced` and
-//! `accurate`; [`Measured`] keeps them for this device in the user's cache.
+//! [`Settings`](eyebox::low_level::solve::Settings) hold all settings that trade quality for time. A [`Tuning`] tries a
+//! grid of them on a [`ColorJob`]. The function [`front`](fn@front) finds the trials that no other trial beats. The
+//! function [`recommend`] chooses three of them as `fast`, `balanced` and `accurate`. [`Measured`] stores them for this
+//! device in the user's cache.
 
 mod choice;
 mod front;

@@ -1,4 +1,4 @@
-//! Measuring what quality costs on this machine: trials of a grid of recipes within a budget, each kept as soon as it is made.
+//! Measures the cost of quality on this machine with trials of a grid of recipes within a budget of time.
 
 use super::grid::{Space, grid};
 use super::tuned::{Checked, LevelRow, Tuned};
@@ -16,39 +16,42 @@ use serde_json::json;
 use std::path::Path;
 use std::time::Instant;
 
-/// Shares of the budget: the longest trial, the grid, the comparison of levels, and all that is measured.
+/// The share of the budget for the longest trial.
 const TRIAL: f64 = 1.0 / 6.0;
+/// The share of the budget at whose end the grid stops.
 const GRID: f64 = 0.78;
+/// The share of the budget at whose end the comparison of levels stops.
 const LEVELS: f64 = 0.88;
+/// The share of the budget at whose end all measurements stop.
 const ALL: f64 = 0.97;
-/// A trial that takes so many times what it may is given up.
+/// A trial is given up if it takes this many times its allowed time.
 const TUNE_PATIENCE: f64 = 2.0;
-/// Levels that are compared, besides the SLM's own.
+/// The numbers of levels that are compared, in addition to the SLM's own.
 const COMPARED: [usize; 4] = [2, 4, 8, 16];
 
-/// What is tuned, and how long it may take.
+/// The subject of a tuning and its limits.
 pub struct Tuning<'a> {
-    /// What recipes are tried on.
+    /// The problem on which recipes are tried.
     pub job: ColorJob<'a>,
-    /// Seconds for all of it, over all runs into one folder.
+    /// The allowed seconds over all runs into one folder.
     pub budget: f64,
-    /// Decides the pupils that judge.
+    /// The seed of the pupils that score the trials.
     pub seed: u64,
-    /// Settings of another run, which are measured too.
+    /// Settings of another run, which are measured as well.
     pub check: Vec<Recommended>,
-    /// Through how many pupils a trial is judged in JOD, beside its PSNR, as the job's display is seen (its
-    /// [`Viewing`](eyebox::low_level::optics::Viewing)); 0 for none.
+    /// The number of pupils through which a trial is judged in JOD, in addition to its PSNR. The viewing conditions are
+    /// the job's display ([`Viewing`](eyebox::low_level::optics::Viewing)). 0 for none.
     pub judged: usize,
-    /// When this run began.
+    /// The time at which this run began.
     pub begun: Instant,
 }
 
-/// What is kept between runs.
+/// The state that is saved between runs.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default)]
 struct State {
     spent_s: f64,
-    /// The budget whose grid is done.
+    /// The budget, in seconds, for which the grid is complete.
     done_s: f64,
     trials: Vec<Trial>,
     levels: Vec<LevelRow>,
@@ -61,7 +64,7 @@ struct Work<'a, 'b, 'w> {
     watch: &'b JobObserver<'w>,
     keep: ResultCache,
     made_by: String,
-    /// Spent before this run, seconds.
+    /// The seconds spent before this run.
     before: f64,
     what: String,
     ceiling: Option<[f64; 2]>,
@@ -69,11 +72,11 @@ struct Work<'a, 'b, 'w> {
 }
 
 impl<'a> Tuning<'a> {
-    /// Tries recipes until the grid is done, the budget is spent or `observe` says stop. `folder` keeps the trials: the same
-    /// tuning resumes there.
+    /// Tries recipes until the grid is complete, the budget is spent or `observe` stops it. `folder` stores the trials,
+    /// so that the same tuning resumes there.
     ///
     /// # Errors
-    /// [`QualityError`].
+    /// Returns [`QualityError`] if a trial fails or the folder cannot be written.
     pub fn run(self, folder: &Path, engine: &mut dyn Engine, observe: &mut Observe) -> Result<Tuned, QualityError> {
         let ColorJob { field, color, display, ref base, ref levels } = self.job;
         let device = engine.describe();
@@ -121,12 +124,12 @@ impl<'a> Tuning<'a> {
 }
 
 impl Work<'_, '_, '_> {
-    /// Seconds spent in all.
+    /// Returns the seconds spent in all runs.
     fn spent(&self) -> f64 {
         self.before + self.tuning.begun.elapsed().as_secs_f64()
     }
 
-    /// Whether to go on.
+    /// Reports progress. Returns false once the job is stopped.
     fn goes_on(&mut self) -> bool {
         let share = self.spent() / (ALL * self.tuning.budget);
         self.watch.say(&self.what, share.min(1.0))
@@ -137,9 +140,9 @@ impl Work<'_, '_, '_> {
         Ok(self.keep.save("trials", &self.made_by, &self.state)?)
     }
 
-    /// Tries everything.
+    /// Runs all parts of the tuning.
     fn all(&mut self) -> Result<(), QualityError> {
-        self.what = "photographs".into();
+        self.what = "target images".into();
         self.goes_on();
         let reference = Reference::new(&self.tuning.job, self.tuning.seed, self.engine)?;
         self.ceiling = reference.ceiling(self.engine)?;
@@ -161,10 +164,10 @@ impl Work<'_, '_, '_> {
         self.state.trials.iter().any(|t| t.recipe == *recipe)
     }
 
-    /// Tries the grid, as far as there is time for it; whether it was not interrupted.
+    /// Tries the grid, as far as there is time for it. Returns true if it was not interrupted.
     fn grid(&mut self, warm: f64, reference: &Reference) -> Result<bool, QualityError> {
         let budget = self.tuning.budget;
-        // The default first: what it takes says how many steps there is time for.
+        // The default is first, because its time decides how many steps the budget allows.
         if !self.tried(&Settings::default()) {
             self.trial(&Settings::default(), f64::INFINITY, reference)?;
         }
@@ -175,7 +178,7 @@ impl Work<'_, '_, '_> {
         let steps = |steps| Settings { steps, window: WindowFactor::Two, ..Settings::default() };
         let (one, two) = (self.cost(&steps(1))?.work(), self.cost(&steps(2))?.work());
         let steps = ((1e3 * TRIAL * budget / median(&mut rates, warm) - one) / (two - one).max(1.0)).max(1.0);
-        // Steps of a round number, so that a run that resumes has the same grid.
+        // The number of steps is round, so that a resumed run has the same grid.
         let steps = 2f64.powf((2.0 * steps.log2()).floor() / 2.0).min(8192.0) as usize;
         for recipe in grid(&self.space()?, steps) {
             if self.tried(&recipe) {
@@ -213,8 +216,8 @@ impl Work<'_, '_, '_> {
         })
     }
 
-    /// Milliseconds of a unit of work, from a few steps that nobody looks at: the first solve plans its transforms and
-    /// compiles its kernels.
+    /// Returns the milliseconds of a unit of work, from a few steps without a score. The first solve plans its
+    /// transforms and compiles its kernels, so it is not timed.
     fn warm_up(&mut self) -> Result<f64, QualityError> {
         let recipe = Settings { steps: 3, window: WindowFactor::Two, ..Settings::default() };
         let mut go = || self.tuning.job.solve(&recipe, self.engine, &mut |_| Flow::Continue);
@@ -223,7 +226,7 @@ impl Work<'_, '_, '_> {
         Ok(solved.milliseconds / self.cost(&recipe)?.work())
     }
 
-    /// Solves a recipe; nothing where it was interrupted, or takes far longer than it may (milliseconds).
+    /// Solves a recipe. Returns `None` if it was interrupted, or takes far longer than `longest` milliseconds.
     fn solve(&mut self, recipe: &Settings, longest: f64) -> Result<Option<Solved>, QualityError> {
         let (start, mut late) = (Instant::now(), false);
         let Self { tuning, engine, watch, before, what, .. } = self;
@@ -236,15 +239,15 @@ impl Work<'_, '_, '_> {
         Ok((!late && !self.watch.is_stopped()).then_some(solved))
     }
 
-    /// Measures a recipe: its time (milliseconds), of short ones several times, and once its quality, which the same seed
-    /// gives again.
+    /// Measures a recipe and returns its time in milliseconds. Short solves are timed several times. The quality is
+    /// measured once, because the same seed gives the same quality.
     fn trial(&mut self, recipe: &Settings, longest: f64, reference: &Reference) -> Result<Option<f64>, QualityError> {
         self.what = format!("trial {}: {recipe}", self.state.trials.len() + 1);
         let Some(solved) = self.solve(recipe, longest)? else { return Ok(None) };
         let score = self.score(&solved, reference)?;
         if score.quality().is_none() {
             let what = self.tuning.job.field.name.clone();
-            let reason = "it is black through all pupils that judge, so no setting is better than another: give a scene with light";
+            let reason = "black through all pupils of the score, so all settings are equal. Choose a brighter scene.";
             return Err(QualityError::Input { what, reason: Reason::new("black", reason) });
         }
         let jod = self.judge(&solved, score.exposure, reference)?;
@@ -268,13 +271,13 @@ impl Work<'_, '_, '_> {
         Ok(Some(milliseconds))
     }
 
-    /// Only the sub-frames that differ: the others repeat them.
+    /// Scores only the sub-frames that differ, because the others repeat them.
     fn score(&mut self, solved: &Solved, reference: &Reference) -> Result<ValidationScore, QualityError> {
         let pixels = self.tuning.job.display.height * self.tuning.job.display.width;
         reference.score(&solved.solution.phases[..solved.frames * pixels], self.engine)
     }
 
-    /// The same by what people see, where that is asked for.
+    /// Judges the same sub-frames in JOD, if this is requested.
     fn judge(
         &mut self,
         solved: &Solved,
@@ -290,7 +293,7 @@ impl Work<'_, '_, '_> {
         reference.judge(phases, exposure, &metric, judged, self.engine)
     }
 
-    /// Levels after the fact, and optimised for.
+    /// Compares phases that are rounded to levels with phases that are optimized for levels.
     fn levels(&mut self, mut reference: Reference) -> Result<(), QualityError> {
         let mut wanted: Vec<Vec<f64>> = COMPARED.map(even_levels).to_vec();
         if let Some(own) = self.tuning.job.levels.given().filter(|l| l.len() < 256) {
@@ -298,7 +301,7 @@ impl Work<'_, '_, '_> {
             wanted.push(own.to_vec());
         }
         wanted.sort_by_key(Vec::len);
-        // Balanced where there is time for it, else the default, as long as they took.
+        // The recipe is balanced if there is time for it, and otherwise the default. Their measured times decide.
         let time = |t: &Trial| t.milliseconds * (wanted.len() + 1) as f64 * 1e-3;
         let left = LEVELS * self.tuning.budget - self.spent();
         let trials = &self.state.trials;
@@ -330,14 +333,14 @@ impl Work<'_, '_, '_> {
         Ok(())
     }
 
-    /// What is recommended is timed again, until chance has no part in it or the budget ends.
+    /// Times the recommended trials again, until chance has little influence or the budget ends.
     fn time_again(&mut self) -> Result<(), QualityError> {
         while let Some(three) = recommend(&self.state.trials) {
             let left = 1e3 * (ALL * self.tuning.budget - self.spent());
             let enough = |t: &Trial| if t.milliseconds < 10_000.0 { 3 } else { 2 };
             let next = three.into_iter().map(|r| r.trial).find(|t| t.times.len() < enough(t) && t.milliseconds < left);
             let Some(recipe) = next.map(|t| t.recipe).filter(|_| self.goes_on()) else { break };
-            self.what = format!("once more: {recipe}");
+            self.what = format!("repeated trial: {recipe}");
             let Some(solved) = self.solve(&recipe, f64::INFINITY)? else { break };
             if let Some(trial) = self.state.trials.iter_mut().find(|t| t.recipe == recipe) {
                 trial.timed(solved.milliseconds);
@@ -348,7 +351,7 @@ impl Work<'_, '_, '_> {
     }
 }
 
-/// The middle one, or `without` where there is none.
+/// Returns the middle value, or `without` if there is none.
 fn median(values: &mut [f64], without: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(without)

@@ -1,115 +1,115 @@
-//! What a tuning found, as plain data: what its page, its tables and its JSON are made from.
+//! Defines the results of a tuning as plain data for its page, its tables and its JSON.
 
 use super::{Measured, Recommended, Trial, front, recommend, short_of};
 use eyebox::low_level::optics::Color;
 use serde::{Deserialize, Serialize};
 
-/// How much worse than the front a setting of another run may be, dB.
+/// The largest allowed distance of a setting of another run from the front, in dB.
 pub const NEAR_DB: f64 = 0.3;
 
-/// Everything that a tuning found.
+/// All results of a tuning.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Tuned {
-    /// Version of eyebox.
+    /// The version of eyebox.
     pub version: String,
-    /// The engine, as it describes itself.
+    /// The description of the engine.
     pub device: String,
-    /// The scene's name.
+    /// The name of the scene.
     pub scene: String,
-    /// Which of its colours.
+    /// The color of the scene that was tuned.
     pub color: Color,
-    /// The display's name.
+    /// The name of the display.
     pub display: String,
-    /// Rows and columns.
+    /// Rows and columns of the SLM.
     pub size: [usize; 2],
-    /// Sub-frames shown.
+    /// The number of shown sub-frames.
     pub frames: usize,
-    /// Phase levels that the SLM is judged with; none where they are so many that they do not matter.
+    /// The number of phase levels for the score. `None` if the SLM has so many that they have no effect.
     pub slm_levels: Option<usize>,
-    /// The seed.
+    /// The seed of the pupils that score.
     pub seed: u64,
-    /// Mean and worst dB that any hologram could have through the pupils of the score; none where it is not known, or
-    /// diffraction takes nothing.
+    /// The mean and the worst PSNR, in dB, that any hologram can reach through the pupils of the score. `None` if it is
+    /// unknown, or if diffraction takes nothing.
     #[serde(default)]
     pub ceiling: Option<[f64; 2]>,
-    /// Seconds that it might take, and took, over all runs into this folder.
+    /// The allowed seconds over all runs into this folder.
     pub budget_s: f64,
-    /// See `budget_s`.
+    /// The spent seconds over all runs into this folder.
     pub spent_s: f64,
-    /// Whether it was stopped before its end.
+    /// True if the tuning was stopped before its end.
     pub interrupted: bool,
-    /// Fast, balanced, accurate.
+    /// Fast, balanced and accurate, in this order.
     pub recommended: Vec<Recommended>,
-    /// Every trial, in the order in which they were made.
+    /// All trials in the order of their measurement.
     pub trials: Vec<Trial>,
-    /// Levels of the SLM, after the fact and optimised for.
+    /// Levels of the SLM, by rounding and by optimization.
     pub levels: Vec<LevelRow>,
-    /// The recipe whose phases were put on levels.
+    /// The recipe whose phases were rounded to levels.
     pub levels_recipe: String,
-    /// Settings of another run.
+    /// The settings of another run.
     pub check: Vec<Checked>,
 }
 
-/// One number of levels.
+/// The results for one number of levels.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct LevelRow {
-    /// How many.
+    /// The number of phase levels.
     pub levels: usize,
-    /// Mean and worst dB of phases that know nothing of levels, as an SLM without levels would show them.
+    /// The mean and the worst PSNR, in dB, of phases without levels on an SLM without levels.
     pub free: [f64; 2],
-    /// The same phases, each on its nearest level.
+    /// The scores of the same phases, each rounded to its nearest level.
     pub after: [f64; 2],
-    /// Phases that were optimised for the levels.
+    /// The scores of phases that were optimized for the levels.
     pub optimised: [f64; 2],
-    /// Milliseconds of the solves: free, optimised.
+    /// The milliseconds of the solves without and with levels.
     pub milliseconds: [f64; 2],
 }
 
 /// A setting of another run, measured here.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Checked {
-    /// What it was recommended as there, and measured here.
+    /// The setting with its recommendation there and its measurement here.
     pub setting: Recommended,
-    /// Mean dB that it had there.
+    /// The mean PSNR in the other run, in dB.
     pub mean_there: f64,
-    /// Decibels below the best that costs no more here; none where it was not measured.
+    /// The difference to the best trial here that costs no more, in dB. `None` if it was not measured.
     pub short_db: Option<f64>,
 }
 
 impl Checked {
-    /// Of another run.
+    /// Makes an unmeasured entry for a setting of another run.
     pub fn new(setting: &Recommended) -> Self {
         Self { setting: setting.clone(), mean_there: setting.trial.mean, short_db: None }
     }
 
-    /// Whether it is on the front, or near it.
+    /// Returns true if the setting is on the front or near it.
     pub fn holds(&self) -> bool {
         self.short_db.is_some_and(|db| db <= NEAR_DB)
     }
 }
 
 impl Tuned {
-    /// Mean PSNR against time: what none beats.
+    /// Returns the front of mean PSNR against time.
     pub(crate) fn by_mean(&self) -> Vec<&Trial> {
         front(&self.trials, |t| t.milliseconds, |t| t.mean)
     }
 
-    /// The worst pupil against time.
+    /// Returns the front of the worst pupil against time.
     pub fn by_worst(&self) -> Vec<&Trial> {
         front(&self.trials, |t| t.milliseconds, |t| t.worst)
     }
 
-    /// Mean PSNR against memory.
+    /// Returns the front of mean PSNR against memory.
     pub fn by_memory(&self) -> Vec<&Trial> {
         front(&self.trials, |t| t.bytes as f64, |t| t.mean)
     }
 
-    /// Mean JOD against time.
+    /// Returns the front of mean JOD against time.
     pub fn by_jod(&self) -> Vec<&Trial> {
         front(&self.trials, |t| t.milliseconds, |t| t.jod.map_or(f64::NAN, |[mean, _]| mean))
     }
 
-    /// Chooses the three, and says how the settings of another run stand here.
+    /// Chooses the three recommended trials, and compares the settings of another run with the trials here.
     pub fn settle(&mut self) {
         self.recommended = recommend(&self.trials).map(Vec::from).unwrap_or_default();
         for checked in &mut self.check {
@@ -120,7 +120,8 @@ impl Tuned {
         }
     }
 
-    /// What is recommended, for this device's file of measured settings; nothing where a trial is not what it promises.
+    /// Returns the recommended trials for this device's file of measured settings. Returns `None` if a trial does not
+    /// meet the conditions of its name.
     pub fn measured(&self) -> Option<Measured> {
         let all_met = self.recommended.iter().all(|r| r.met) && !self.recommended.is_empty();
         all_met.then(|| Measured {

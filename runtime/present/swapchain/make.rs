@@ -1,4 +1,4 @@
-//! How a swapchain is made, and made again: all of it, or none.
+//! Makes a swapchain and replaces it, completely or not at all.
 
 #![allow(unsafe_code)]
 
@@ -7,8 +7,8 @@ use ash::vk;
 use eyebox_compute::gpu::EngineError;
 
 impl Swapchain {
-    /// The size that pictures have on the surface; `wanted` where it leaves the choice. No pixels while a window is
-    /// minimised.
+    /// The size of pictures on the surface. It is `wanted` if the surface leaves the choice. It has no pixels while a
+    /// window is minimized.
     pub(crate) fn extent_now(
         &self,
         wanted: [usize; 2],
@@ -19,8 +19,8 @@ impl Swapchain {
         let extent = match (self.policy, is.width == u32::MAX) {
             (Policy::Exact(_), false) if (is.height, is.width) != (height, width) => {
                 return Err(self.unsuitable(format!(
-                    "the window is {}x{} pixels, and a video frame has {height}x{width}: nothing is scaled, so they must \
-                     be equal",
+                    "the window is {}x{} pixels, and a video frame has {height}x{width}: pictures are not scaled, so \
+                     make them equal",
                     is.height, is.width
                 )));
             }
@@ -42,7 +42,7 @@ impl Swapchain {
         EngineError::Unsuitable { device: self.gpu.device.report.name.clone(), reason: reason.into() }
     }
 
-    /// Makes the swapchain, or makes it again; false where the window has no pixel now.
+    /// Makes the swapchain, or makes it again. The result is false if the window has no pixels now.
     pub(crate) fn make(&mut self, wanted: [usize; 2]) -> Result<bool, EngineError> {
         let (extent, can) = self.extent_now(wanted)?;
         if extent.width == 0 || extent.height == 0 {
@@ -79,7 +79,7 @@ impl Swapchain {
         self.times.renewed();
         if let Err(error) = self.make_images(&info, 4 * u64::from(extent.width) * u64::from(extent.height)) {
             self.stale = true;
-            // SAFETY: nothing of it is under way: no image of it was ever acquired.
+            // SAFETY: nothing of it is under way, because no image of it was ever acquired.
             unsafe { self.drop_swapchain() };
             return Err(error);
         }
@@ -87,11 +87,11 @@ impl Swapchain {
         Ok(true)
     }
 
-    /// A swapchain in the place of the one before it, its images, and room for pictures of so many bytes. Nothing of either is
-    /// under way.
+    /// Replaces the swapchain, its images, and the room for pictures of this number of bytes. The work of the old and
+    /// the new one is complete.
     fn make_images(&mut self, info: &vk::SwapchainCreateInfoKHR<'_>, bytes: u64) -> Result<(), EngineError> {
         let pretended = self.answered("create", Ok(true));
-        // SAFETY: nothing of the old swapchain is under way when it is destroyed; all handles are valid.
+        // SAFETY: nothing of the old swapchain is under way when it is destroyed, and all handles are valid.
         unsafe {
             let made = pretended.and_then(|_| self.calls.create_swapchain(info, None));
             self.drop_swapchain();
@@ -103,12 +103,12 @@ impl Swapchain {
                 self.rendered.push(semaphore.map_err(|e| self.error("vkCreateSemaphore", e))?);
             }
         }
-        // What was taken in for the old size would not be read to its end.
+        // A picture that was taken for the old size may be too short to read.
         self.taken &= self.slots.iter().all(|slot| slot.has_room(bytes));
         self.slots.iter_mut().try_for_each(|slot| slot.reserve(&self.gpu.device, bytes))
     }
 
-    /// MAILBOX may leave a picture out. Where that is wanted, nobody waits; FIFO is what every device has.
+    /// MAILBOX may leave a picture out. The newest policy accepts that, to avoid waits. Every device has FIFO.
     fn present_mode(&self) -> Result<vk::PresentModeKHR, EngineError> {
         let fifo = vk::PresentModeKHR::FIFO;
         if self.policy != Policy::Newest {

@@ -1,4 +1,4 @@
-//! Dense grass: blades at every depth, in front of a painted ball and a brick wall.
+//! Describes dense grass with blades at every depth, in front of a painted ball and a brick wall.
 
 use super::{
     render::Item,
@@ -6,7 +6,7 @@ use super::{
     texture::{fbm, fold, hash, lit, mix, noise, rgb, smoothstep},
 };
 
-/// The scene on a picture whose half sides are `half`; a wide one has more blades.
+/// Returns the scene for a picture whose half sides are `half`. A wide picture has more blades.
 pub(super) fn items(half: [f32; 2]) -> Vec<Item> {
     let wall = |x: f32, y: f32| {
         let row = (y * 7.0).floor();
@@ -25,7 +25,7 @@ pub(super) fn items(half: [f32; 2]) -> Vec<Item> {
         let out = (nx * nx + ny * ny).sqrt().max(1.0);
         let (nx, ny) = (nx / out, ny / out);
         let nz = (1.0 - nx * nx - ny * ny).max(0.0).sqrt();
-        // Longitude and latitude about a leaning axis.
+        // These are longitude and latitude around a leaning axis.
         let (ax, ay) = (0.94 * nx + 0.34 * ny, 0.94 * ny - 0.34 * nx);
         let (u, v) = (ax.atan2(nz) / std::f32::consts::PI, ay.clamp(-1.0, 1.0).asin() / std::f32::consts::PI);
         let check = ((u * 10.0).floor() + (v * 10.0).floor()).rem_euclid(2.0) < 1.0;
@@ -37,13 +37,14 @@ pub(super) fn items(half: [f32; 2]) -> Vec<Item> {
     let area = [center[0] - r - 0.02, center[1] - r - 0.02, center[0] + r + 0.02, center[1] + r + 0.02];
     items.push(Item::Surface { shape: Shape::Ball { center, radii: [r, r] }, area, texture: Box::new(ball) });
 
-    // From behind the ball to the front, each a little nearer than the last: no two at one depth.
+    // The blades go from behind the ball to the front, each a little nearer than the previous one, so no two have one
+    // depth.
     let count = (340.0 * half[0] * half[1]).min(4000.0) as i32;
     for k in 0..count {
         let random = |s: u32| hash(k, 23, s);
         let t = k as f32 / count as f32;
         let z = -0.8 + 1.8 * t;
-        // Farther blades stand higher in the picture, as on a lawn seen from above.
+        // Farther blades are higher in the picture, like a lawn from above.
         let foot = half[1] * (0.62 + 0.5 * t);
         let height = (0.55 + 0.75 * random(1) * random(2)) * (0.75 + 0.45 * t);
         let x = (random(3) * 2.0 - 1.0) * (half[0] + 0.1);

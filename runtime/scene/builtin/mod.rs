@@ -1,17 +1,17 @@
-//! Built-in scenes: rendered at any resolution, number of views and colors from a few lines of description.
+//! Renders built-in scenes at any resolution, number of views and colors from short descriptions.
 //!
-//! The description is in scene units (see `shape`): half the display's shorter side across, half the depth span deep.
-//! The span is chosen so that the whole eyebox sees the same parallax, as a share of the picture, on every display:
-//! -3 to +3 mm for 512 pixels of 8 um at 440 nm, growing with the size. Parameters follow the name as in
-//! `builtin:plane?depth=2&brightness=0.5`:
+//! The description is in scene units (see `shape`). One unit is half the display's shorter side across, and half the
+//! depth span deep. The span is chosen so that the whole eyebox sees the same parallax, as a share of the picture, on
+//! every display. It is -3 to +3 mm for 512 pixels of 8 um at 440 nm, and grows with the size. Parameters follow the
+//! name as in `builtin:plane?depth=2&brightness=0.5`:
 //!
-//! - `brightness`: multiplies the light, 0.01 to 10 (1);
-//! - `span`: half the depth span in millimeters, instead of the above;
-//! - `camera`: the scene as a camera sees it that stands so many millimeters to the right, in the pupil plane: several of
-//!   them are a moving scene (0);
-//! - `shift`: of the still lifes and `plane`: so many halves of the display's shorter side to the right from where it usually is
-//!   stands the fruit, or the plane's pattern: several of them are a scene in which something moves (0);
-//! - `depth`: of `plane` only: its depth in millimeters (0).
+//! - `brightness` multiplies the light, 0.01 to 10 (1).
+//! - `span` is half the depth span in millimeters, instead of the span above.
+//! - `camera` moves the camera by this many millimeters to the right in the pupil plane. Several values make a moving
+//!   scene (0).
+//! - `shift` moves the fruit of the still lifes, or the pattern of `plane`, to the right, in halves of the display's
+//!   shorter side. Several values make a scene in which content moves (0).
+//! - `depth` is the depth of `plane` in millimeters (0).
 
 mod grass;
 mod render;
@@ -29,31 +29,31 @@ use eyebox_optics::Display;
 use render::{Canvas, Item};
 pub use stage::Stage;
 
-/// A built-in scene: its name and what it shows.
+/// A built-in scene with its name and its content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Builtin {
-    /// What follows `builtin:`.
+    /// The name after `builtin:`.
     pub name: &'static str,
-    /// One line for a list.
+    /// The content in one line for a list.
     pub about: &'static str,
 }
 
-/// The built-in scenes; the first is the demonstration's.
+/// The built-in scenes. The first one is the scene of the demonstration.
 pub const BUILTINS: [Builtin; 7] = [
     Builtin { name: "still-life", about: "fruit, a vase and lettering on a checked cloth, from the wall to the front" },
-    Builtin { name: "still-life-dark", about: "the same by lamplight: most of it is dark" },
-    Builtin { name: "still-life-bright", about: "the same on white: most of it is bright" },
+    Builtin { name: "still-life-dark", about: "the same by lamplight, mostly dark" },
+    Builtin { name: "still-life-bright", about: "the same on white, mostly bright" },
     Builtin { name: "dense-grass", about: "hundreds of blades at all depths in front of a painted ball and a wall" },
     Builtin { name: "points", about: "single points at several depths, on black" },
-    Builtin { name: "plane", about: "one flat, finely textured plane; ?depth=MM moves it" },
-    Builtin { name: "chart", about: "a resolution chart: bars of 2 to 32 pixels and a star, at three depths" },
+    Builtin { name: "plane", about: "one flat, finely textured plane, and ?depth=MM moves it" },
+    Builtin { name: "chart", about: "a resolution chart with bars of 2 to 32 pixels and a star, at three depths" },
 ];
 
-/// Parallax of half the depth span over the whole eyebox, as a share of the shorter side: 3 mm on 512 pixels of 8 um
-/// at 440 nm.
+/// Parallax of half the depth span over the whole eyebox, as a share of the shorter side. It is 3 mm on 512 pixels of 8
+/// um at 440 nm.
 const PARALLAX: f64 = 3e-3 * 440e-9 / (8e-6 * 8e-6) / 512.0;
 
-/// Half the depth span that a display shows with the usual parallax, meters: `z = parallax f p / eyebox`.
+/// Returns half the depth span that a display shows with the usual parallax in meters, `z = parallax f p / eyebox`.
 pub(super) fn half_span(display: &Display) -> f64 {
     let (height, width) = display.picture_size();
     let pixels = PARALLAX * height.min(width) as f64;
@@ -64,25 +64,25 @@ pub(super) fn half_span(display: &Display) -> f64 {
 struct Parameters {
     brightness: f32,
     span: Option<f64>,
-    /// Meters.
+    /// Position of the camera in meters.
     camera: f64,
-    /// Scene units.
+    /// Movement of content in scene units.
     shift: f32,
     depth: f64,
 }
 
 impl Parameters {
-    /// The depth of one scene unit, meters.
+    /// Returns the depth of one scene unit in meters.
     fn unit(&self, name: &str, display: &Display) -> f64 {
         match name {
-            // The plane's own depth is in millimeters: it needs a span that is not zero to be said in scene units.
+            // The depth of the plane is in millimeters, and its conversion to scene units needs a span above zero.
             "plane" => self.depth.abs().max(1e-6),
             _ => self.span.unwrap_or_else(|| half_span(display)),
         }
     }
 }
 
-/// The farthest and the nearest depth of what is in the picture, scene units.
+/// Returns the farthest and the nearest depth of the items in the picture, in scene units.
 fn depths(items: &[Item], canvas: Canvas) -> [f32; 2] {
     let ends = items.iter().map(|item| item.depths(canvas.half()[1]));
     ends.fold([f32::INFINITY, f32::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
@@ -124,20 +124,20 @@ fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
     Ok((found.name, read))
 }
 
-/// Whether there is such a scene, with such parameters.
+/// Refuses an unknown scene or parameter.
 ///
 /// # Errors
-/// [`SceneError::Builtin`].
+/// [`SceneError::Builtin`] for an unknown scene or parameter.
 pub(super) fn check(source: &str) -> Result<(), SceneError> {
     parse(source).map(|_| ())
 }
 
-/// Whether both are one scene.
+/// Returns true if both sources are one scene.
 pub(super) fn same(a: &str, b: &str) -> bool {
     matches!((parse(a), parse(b)), (Ok(a), Ok(b)) if a == b)
 }
 
-/// What a scene is made of, in scene units; `unit` is the depth of one.
+/// Returns the items of a scene in scene units. `unit` is the depth of one scene unit.
 fn items_of(name: &str, parameters: &Parameters, canvas: Canvas, unit: f64) -> Vec<Item> {
     let aspect = canvas.half();
     let mut items: Vec<Item> = match name {
@@ -156,12 +156,13 @@ fn items_of(name: &str, parameters: &Parameters, canvas: Canvas, unit: f64) -> V
 /// Renders `builtin:source` at the display's resolution.
 ///
 /// # Errors
-/// [`SceneError::Builtin`]; [`SceneError::Request`] when the views lie too far apart for the depths.
+/// [`SceneError::Builtin`] for an unknown scene or parameter. [`SceneError::Request`] if the views are too far apart
+/// for the depths.
 pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
     let (name, parameters) = parse(source)?;
     let display = request.display;
     let (height, width) = display.picture_size();
-    // What lies on one surface: four texels a pixel, of four channels at most.
+    // One surface needs four texels per pixel, with four channels at most.
     let bytes = memory::bytes_of(&[height, width, 16], 4);
     let what = || format!("the built-in scene at {height} x {width} pixels");
     memory::check_available(what, bytes, "take a smaller `size`")?;
@@ -171,18 +172,18 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
 
     let n = request.views;
     let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n as f64);
-    // Pixels per view that content at the near end of the span moves (OPTICS 3), then scene units.
+    // The disparity is in pixels per view at the near end of the span (OPTICS 3), and the step is in scene units.
     let disparity = unit * cell / (display.focal_length * display.picture_pixel());
     let step = disparity * f64::from(canvas.pixel());
-    // Textures are made as far as views see them; and beyond this, the cloth would be seen from below.
+    // Textures extend as far as views see them. Beyond this limit, the cloth would be seen from below.
     let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };
     let middle = (n as f64 - 1.0) / 2.0;
-    let must = "smaller at these depths: the outer views would see content displaced out of the picture";
+    let must = "smaller at these depths, because the outer views would see content displaced out of the picture";
     if step * middle > limit {
         let value = format!("{:.3}", cell * 1e3);
         return Err(SceneError::Request { what: "the view pitch (mm)", value, must });
     }
-    // In view pitches.
+    // The unit is the view pitch.
     let camera = parameters.camera / cell;
     if step * (middle + camera.abs()) > limit {
         let value = format!("{:.3}", parameters.camera * 1e3);

@@ -1,8 +1,8 @@
-//! Renders a scene's views: each surface by its own projection, nearer covering farther.
+//! Renders the views of a scene, with each surface in its own projection and near covering far.
 //!
-//! A surface's texture is made once, averaged over the area of a pixel and kept at half a pixel's spacing, so that
-//! every view may look it up between its texels. Its outline, the ray's meeting point and the width of a blade are
-//! computed per view and pixel.
+//! The texture of a surface is made once. It is averaged over the area of a pixel and stored at half a pixel's spacing,
+//! so that every view can interpolate between its texels. The outline of a surface, the point at which a ray meets it,
+//! and the width of a blade are computed per view and pixel.
 
 use super::{
     shape::{Blade, Shape},
@@ -12,19 +12,19 @@ use crate::light_field::field::by_color;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 
-/// A texture: paint at a place of the surface.
+/// A texture gives the paint at a place of the surface.
 pub(super) type Texture = Box<dyn Fn(f32, f32) -> Paint + Send + Sync>;
 
-/// One thing of a scene.
+/// One item of a scene.
 pub(super) enum Item {
-    /// A textured surface inside the box left, top, right, bottom (as seen from the axis).
+    /// A textured surface inside the box left, top, right, bottom (from the axis).
     Surface { shape: Shape, area: [f32; 4], texture: Texture },
     /// A strip of one color.
     Blade(Blade),
 }
 
 impl Item {
-    /// Multiplies its light.
+    /// Multiplies the light of the item.
     pub fn brighten(&mut self, factor: f32) {
         match self {
             Self::Surface { texture, .. } if factor != 1.0 => {
@@ -36,7 +36,7 @@ impl Item {
         }
     }
 
-    /// Farthest and nearest depth of what lies between the heights -`half` and `half`.
+    /// Returns the farthest and the nearest depth of the part between the heights -`half` and `half`.
     pub fn depths(&self, half: f32) -> [f32; 2] {
         match self {
             Self::Surface { shape, area, .. } => shape.depths(area[1].max(-half), area[3].min(half)),
@@ -45,7 +45,7 @@ impl Item {
     }
 }
 
-/// The picture that all views share: pixels, and where the scene's units lie on them.
+/// The picture that all views share, with its pixels and their places in scene units.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Canvas {
     pub height: usize,
@@ -53,34 +53,34 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// Width of a pixel in scene units.
+    /// Returns the width of a pixel in scene units.
     pub fn pixel(&self) -> f32 {
         2.0 / self.height.min(self.width) as f32
     }
 
-    /// Half the width and half the height, scene units; the smaller is 1.
+    /// Returns half the width and half the height in scene units. The smaller one is 1.
     pub fn half(&self) -> [f32; 2] {
         [self.width, self.height].map(|n| n as f32 * self.pixel() / 2.0)
     }
 
-    /// Middle of pixel column `i`.
+    /// Returns the middle of pixel column `i`.
     fn x(&self, i: usize) -> f32 {
         (i as f32 + 0.5) * self.pixel() - self.half()[0]
     }
 
-    /// Middle of pixel row `j`.
+    /// Returns the middle of pixel row `j`.
     fn y(&self, j: usize) -> f32 {
         (j as f32 + 0.5) * self.pixel() - self.half()[1]
     }
 
-    /// Pixels whose area touches `from..to` along an axis of `n`.
+    /// Returns the pixels whose area touches `from..to` along an axis of `n` pixels.
     fn span(&self, from: f32, to: f32, n: usize) -> std::ops::Range<usize> {
         let place = |v: f32| (v / self.pixel() + n as f32 / 2.0).clamp(0.0, n as f32);
         place(from).floor() as usize..place(to).ceil() as usize
     }
 }
 
-/// A baked texture: N - 1 colors, already multiplied by the coverage that comes last.
+/// A baked texture with N - 1 colors, which are multiplied by the coverage, and the coverage last.
 struct Skin<const N: usize> {
     left: f32,
     top: f32,
@@ -99,7 +99,7 @@ impl<const N: usize> Skin<N> {
         let top = area[1].max(-half[1] - margin) - pixel;
         let right = (area[2].min(half[0] + margin) + pixel).max(left + pixel);
         let bottom = (area[3].min(half[1] + margin) + pixel).max(top + pixel);
-        // Cells of half a pixel, two samples each on alternating diagonals.
+        // Cells are half a pixel wide, with two samples each on alternating diagonals.
         let cell = pixel / 2.0;
         let columns = ((right - left) / cell).ceil() as usize + 1;
         let rows = ((bottom - top) / cell).ceil() as usize + 1;
@@ -118,7 +118,7 @@ impl<const N: usize> Skin<N> {
                 }
             }
         });
-        // A texel is the average of the four cells around a corner: a pixel's area.
+        // A texel is the average of the four cells around a corner, which is the area of a pixel.
         let texels = (0..(rows - 1) * (columns - 1))
             .into_par_iter()
             .map(|k| {
@@ -130,7 +130,7 @@ impl<const N: usize> Skin<N> {
         Self { left: left + cell, top: top + cell, per_unit: 1.0 / cell, rows: rows - 1, columns: columns - 1, texels }
     }
 
-    /// Between the texels; beyond the last, the last.
+    /// Interpolates between the texels. Places beyond the last texel take the last one.
     #[inline]
     fn at(&self, x: f32, y: f32) -> [f32; N] {
         let u = ((x - self.left) * self.per_unit).clamp(0.0, (self.columns - 1) as f32);
@@ -146,10 +146,10 @@ impl<const N: usize> Skin<N> {
     }
 }
 
-/// Less than this of what lies behind is nothing: a tenth of the last bit of an 8-bit picture.
+/// Transmission below this counts as none. It is a tenth of the last bit of an 8-bit picture.
 const OPAQUE: f32 = 4e-4;
 
-/// Renders `items`, given from far to near, once for each tilt: `[color][view][pixel]`, linear light.
+/// Renders `items`, which come from far to near, once for each tilt as `[color][view][pixel]` in linear light.
 pub(super) fn render(canvas: Canvas, items: &[Item], tilts: &[[f32; 2]], colors: &[Color]) -> Vec<Vec<Vec<f32>>> {
     let channels: Vec<usize> = colors.iter().map(|c| c.channel()).collect();
     match channels.len() {
@@ -159,13 +159,13 @@ pub(super) fn render(canvas: Canvas, items: &[Item], tilts: &[[f32; 2]], colors:
     }
 }
 
-/// The textures of a scene's surfaces, made once for all views up to a largest tilt; blades have none.
+/// The textures of a scene's surfaces, made once for all views up to a largest tilt. Blades have no texture.
 pub(super) struct Skins<const N: usize>(Vec<Option<Skin<N>>>);
 
 impl<const N: usize> Skins<N> {
-    /// For views tilted by at most `tilt`, of these channels (N - 1 of them).
+    /// Bakes the textures for views tilted by at most `tilt`, with these channels (N - 1 of them).
     pub fn bake(canvas: Canvas, items: &[Item], tilt: f32, channels: &[usize]) -> Self {
-        // How far the largest tilt moves content at the ends of the depth span.
+        // The largest tilt moves content at the ends of the depth span by this distance.
         let margin = tilt * 1.1;
         let bake = |item: &Item| match item {
             Item::Surface { area, texture, .. } => Some(Skin::bake(&canvas, *area, texture, channels, margin)),
@@ -174,10 +174,10 @@ impl<const N: usize> Skins<N> {
         Self(items.iter().map(bake).collect())
     }
 
-    /// One view: `[channel][pixel]`.
+    /// Renders one view as `[channel][pixel]`.
     pub fn view(&self, canvas: Canvas, items: &[Item], m: [f32; 2], channels: &[usize]) -> Vec<Vec<f32>> {
-        // Colors so far, and how much of what lies behind still comes through: from near to far, what is covered costs
-        // nothing.
+        // The picture has the colors up to now, and the transmission of light from behind. The order is from near to
+        // far, so covered content costs nothing.
         let clear: [f32; N] = std::array::from_fn(|k| f32::from(u8::from(k == N - 1)));
         let mut picture = vec![clear; canvas.height * canvas.width];
         for (item, skin) in items.iter().zip(&self.0).rev() {
@@ -213,7 +213,7 @@ fn draw_surface<const N: usize>(
     skin: &Skin<N>,
     m: [f32; 2],
 ) {
-    // Where the area can appear: displaced by its depths, and a pixel more.
+    // The area can appear here, displaced by its depths, and a pixel farther.
     let [far, near] = shape.depths(area[1], area[3]);
     let reach = |k: usize| {
         let (a, b) = (-far * m[k], -near * m[k]);
@@ -255,9 +255,9 @@ fn draw_blade<const N: usize>(
         let (left, right) = (row.x - row.half, row.x + row.half);
         for i in canvas.span(left, right, canvas.width) {
             let x = canvas.x(i);
-            // Exactly the share of the pixel's width between the blade's edges.
+            // The coverage is exactly the share of the pixel's width between the edges of the blade.
             let coverage = ((right.min(x + pixel / 2.0) - left.max(x - pixel / 2.0)) / pixel).clamp(0.0, 1.0);
-            // Folded along its middle: the side towards the light is brighter.
+            // The blade is folded along its middle, and the side towards the light is brighter.
             let side = ((x - row.x) / row.half.max(pixel)).clamp(-1.0, 1.0);
             let light = 0.8 - 0.35 * (side * 4.0).clamp(-1.0, 1.0) + 0.15 * side;
             let seen = &mut picture[j * canvas.width + i];
@@ -276,7 +276,8 @@ mod tests {
     use super::*;
     use crate::builtin::texture::rgb;
 
-    /// A white strip at z = 1 from x = -0.25 to 0.25 in front of a gray wall at z = -1, half of it bright.
+    /// Describes a white strip at z = 1 from x = -0.25 to 0.25 in front of a gray wall at z = -1, half of which is
+    /// bright.
     fn strip() -> Vec<Item> {
         let wall = |x: f32, _| if x < 0.0 { rgb(0.1, 0.1, 0.1) } else { rgb(0.3, 0.3, 0.3) };
         let everywhere = [-9.0, -9.0, 9.0, 9.0];
@@ -293,14 +294,14 @@ mod tests {
     #[test]
     fn nearer_covers_farther_and_each_moves_by_its_depth() {
         let canvas = Canvas { height: 40, width: 60 };
-        // Scene units to pixels: 20. A tilt of 0.2 moves the strip by -4 and the wall by +4 pixels.
+        // One scene unit is 20 pixels. A tilt of 0.2 moves the strip by -4 and the wall by +4 pixels.
         for (tilt, moved) in [(0.0, 0i32), (0.2, -4), (-0.2, 4)] {
             let view = &render(canvas, &strip(), &[[tilt, 0.0]], &[Color::Green])[0][0];
             let row = &view[20 * 60..21 * 60];
             for (i, &value) in row.iter().enumerate() {
                 let x = i as i32;
                 let inside = (25 + moved..35 + moved).contains(&x);
-                // The texture's edges take a pixel; the strip's and the wall's own are passed over.
+                // The edges of the texture take a pixel, and the edges of the strip and the wall are skipped.
                 if [25 + moved, 35 + moved, 30 - moved].iter().any(|e| (x - e).abs() <= 1) {
                     continue;
                 }
@@ -313,7 +314,7 @@ mod tests {
                 };
                 assert!((value - wanted).abs() < 1e-4, "tilt {tilt}, column {i}: {value}, not {wanted}");
             }
-            // No light is lost or made at the edges.
+            // No light is lost or added at the edges.
             let strip: f32 = row.iter().zip(0i32..).map(|(v, x)| if x < 30 - moved { v - 0.1 } else { v - 0.3 }).sum();
             let over = (25 + moved..35 + moved).map(|x| if x < 30 - moved { 0.9 } else { 0.7 }).sum::<f32>();
             assert!((strip - over).abs() < 0.05, "{strip} {over}");

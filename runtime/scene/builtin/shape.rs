@@ -1,37 +1,39 @@
-//! Shapes of a scene and how each is seen from a view.
+//! Defines the shapes of a scene and their projection into a view.
 //!
-//! Scene units: x and y in half the display's shorter side from its center (+y down), z in half the depth span (+1 is
-//! the nearest). A view displaced from the axis sees the point (x, y, z) at `(x - z mx, y - z my)`: parallel rays,
-//! tilted by `m`. Each shape solves for the point that a ray meets first, exactly.
+//! Scene units are x and y in half the display's shorter side from its center (+y down), and z in half the depth span
+//! (+1 is the nearest). A view displaced from the axis sees the point (x, y, z) at `(x - z mx, y - z my)`, by parallel
+//! rays tilted by `m`. Each shape solves exactly for the point that a ray meets first.
 
-/// Half the shorter side, in half depth spans, of the paper's display at 512 pixels: what makes a sphere round.
+/// Half the shorter side, in half depth spans, of the paper's display at 512 pixels. This factor makes a sphere round.
 pub(super) const ROUND: f32 = 2.048 / 3.0;
 
-/// What a ray of a view meets.
+/// The point at which a ray of a view meets a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hit {
-    /// Where on the surface, seen from the axis: the place in its texture.
+    /// The place on the surface from the axis, which is the place in its texture.
     pub x: f32,
     pub y: f32,
-    /// Share of the pixel that the shape covers, its texture's own coverage apart.
+    /// Share of the pixel that the shape covers, without the coverage of its texture.
     pub coverage: f32,
 }
 
 /// A surface in space.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Shape {
-    /// Flat, facing the display, at one depth; its texture says where it ends.
+    /// A flat surface that faces the display at one depth. Its texture ends it.
     Card { z: f32 },
-    /// A plane whose depth grows downwards: `z = at_zero + slope y`. Its texture says where it ends.
+    /// A plane whose depth grows downwards, `z = at_zero + slope y`. Its texture ends it.
     Slope { at_zero: f32, slope: f32 },
-    /// An ellipsoid with these half axes in x and y; in z it is as thick as it is wide.
+    /// An ellipsoid with these half axes in x and y. In z it is as thick as it is wide.
     Ball { center: [f32; 3], radii: [f32; 2] },
-    /// A thing from the lathe, its axis upright, at x and z; its radius follows from y. Its texture says where it ends above and below.
+    /// A turned body with an upright axis at x and z, whose radius is a function of y. Its texture ends it above and
+    /// below.
     Turned { axis: [f32; 2], radius: fn(f32) -> f32 },
 }
 
 impl Shape {
-    /// The surface point that the ray through `(x, y)` of the view tilted by `m` meets; a pixel is `pixel` wide.
+    /// Returns the surface point that the ray through `(x, y)` of the view tilted by `m` meets. A pixel is `pixel`
+    /// wide.
     #[inline]
     pub fn meet(&self, x: f32, y: f32, m: [f32; 2], pixel: f32) -> Option<Hit> {
         match *self {
@@ -44,12 +46,12 @@ impl Shape {
                 let depth = rx * ROUND;
                 let (a, b) = (x + cz * m[0] - cx, y + cz * m[1] - cy);
                 let [wx, wy, wz] = [rx, ry, depth].map(|r| 1.0 / (r * r));
-                // t = z - cz along the ray: qa t^2 + 2 qb t + qc = 0.
+                // With t = z - cz along the ray, qa t^2 + 2 qb t + qc = 0.
                 let qa = m[0] * m[0] * wx + m[1] * m[1] * wy + wz;
                 let qb = a * m[0] * wx + b * m[1] * wy;
                 let qc = a * a * wx + b * b * wy - 1.0;
                 let inside = qb * qb - qa * qc;
-                // Distance to the outline, to first order.
+                // The distance to the outline is to first order.
                 let (da, db) = ((qb * m[0] - qa * a) * wx * 2.0, (qb * m[1] - qa * b) * wy * 2.0);
                 let coverage = edge(inside, (da * da + db * db).sqrt(), pixel)?;
                 let t = (inside.max(0.0).sqrt() - qb) / qa;
@@ -57,7 +59,7 @@ impl Shape {
             }
             Self::Turned { axis: [cx, cz], radius } => {
                 let mut hit = Hit { x, y: y + cz * m[1], coverage: 1.0 };
-                // The height decides the radius and the radius the height; tilts are a few hundredths, so three
+                // The height determines the radius and the radius the height. Tilts are a few hundredths, so three
                 // rounds leave less than a thousandth of a pixel.
                 for _ in 0..3 {
                     let r = radius(hit.y);
@@ -79,7 +81,7 @@ impl Shape {
         }
     }
 
-    /// Depths over the heights from `top` to `bottom`, farthest and nearest.
+    /// Returns the farthest and the nearest depth over the heights from `top` to `bottom`.
     pub fn depths(&self, top: f32, bottom: f32) -> [f32; 2] {
         match *self {
             Self::Card { z } => [z, z],
@@ -93,46 +95,47 @@ impl Shape {
     }
 }
 
-/// Coverage of a pixel whose center is `value / slope` inside an outline; nothing when it is outside altogether.
+/// Returns the coverage of a pixel whose center is `value / slope` inside an outline. It returns `None` for a pixel
+/// completely outside.
 fn edge(value: f32, slope: f32, pixel: f32) -> Option<f32> {
     let coverage = 0.5 + value / (slope * pixel).max(1e-12);
     (coverage > 0.0).then_some(coverage.min(1.0))
 }
 
-/// A blade: a thin, bent, tapering strip, deeper at one end than at the other.
+/// A blade is a thin, bent, tapering strip, and its ends have different depths.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blade {
-    /// x, y, z of its root.
+    /// Position x, y, z of its root.
     pub root: [f32; 3],
-    /// x, y, z of its tip, above the root.
+    /// Position x, y, z of its tip, above the root.
     pub tip: [f32; 3],
-    /// How far its middle hangs out sideways.
+    /// Sideways displacement of its middle.
     pub bend: f32,
     /// Half its width at the root.
     pub width: f32,
-    /// Color at the root and at the tip.
+    /// Colors at the root and at the tip.
     pub colors: [[f32; 3]; 2],
 }
 
-/// A row of a blade as one view sees it.
+/// One row of a blade in a view.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BladeRow {
-    /// Its middle.
+    /// Middle of the row.
     pub x: f32,
-    /// Half its width.
+    /// Half the width of the row.
     pub half: f32,
-    /// 0 at the root, 1 at the tip.
+    /// Position along the blade, 0 at the root and 1 at the tip.
     pub along: f32,
 }
 
 impl Blade {
-    /// Heights between which the view tilted by `m` sees it: top, bottom.
+    /// Returns the heights (top, bottom) of the blade in the view tilted by `m`.
     pub fn rows(&self, m: [f32; 2]) -> [f32; 2] {
         let [a, b] = [self.root, self.tip].map(|p| p[1] - p[2] * m[1]);
         [a.min(b), a.max(b)]
     }
 
-    /// The blade at height `y` of the view.
+    /// Returns the blade at height `y` of the view.
     pub fn row(&self, y: f32, m: [f32; 2]) -> Option<BladeRow> {
         let [from, to] = [self.root, self.tip].map(|p| p[1] - p[2] * m[1]);
         let t = (y - from) / (to - from);
@@ -141,7 +144,7 @@ impl Blade {
         }
         let lerp = |k: usize| self.root[k] + (self.tip[k] - self.root[k]) * t;
         let x = lerp(0) + 4.0 * self.bend * t * (1.0 - t) - lerp(2) * m[0];
-        // Full below, a point above.
+        // The width is full at the root and zero at the tip.
         Some(BladeRow { x, half: self.width * (1.0 - t * t), along: t })
     }
 }
@@ -150,7 +153,8 @@ impl Blade {
 mod tests {
     use super::*;
 
-    /// The ray of the view tilted by `m` through `(x, y)`: back to (x + z m). A hit must be on it and on the surface.
+    /// Returns the depth of a hit on the ray through `(x, y)` of the view tilted by `m`, which goes back to (x + z m).
+    /// A hit must be on the ray and on the surface.
     fn depth_of(hit: Hit, x: f32, y: f32, m: [f32; 2]) -> f32 {
         let z = (hit.x - x) / m[0];
         assert!((z - (hit.y - y) / m[1]).abs() < 1e-3, "{hit:?} is not on the ray");
@@ -177,7 +181,7 @@ mod tests {
             assert!((sum - 1.0).abs() < 2e-3 && z > 0.4, "{sum} {z}");
             assert_eq!(hit.coverage, 1.0);
         }
-        // Its outline stands where its center's depth puts it, half covered, and beyond there is nothing.
+        // The outline is at the place for the depth of the center and half covered, and there is nothing beyond it.
         let edge = |dx: f32| ball.meet(0.2 - 0.4 * M[0] + dx, -0.1 - 0.4 * M[1], M, 1e-2);
         assert!((edge(0.5).unwrap().coverage - 0.5).abs() < 0.05);
         assert!(edge(0.52).is_none() && edge(-0.52).is_none() && edge(0.48).unwrap().coverage == 1.0);

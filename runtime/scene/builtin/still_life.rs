@@ -1,4 +1,6 @@
-//! The still life: a wall, a checked cloth, a vase with stalks, fruit, a lettered card, cherries, blades in front.
+//! Describes the still life, with a wall, a checked cloth, a vase with stalks, fruit and a lettered card.
+//!
+//! Cherries are in front, and blades at the right edge.
 
 use super::{
     render::Item,
@@ -6,31 +8,31 @@ use super::{
     texture::{Paint, fbm, fold, hash, ink, lit, mix, noise, rgb, smoothstep},
 };
 
-/// Light and walls.
+/// The light and the walls of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mood {
-    /// A bright room, a blue-green wall.
+    /// A bright room with a blue-green wall.
     Day,
-    /// A lamp near the fruit, everything else dark.
+    /// A lamp near the fruit, with everything else dark.
     Lamp,
-    /// A white wall and cloth, light from everywhere.
+    /// A white wall and cloth, with light from everywhere.
     Studio,
 }
 
-/// The cloth: z = AT_ZERO + SLOPE y, from the wall to the front edge.
+/// The cloth has z = AT_ZERO + SLOPE y, from the wall to the front edge.
 const BACK: f32 = 0.16;
 const SLOPE: f32 = 2.26;
 const AT_ZERO: f32 = -0.93 - SLOPE * BACK;
 
-/// Where on the picture a thing at depth z stands on the cloth.
+/// Returns the height in the picture of an object at depth z that rests on the cloth.
 fn ground(z: f32) -> f32 {
     (z - AT_ZERO) / SLOPE
 }
 
-/// Towards the light: left, up, front.
+/// Direction towards the light, which is left, up and in front.
 const LIGHT: [f32; 3] = [-0.52, -0.62, 0.587];
 
-/// A fruit's surface in the direction of its normal.
+/// The paint of a fruit in the direction of its surface normal.
 type Peel = fn([f32; 3]) -> Paint;
 
 struct Fruit {
@@ -41,10 +43,10 @@ struct Fruit {
 }
 
 impl Mood {
-    /// Light on a surface of normal `n` at picture place `(x, y)`: multiplies its color.
+    /// Returns the light on a surface of normal `n` at picture place `(x, y)`, as a factor of its color.
     fn light(self, n: [f32; 3], x: f32, y: f32) -> f32 {
         let key = n[0] * LIGHT[0] + n[1] * LIGHT[1] + n[2] * LIGHT[2];
-        // Light that bends a little around the limb, as it does in a room.
+        // The light bends a little around the limb, as in a room.
         let soft = ((key + 0.25) / 1.25).max(0.0);
         let around = 0.5 - 0.5 * n[1];
         match self {
@@ -58,8 +60,8 @@ impl Mood {
     }
 }
 
-/// The scene on a picture whose half sides are `half`; things spread out on a wide one. The fruit stands `shift` to the right of
-/// its place.
+/// Returns the scene for a picture whose half sides are `half`. Objects spread out on a wide picture. The fruit is
+/// `shift` to the right of its usual place.
 pub(super) fn items(half: [f32; 2], mood: Mood, shift: f32) -> Vec<Item> {
     let spread = 1.0 + 0.55 * (half[0] - 1.0).clamp(0.0, 1.5);
     let mut items = vec![wall(half, mood)];
@@ -81,7 +83,7 @@ pub(super) fn items(half: [f32; 2], mood: Mood, shift: f32) -> Vec<Item> {
 
 fn wall(half: [f32; 2], mood: Mood) -> Item {
     let texture = move |x: f32, y: f32| {
-        // A lattice of diamonds with a blossom in each, printed on rough plaster.
+        // A lattice of diamonds with a blossom in each is printed on rough plaster.
         let (u, v) = ((x + y * 1.25) * 4.2, (x - y * 1.25) * 4.2);
         let line = 1.0 - smoothstep(0.02, 0.045, fold(u).min(fold(v)));
         let (px, py) = ((u - u.floor() - 0.5) + (v - v.floor() - 0.5), ((u - u.floor()) - (v - v.floor())) * 0.8);
@@ -96,7 +98,7 @@ fn wall(half: [f32; 2], mood: Mood) -> Item {
         };
         let mut paint = mix(base, gold, 0.75 * line.max(flower));
         paint = mix(paint, rgb(0.55, 0.12, 0.08), heart * 0.9);
-        // Light falls off to the right; the vase's shadow lies on the wall beside it.
+        // The light decreases to the right, and the shadow of the vase is on the wall next to it.
         let fall = 1.0 - 0.22 * (x / half[0]) - 0.12 * y;
         lit(paint, grain * fall * mood.light([0.0, 0.0, 1.0], x, y))
     };
@@ -106,7 +108,7 @@ fn wall(half: [f32; 2], mood: Mood) -> Item {
 const EVERYWHERE: [f32; 4] = [-1e3, -1e3, 1e3, 1e3];
 
 fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32) -> Item {
-    // Shadows: where each thing stands, how wide it is.
+    // The shadows depend on the place and the width of each object.
     let mut stands: Vec<[f32; 4]> =
         fruits.iter().map(|f| [f.center[0], f.center[1] + 0.93 * f.radii[1], f.radii[0], f.radii[1]]).collect();
     stands.push([vase_x, ground(-0.45), 0.2, 0.42]);
@@ -115,11 +117,11 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
         if y < BACK {
             return [0.0; 4];
         }
-        // Along the cloth: a unit of y is SLOPE of z, seen at a low angle.
+        // Along the cloth, a unit of y is SLOPE of z, at a low viewing angle.
         let z = (y - BACK) * SLOPE * 1.45;
         let (u, v) = (x * 5.0 + 0.25, z * 5.0 + 0.1);
         let (a, b) = (u.rem_euclid(2.0) < 1.0, v.rem_euclid(2.0) < 1.0);
-        // Gingham: threads of two colors, woven.
+        // The gingham has woven threads of two colors.
         let weave = 0.86 + 0.14 * ((x * 420.0 / std::f32::consts::TAU).fract() - 0.5).abs() * 2.0;
         let twill = 0.8 + 0.4 * fbm(x * 60.0, z * 60.0, 3, 17);
         let white = if mood == Mood::Studio { rgb(0.86, 0.85, 0.82) } else { rgb(0.62, 0.58, 0.5) };
@@ -129,7 +131,7 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
             (false, false) => white,
             _ => mix(white, red, 0.48),
         };
-        // A blue thread through the middle of every white square.
+        // A blue thread runs through the middle of every white square.
         let (cu, cv) = (u.rem_euclid(1.0) - 0.5, v.rem_euclid(1.0) - 0.5);
         if !a && !b && cu.abs().min(cv.abs()) < 0.035 {
             paint = mix(paint, rgb(0.04, 0.10, 0.34), 0.75);
@@ -139,14 +141,14 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
             if (x - sx).abs() > 3.5 * (rx + 0.4 * ry) {
                 continue;
             }
-            // Contact: dark and narrow. Cast: wide, to the right and behind.
+            // The contact shadow is dark and narrow, and the cast shadow is wide, to the right and behind.
             let contact = ((x - sx) / (1.05 * rx)).powi(2) + ((y - sy) / (0.3 * rx)).powi(2);
             shade *= 1.0 - 0.72 * (-1.6 * contact).exp();
             let (cx, cy) = (sx + 0.75 * rx + 0.25 * ry, sy - 0.05 * ry);
             let cast = ((x - cx) / (1.25 * rx + 0.4 * ry)).powi(2) + ((y - cy) / (0.33 * rx)).powi(2);
             shade *= 1.0 - 0.6 * (1.0 - smoothstep(0.55, 1.35, cast));
         }
-        // Where the wall meets the cloth, little light gets in.
+        // Little light reaches the corner between the wall and the cloth.
         shade *= 0.55 + 0.45 * smoothstep(BACK, BACK + 0.09, y);
         let fall = 1.0 - 0.18 * (x / half[0]);
         lit(paint, weave * twill * shade * fall * mood.light([0.0, -0.92, 0.39], x, y))
@@ -158,7 +160,7 @@ fn cloth(half: [f32; 2], mood: Mood, fruits: &[Fruit], vase_x: f32, spread: f32)
     }
 }
 
-/// A cream card with lettering and ruled lines, leaning at the back.
+/// Makes a cream card with lettering and ruled lines, which leans at the back.
 fn card(x0: f32, mood: Mood) -> Item {
     let z = -0.74;
     let (w, bottom) = (0.36, ground(z) + 0.01);
@@ -172,7 +174,7 @@ fn card(x0: f32, mood: Mood) -> Item {
         if ink("EYEBOX", (x - x0 + w * 0.8) / cell, (y - top - 0.13 * (bottom - top)) / cell) {
             paint = rgb(0.03, 0.03, 0.06);
         }
-        // Ruled lines, finer and finer; and a sun.
+        // The card has ruled lines that become finer, and a sun.
         let rule = (v - 0.52) / 0.4;
         if (0.0..1.0).contains(&rule) && u.abs() < 0.8 {
             let count = 3.0 + 5.0 * ((u + 0.8) * 2.5).floor();
@@ -188,7 +190,7 @@ fn card(x0: f32, mood: Mood) -> Item {
 const VASE_TOP: f32 = -0.36;
 const VASE_BOTTOM: f32 = 0.4;
 
-/// Radius of the vase at height y.
+/// Returns the radius of the vase at height y.
 fn vase_radius(y: f32) -> f32 {
     let t = ((y - VASE_TOP) / (VASE_BOTTOM - VASE_TOP)).clamp(0.0, 1.0);
     let belly = (-((t - 0.62) / 0.27).powi(2)).exp();
@@ -201,7 +203,7 @@ fn vase(x0: f32, mood: Mood) -> Item {
         let r = vase_radius(y);
         let nx = ((x - x0) / r).clamp(-1.0, 1.0);
         let nz = (1.0 - nx * nx).sqrt();
-        // Seen a little from above: foot and lip are ellipses.
+        // The vase is viewed a little from above, so its foot and lip are ellipses.
         let round = 0.22 * r * nz;
         if y > VASE_BOTTOM - 0.05 + round || y < VASE_TOP + 0.03 - round * 0.9 {
             return [0.0; 4];
@@ -213,7 +215,7 @@ fn vase(x0: f32, mood: Mood) -> Item {
         let slope = (vase_radius(y + 0.004) - vase_radius(y - 0.004)) / 0.008;
         let norm = 1.0 / (1.0 + slope * slope).sqrt();
         let n = [nx * norm, -slope * norm, nz * norm];
-        // Painted around the vase: bands, a zigzag, a garland.
+        // Bands, a zigzag and a garland are painted around the vase.
         let angle = nx.asin() / std::f32::consts::PI;
         let t = (y - VASE_TOP) / (VASE_BOTTOM - VASE_TOP) + 0.05 * nz * 0.5;
         let glaze = rgb(0.66, 0.70, 0.72);
@@ -238,9 +240,10 @@ fn vase(x0: f32, mood: Mood) -> Item {
     Item::Surface { shape: Shape::Turned { axis: [x0, -0.45], radius: vase_radius }, area, texture: Box::new(texture) }
 }
 
-/// The highlight of a glazed or waxy surface; it is painted on, for a light field of matt surfaces has none.
+/// Adds the highlight of a glazed or waxy surface. It is painted, because a light field of matte surfaces has no
+/// highlights.
 fn shine(paint: Paint, n: [f32; 3], gloss: f32, mood: Mood, x: f32, y: f32) -> Paint {
-    // Halfway between the light and the eye.
+    // This direction is halfway between the light and the eye.
     let half = [LIGHT[0], LIGHT[1], LIGHT[2] + 1.0];
     let length = (half[0] * half[0] + half[1] * half[1] + half[2] * half[2]).sqrt();
     let cos = ((n[0] * half[0] + n[1] * half[1] + n[2] * half[2]) / length).max(0.0);
@@ -248,7 +251,7 @@ fn shine(paint: Paint, n: [f32; 3], gloss: f32, mood: Mood, x: f32, y: f32) -> P
     [paint[0] + strength * 0.9, paint[1] + strength * 0.88, paint[2] + strength * 0.82, paint[3]]
 }
 
-/// Stalks, leaves and berries in the vase.
+/// Adds stalks, leaves and berries in the vase.
 fn bouquet(x0: f32, mood: Mood, items: &mut Vec<Item>) {
     for k in 0..26i32 {
         let r = |s: u32| hash(k, 7, s);
@@ -299,7 +302,7 @@ fn orange(n: [f32; 3]) -> Paint {
 }
 
 fn apple(n: [f32; 3]) -> Paint {
-    // Streaks run from the stalk, which leans towards us.
+    // Streaks run from the stalk, which leans towards the viewer.
     let (dx, dy) = (n[0] + 0.05, n[1] + 0.8);
     let (angle, r) = (dx.atan2(dy), (dx * dx + dy * dy).sqrt());
     let streak = fbm(angle * 22.0, r * 2.2, 3, 31);
@@ -325,13 +328,13 @@ fn cherry(n: [f32; 3]) -> Paint {
 fn ball(fruit: Fruit, mood: Mood) -> Item {
     let Fruit { center, radii: [rx, ry], gloss, peel } = fruit;
     let texture = move |x: f32, y: f32| {
-        // Past the outline the paint goes on, for a tilted view sees a hair's breadth further round.
+        // The paint continues past the outline, because a tilted view sees slightly further around.
         let (nx, ny) = ((x - center[0]) / rx, (y - center[1]) / ry);
         let out = (nx * nx + ny * ny).sqrt().max(1.0);
         let (nx, ny) = (nx / out, ny / out);
         let n = [nx, ny, (1.0 - nx * nx - ny * ny).max(0.0).sqrt()];
         let paint = lit(peel(n), mood.light(n, x, y));
-        // From below, the cloth throws some warm light back; right at the foot, none.
+        // The cloth reflects some warm light from below, but none at the foot.
         let bounce =
             if mood == Mood::Lamp { 0.0 } else { 0.10 * smoothstep(0.1, 0.8, ny) * (1.0 - smoothstep(0.8, 1.0, ny)) };
         let color = peel(n);
@@ -357,7 +360,7 @@ fn dim(blade: Blade, mood: Mood) -> Item {
     Item::Blade(Blade { colors: blade.colors.map(|c| c.map(|v| v * light * 1.4)), ..blade })
 }
 
-/// Long blades close to the eye, at the right edge.
+/// Adds long blades close to the eye, at the right edge.
 fn foreground(half: [f32; 2], mood: Mood, items: &mut Vec<Item>) {
     for k in 0..9i32 {
         let r = |s: u32| hash(k, 11, s);

@@ -1,4 +1,4 @@
-//! Test targets: points, a plane, a resolution chart.
+//! Describes test targets, which are points, a plane and a resolution chart.
 
 use super::{
     render::Item,
@@ -6,7 +6,7 @@ use super::{
     texture::{fbm, fold, ink, lit, mix, noise, rgb},
 };
 
-/// Single points, two pixels wide, on black: five rows of seven, whose depths run through the span.
+/// Makes single points, two pixels wide, on black. There are five rows of seven, whose depths cover the span.
 pub(super) fn points(half: [f32; 2], pixel: f32) -> Vec<Item> {
     let mut items: Vec<Item> = (0..35)
         .map(|k| {
@@ -25,7 +25,7 @@ pub(super) fn points(half: [f32; 2], pixel: f32) -> Vec<Item> {
     items
 }
 
-/// One plane at depth `z`, textured down to the pixel, its pattern `shift` to the right.
+/// Makes one plane at depth `z` with texture down to the pixel, its pattern `shift` to the right.
 pub(super) fn plane(z: f32, shift: f32) -> Vec<Item> {
     let texture = move |x: f32, y: f32| {
         let x = x - shift;
@@ -40,8 +40,8 @@ pub(super) fn plane(z: f32, shift: f32) -> Vec<Item> {
     vec![Item::Surface { shape: Shape::Card { z }, area: [-1e3, -1e3, 1e3, 1e3], texture: Box::new(texture) }]
 }
 
-/// Bars of 2 to 32 pixels (a dark and a bright one together) both ways, and a star: on three cards, far, middle and
-/// near from left to right, in front of gray. The number beside the bars is their period.
+/// Makes bars of 2 to 32 pixels (a dark and a bright one together) in both directions, and a star. They are on three
+/// cards, far, middle and near from left to right, in front of gray. The number next to the bars is their period.
 pub(super) fn chart(half: [f32; 2], pixel: f32) -> Vec<Item> {
     let grey = |x: f32, y: f32| lit(rgb(0.18, 0.18, 0.18), 0.7 + 0.6 * fbm(x * 20.0, y * 20.0, 4, 81));
     let mut items =
@@ -53,14 +53,14 @@ pub(super) fn chart(half: [f32; 2], pixel: f32) -> Vec<Item> {
             let (u, v) = (x - x0, y);
             let (white, black) = (rgb(0.8, 0.8, 0.8), rgb(0.01, 0.01, 0.01));
             let radius = w * 0.9;
-            // The star, above.
+            // The star is above.
             let (sx, sy) = (u, v + h - w);
             let r = (sx * sx + sy * sy).sqrt();
             if r < radius {
                 let spoke = (sy.atan2(sx) / std::f32::consts::TAU * 36.0).rem_euclid(1.0) < 0.5;
                 return if spoke { black } else { white };
             }
-            // The bars, below: one line for each period; upright ones left, level ones right.
+            // The bars are below, with one line for each period, vertical ones left and horizontal ones right.
             let top = -h + 2.0 * w;
             let periods = [32u32, 16, 12, 8, 6, 4, 3, 2];
             let line = (h * 0.97 - top) / periods.len() as f32;

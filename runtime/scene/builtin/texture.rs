@@ -1,31 +1,33 @@
-//! Procedural textures: hashed value noise, patterns, lettering. Deterministic on every machine: no sines of large
-//! numbers, no random state.
+//! Makes procedural textures from hashed value noise, patterns and lettering.
+//!
+//! They are deterministic on every machine, because they use no sines of large numbers and no random state.
 
 /// Linear red, green, blue and coverage.
 pub(super) type Paint = [f32; 4];
 
-/// Opaque paint.
+/// Returns opaque paint of these colors.
 pub(super) fn rgb(r: f32, g: f32, b: f32) -> Paint {
     [r, g, b, 1.0]
 }
 
-/// From `a` to `b`.
+/// Interpolates from `a` to `b`.
 pub(super) fn mix(a: Paint, b: Paint, t: f32) -> Paint {
     std::array::from_fn(|i| a[i] + (b[i] - a[i]) * t)
 }
 
-/// The same paint under `light`.
+/// Returns the same paint under `light`.
 pub(super) fn lit(p: Paint, light: f32) -> Paint {
     [p[0] * light, p[1] * light, p[2] * light, p[3]]
 }
 
-/// 0 below `a`, 1 above `b`, smooth between.
+/// Returns 0 below `a`, 1 above `b`, and a smooth transition between.
 pub(super) fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
     let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A number in 0..1 for each lattice point. Its constants are its own, because others would change the built-in scenes.
+/// Returns a number in 0..1 for each lattice point. The constants belong to this function, because others would change
+/// the built-in scenes.
 pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
     let mut h =
         (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77) ^ seed.wrapping_mul(0xC2B2_AE3D);
@@ -37,7 +39,7 @@ pub(super) fn hash(x: i32, y: i32, seed: u32) -> f32 {
     (h >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Smooth noise of period 1 lattice cell, in 0..1.
+/// Returns smooth noise in 0..1 with a period of 1 lattice cell.
 pub(super) fn noise(x: f32, y: f32, seed: u32) -> f32 {
     let (fx, fy) = (x.floor(), y.floor());
     let (ix, iy) = (fx as i32, fy as i32);
@@ -51,7 +53,7 @@ pub(super) fn noise(x: f32, y: f32, seed: u32) -> f32 {
     top + (row(1) - top) * ty
 }
 
-/// `octaves` of noise, each twice as fine and half as strong, in 0..1.
+/// Returns `octaves` of noise in 0..1, each twice as fine and half as strong as the previous one.
 pub(super) fn fbm(x: f32, y: f32, octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut weight, mut total, mut scale) = (0.0, 1.0, 0.0, 1.0);
     for k in 0..octaves {
@@ -63,12 +65,12 @@ pub(super) fn fbm(x: f32, y: f32, octaves: u32, seed: u32) -> f32 {
     sum / total
 }
 
-/// Distance to the nearest whole number, 0..0.5.
+/// Returns the distance to the nearest whole number, 0..0.5.
 pub(super) fn fold(x: f32) -> f32 {
     (x - x.round()).abs()
 }
 
-/// Glyphs of 5 x 7 cells, a row per number, the leftmost cell in bit 4.
+/// Returns glyphs of 5 x 7 cells with a row per number and the leftmost cell in bit 4.
 fn glyph(letter: char) -> [u8; 7] {
     match letter {
         'B' => [30, 17, 17, 30, 17, 17, 30],
@@ -90,7 +92,8 @@ fn glyph(letter: char) -> [u8; 7] {
     }
 }
 
-/// Whether `(x, y)` is on the ink of `text`, whose cells are squares of side 1: 6 columns a letter, 7 rows, from (0, 0).
+/// Returns true if `(x, y)` is on the ink of `text`. Its cells are squares of side 1, with 6 columns per letter and 7
+/// rows, from (0, 0).
 pub(super) fn ink(text: &str, x: f32, y: f32) -> bool {
     if !(0.0..7.0).contains(&y) || x < 0.0 {
         return false;

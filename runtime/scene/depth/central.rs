@@ -1,4 +1,4 @@
-//! The depth of a view, measured from the light field itself: a plane sweep over the views of its row and column.
+//! Measures the depth of a view by a plane sweep over the views of its row and column.
 
 use crate::depth::map::resized;
 use crate::depth::range::{USUAL, mean_light};
@@ -7,13 +7,14 @@ use crate::light_field::resize::Resize;
 use crate::{Fit, LightField, Pyramid, ViewGrid};
 use eyebox_optics::Display;
 
-/// Pixels along the longer side of what disparities are sought in.
+/// Pixels along the longer side of the copies in which disparities are searched.
 const LARGEST: usize = 512;
-/// Steps to the farthest view that disparities of any view are sought with.
+/// Steps to the farthest view that is compared in the search for the disparities of any view.
 const NEAR: usize = 3;
 
-/// Depth of each pixel of the central view, (height, width), meters: where the central row and column of views agree
-/// best, in the range that the scene states or that is found (see `LightField::disparities_sought`).
+/// Returns the depth of each pixel of the central view, (height, width), in meters. The central row and column of views
+/// agree best at this depth. The range is the one that the scene states or that is found (see
+/// `LightField::disparities_sought`).
 pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     let range = field.disparities_sought(display);
     let per_pixel = display.focal_length * display.picture_pixel() / field.cell(display);
@@ -31,8 +32,8 @@ pub fn central_depth(field: &LightField, display: &Display) -> Vec<f32> {
     found.into_iter().map(|d| (f64::from(d) * per_pixel) as f32).collect()
 }
 
-/// The central view of a pyramid, linear light, and its disparities between the ends of `range` (pixels between
-/// neighboring views); (height, width) of the pyramid's first level.
+/// Returns the central view of a pyramid in linear light, and its disparities between the ends of `range` (pixels
+/// between neighboring views). Both are (height, width) of the pyramid's first level.
 pub fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) -> (Vec<f32>, Vec<f32>) {
     let level = &pyramid.levels[0];
     let pixels = level.height * level.width;
@@ -45,15 +46,15 @@ pub fn central_view(pyramid: &Pyramid, grid: &ViewGrid, range: [f64; 2]) -> (Vec
     (view(at[0] * grid.columns + at[1]), sweep.disparities(range, Compared::Exactly))
 }
 
-/// Bytes that [`view_disparities`] takes while it works: two volumes of costs.
+/// Returns the bytes that [`view_disparities`] takes while it works, which are two volumes of costs.
 pub(crate) fn scratch([height, width]: [usize; 2], range: [f64; 2]) -> u64 {
     let times = height.max(width).div_ceil(LARGEST).max(1);
     let candidates = ((2.0 * (range[1] - range[0]) * NEAR as f64 / times as f64).ceil() as usize + 1).min(MOST);
     (8 * candidates * height.div_ceil(times) * width.div_ceil(times)) as u64
 }
 
-/// The disparities of any view of a grid, (height, width), between the ends of `range` (pixels between neighboring views),
-/// from its nearest neighbors. Large views are looked at in fewer pixels.
+/// Returns the disparities of any view of a grid, (height, width), from its nearest neighbors. They are between the
+/// ends of `range` (pixels between neighboring views). Large views are compared in fewer pixels.
 pub(crate) fn view_disparities(
     grid: &ViewGrid,
     view: usize,
@@ -98,18 +99,19 @@ mod tests {
             let display = Display { height: 96, width: 120, ..Display::preset("small").unwrap() };
             let mut field =
                 load(&format!("builtin:plane?depth={mm}"), &Request::new(&display, &[Color::Green])).unwrap();
-            // A plane's own range would give it away.
+            // The plane's own range would reveal its depth.
             field.depth = Some([-0.6e-3, 0.6e-3]);
             let depth = central_depth(&field, &display);
             let mut off: Vec<f32> = depth.iter().map(|z| (z * 1e3 - mm as f32).abs()).collect();
             off.sort_by(f32::total_cmp);
-            // 0.16 mm are half a pixel between the center and the outermost view.
+            // A depth of 0.16 mm is half a pixel between the center and the outermost view.
             let at = |share: f64| off[(off.len() as f64 * share) as usize];
             assert!(at(0.5) < 0.05 && at(0.9) < 0.16, "{mm} mm: {} and {} mm off", at(0.5), at(0.9));
         }
     }
 
-    /// What does not depend on where detail is sampled says less exactly where it is: what is chosen by it loses nothing by that.
+    /// Costs that do not depend on the sampling of detail are less exact about its position. This test shows that a
+    /// choice by them loses nothing.
     #[test]
     fn a_plane_is_found_as_well_where_views_are_compared_as_sampled() {
         let display = Display { height: 96, width: 120, ..Display::preset("small").unwrap() };
@@ -138,7 +140,7 @@ mod tests {
             let rows = depth.chunks_exact(field.width).skip(k * 32).take(32).flatten();
             rows.map(|z| f64::from(*z)).sum::<f64>() / (32 * field.width) as f64
         };
-        // The wall is behind, the cloth comes towards the eye.
+        // The wall is behind, and the cloth comes towards the eye.
         assert!(third(0) < third(2) - 0.2 * (near - far), "{} {}", third(0), third(2));
     }
 }

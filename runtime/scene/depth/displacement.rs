@@ -1,23 +1,26 @@
-//! How far a picture has moved since the one before: phase correlation (Kuglin and Hines 1975), to a fraction of a pixel.
+//! Measures how far a picture has moved since the previous one, by phase correlation (Kuglin and Hines 1975).
 
 use eyebox_kernels::Complex64;
 use eyebox_kernels::fft::{Direction, transform_f64};
 use std::f64::consts::{PI, TAU};
 
-/// The correlation's peak is that of a low pass of this standard deviation, pixels: wide enough to be found between them.
+/// The peak of the correlation has the shape of a low pass of this standard deviation in pixels. It is wide enough for
+/// a position between pixels.
 const PEAK: f64 = 1.2;
-/// What moved is believed to have moved as a whole where, moved back, no more than this share of the difference is left.
+/// A picture counts as moved as a whole if at most this share of the difference is left after it is moved back.
 const LEFT: f64 = 0.25;
-/// Frequencies weaker than this share of the strongest tell nothing but rounding.
+/// Frequencies weaker than this share of the strongest one contain only rounding errors.
 const WEAK: f64 = 1e-6;
 
-/// How far `after` shows what `before` showed, pixels (x, y), where it is the same picture moved as a whole; none where it is
-/// another, or moved by more than a quarter of itself. Both are (height, width), row by row.
+/// Returns how far the content of `before` has moved in `after`, in pixels (x, y) and to a fraction of a pixel. It
+/// returns `None` if `after` is another picture, or moved by more than a quarter of its size. Both are (height, width),
+/// row by row.
 ///
-/// The cross power spectrum of both under a Hann window, each frequency divided by its magnitude, has one peak where they lie on
-/// each other; a Gaussian low pass makes that a Gaussian, whose middle three logarithms along each axis tell exactly. A window that
-/// stands still draws the peak towards it: what moved by a pixel or more is told again from where both show the same. Phase
-/// correlation finds a peak in anything: the answer counts only if it explains the difference.
+/// The cross power spectrum of both is taken under a Hann window, and each frequency is divided by its magnitude. It
+/// has one peak where the pictures coincide. A Gaussian low pass makes the peak a Gaussian, and three logarithms along
+/// each axis give its middle exactly. A window at rest pulls the peak towards its own position. A movement of a pixel
+/// or more is therefore measured again on the area that both pictures share. Phase correlation finds a peak in any
+/// data, so the result counts only if it explains the difference.
 pub fn displacement(before: &[f32], after: &[f32], size: [usize; 2]) -> Option<[f64; 2]> {
     let [height, width] = size;
     let pixels = height * width;
@@ -41,10 +44,11 @@ pub fn displacement(before: &[f32], after: &[f32], size: [usize; 2]) -> Option<[
     (squares(before, after, width, moved) <= LEFT * apart).then_some(moved)
 }
 
-/// Where the correlation has its peak: how much farther than `offset` (x, y) the second picture stands, at most `reach`.
+/// Finds the peak of the correlation. It is the further movement of the second picture beyond `offset` (x, y), at most
+/// `reach`.
 fn peak([before, after]: [&[f32]; 2], size: [usize; 2], [x, y]: [i64; 2], reach: [i64; 2]) -> Option<[f64; 2]> {
     let [height, width] = size;
-    // What both show: in the second picture from here on.
+    // The area that both pictures share starts at these positions.
     let shared = [height as i64 - y.abs(), width as i64 - x.abs()].map(|n| n.max(1) as usize);
     let (one, other) = ([(-y).max(0), (-x).max(0)], [y.max(0), x.max(0)]);
     let spectrum = |picture: &[f32], from: [i64; 2]| {
@@ -52,7 +56,7 @@ fn peak([before, after]: [&[f32]; 2], size: [usize; 2], [x, y]: [i64; 2], reach:
         transform(&mut lines, size, Direction::Forward);
         lines
     };
-    // Columns first from here on: (width, height).
+    // From here on the order is columns first, (width, height).
     let (one, mut cross) = (spectrum(before, one), spectrum(after, other));
     let strongest = one.iter().map(|z| z.norm_sqr()).fold(0.0, f64::max);
     let [down, across] = size.map(low_pass);
@@ -66,7 +70,7 @@ fn peak([before, after]: [&[f32]; 2], size: [usize; 2], [x, y]: [i64; 2], reach:
         }
     }
     transform(&mut cross, [width, height], Direction::Inverse);
-    // Rows first again.
+    // The order is rows first again.
     let wrapped = |v: i64, n: usize| v.rem_euclid(n as i64) as usize;
     let at = |y: i64, x: i64| cross[wrapped(y, height) * width + wrapped(x, width)].re;
     let places = (-reach[1]..=reach[1]).flat_map(|y| (-reach[0]..=reach[0]).map(move |x| (y, x)));
@@ -82,7 +86,7 @@ fn peak([before, after]: [&[f32]; 2], size: [usize; 2], [x, y]: [i64; 2], reach:
     ])
 }
 
-/// The Gaussian that the peak gets, along one axis of so many frequencies.
+/// Returns the Gaussian of the peak, along one axis of `count` frequencies.
 fn low_pass(count: usize) -> Vec<f64> {
     let frequency = |bin: usize| {
         let signed = if bin < count.div_ceil(2) { bin as f64 } else { bin as f64 - count as f64 };
@@ -91,8 +95,8 @@ fn low_pass(count: usize) -> Vec<f64> {
     (0..count).map(|bin| (-2.0 * (PI * PEAK * frequency(bin)).powi(2)).exp()).collect()
 }
 
-/// The part of a picture that begins at `from` and has the size `shared`, less its mean under a Hann window, so that its edges are
-/// none of it: at the beginning of zeros of the picture's size.
+/// Returns the part of a picture that begins at `from` and has the size `shared`, less its mean and under a Hann
+/// window, so that its edges do not contribute. It is at the beginning of an array of zeros of the picture's size.
 fn windowed(picture: &[f32], [height, width]: [usize; 2], from: [i64; 2], shared: [usize; 2]) -> Vec<Complex64> {
     let hann =
         |n: usize| (0..n).map(move |i| 0.5 - 0.5 * (TAU * (i as f64 + 0.5) / n as f64).cos()).collect::<Vec<_>>();
@@ -110,7 +114,7 @@ fn windowed(picture: &[f32], [height, width]: [usize; 2], from: [i64; 2], shared
     lines
 }
 
-/// Both axes of (rows, columns); leaves them exchanged.
+/// Transforms both axes of (rows, columns), and exchanges the axes in memory.
 fn transform(lines: &mut Vec<Complex64>, [rows, columns]: [usize; 2], direction: Direction) {
     transform_f64(lines, columns, direction);
     let mut turned: Vec<Complex64> =
@@ -119,7 +123,7 @@ fn transform(lines: &mut Vec<Complex64>, [rows, columns]: [usize; 2], direction:
     *lines = turned;
 }
 
-/// Mean square of what `after` is beside `before` moved by this, where both are there.
+/// Returns the mean square of the difference between `after` and `before` moved by this, where both have pixels.
 fn squares(before: &[f32], after: &[f32], width: usize, [x, y]: [f64; 2]) -> f64 {
     let height = before.len() / width;
     let (left, top) = (x.floor(), y.floor());
@@ -145,7 +149,7 @@ fn squares(before: &[f32], after: &[f32], width: usize, [x, y]: [f64; 2]) -> f64
 mod tests {
     use super::*;
 
-    /// A picture of soft blobs, moved by this.
+    /// Makes a picture of soft blobs, moved by this.
     fn picture([height, width]: [usize; 2], [x, y]: [f64; 2], seed: u64) -> Vec<f32> {
         let mut random = fastrand::Rng::with_seed(seed);
         let reach = [width as f64, height as f64];
@@ -182,7 +186,7 @@ mod tests {
         assert_eq!(displacement(&before, &vec![0.0; 64 * 64], size), None, "darkness");
         assert_eq!(displacement(&vec![0.0; 64 * 64], &vec![0.0; 64 * 64], size), Some([0.0; 2]), "dark as before");
         assert_eq!(displacement(&before, &before[1..], size), None, "another size");
-        // What is there twice as bright has not moved either.
+        // Content that becomes twice as bright has not moved either.
         let brighter: Vec<f32> = before.iter().map(|v| 2.0 * v).collect();
         assert_eq!(displacement(&before, &brighter, size), None);
     }

@@ -1,36 +1,40 @@
-//! Surfaces without texture, of which windows show no disparity that is unique: their edges do.
+//! Finds the disparities of surfaces without texture by their edges.
 //!
-//! A flat square before a textured background is like the background at the background's disparity, as long as each window may choose
-//! one of two opposite views: one of them shows it flat. In both views at once its edges are alike at its own disparity alone.
+//! Windows on such a surface have no unique disparity. A flat square in front of a textured background is like the
+//! background at the background's disparity, if each window may choose one of two opposite views, because one of them
+//! shows it flat. In both views at once, its edges are alike only at its own disparity.
 
 use crate::depth::sweep::{OUTLIER, Sweep};
 use rayon::prelude::*;
 
-/// Pixels from the middle of the windows that are compared to their edge.
+/// Pixels from the middle of the compared windows to their edge.
 pub(crate) const WINDOW: usize = 2;
-/// A match is off by no more than this many pixels, as the light's slope tells.
+/// A match is off by at most this many pixels, as computed from the slope of the light.
 pub(crate) const OFF: f32 = 0.5;
-/// Pixels by which a disparity may lie beyond the range that explains it.
+/// Pixels by which a disparity may be beyond the range that explains it.
 pub(crate) const OFF_RANGE: f64 = 0.6;
-/// A window is alike in all views if it differs by no more than this many pixels of movement would.
+/// A window is alike in all views if it differs by at most as much as this many pixels of movement would cause.
 const ALIKE: f32 = 0.25;
-/// Pixels of disparities at which a window may be alike: the edge of a surface is so within a window's width.
+/// Widest range of disparities, in pixels, at which a window may be alike. The edge of a surface is alike within the
+/// width of a window.
 const WIDEST: f64 = 6.0;
-/// Pixels beyond the range that was found in which surfaces are sought.
+/// Pixels beyond the found range in which surfaces are searched.
 const FARTHEST: f64 = 8.0;
 /// Disparities that are compared between two candidates.
 const BETWEEN: u32 = 5;
-/// Disparities are as likely as the likeliest if no more pixels of movement are between them.
+/// Disparities are as likely as the likeliest if they differ by at most this many pixels of movement.
 const LIKEST: f32 = 0.02;
-/// Mean light of a window, square root of the brightest: between points on black, darkness is alike at many disparities.
+/// Least mean light of a window, square root of the brightest. Between points on black, darkness is alike at many
+/// disparities.
 const LIT: f32 = 0.25;
-/// Windows that agree within so many pixels show a surface.
+/// Number of windows that must agree, and pixels within which they agree, to show a surface.
 const LEAST: usize = 12;
 const TOGETHER: f64 = 0.5;
 
-/// The range of disparities that was found, with those of surfaces beyond it that edges show. `ranges` are the one that is searched and
-/// the one that was found, `slopes` those of windows, above `least` where they may show anything, `best` the likeliest disparity of each
-/// window, and `step` lies between disparities.
+/// Extends the found range of disparities to surfaces beyond it that edges show.
+///
+/// The `ranges` are the searched one and the found one. The `slopes` of windows must be above `least` to show anything.
+/// The likeliest disparity of each window is `best`, and disparities have the distance `step`.
 pub(crate) fn extended(
     sweep: &Sweep,
     slopes: &[f32],
@@ -67,10 +71,11 @@ pub(crate) fn extended(
         if (within(likely) && is_alike(&likely)) || inside.iter().any(is_alike) {
             return None;
         }
-        // What is alike nearly everywhere is dark, or flat with no edge.
+        // A window that is alike nearly everywhere is dark, or flat without an edge.
         let alike: Vec<f64> = outside.iter().copied().filter(|d| differs(*d) <= ALIKE * slope).collect();
         let found = *alike.first().filter(|_| alike.len() as f64 * step <= WIDEST)?;
-        // The middle of the likest, between candidates, too: an edge that is drawn in whole pixels is alike from one to the next.
+        // The result is the middle of the likeliest disparities, also between candidates. An edge that is drawn in
+        // whole pixels is alike from one candidate to the next.
         let ends = alike.iter().fold([found; 2], |[a, b], d| [a.min(*d), b.max(*d)]);
         let count = (f64::from(BETWEEN) * ((ends[1] - ends[0]) / step + 2.0)).round() as usize;
         let fine: Vec<(f64, f32)> = (0..=count)
@@ -87,14 +92,16 @@ pub(crate) fn extended(
     outermost(&votes, LEAST, TOGETHER).map_or([low, high], |[first, last]| [first.min(low), last.max(high)])
 }
 
-/// The middle one of the first and of the last `count` ascending values that lie `within` so much.
+/// Returns the middle one of the first `count` ascending values that are `within` this distance of each other, and of
+/// the last such values.
 pub(crate) fn outermost(sorted: &[f64], count: usize, within: f64) -> Option<[f64; 2]> {
     let together = |run: &&[f64]| run[count - 1] - run[0] <= within;
     let (first, last) = (sorted.windows(count).find(together)?, sorted.windows(count).rfind(together)?);
     Some([first[count / 2], last[count / 2]])
 }
 
-/// How much a window differs at a disparity, over all views: as the costs of a sweep, of which the mean of opposite arms counts.
+/// Returns the difference of a window at a disparity over all views, in the units of a sweep's costs. The mean of
+/// opposite arms counts.
 fn over_all(sweep: &Sweep, [y, x]: [usize; 2], disparity: f64) -> f32 {
     let (h, w) = (sweep.height as i64, sweep.width as i64);
     let arm = |arm: &Vec<(isize, isize, Vec<f32>)>| {

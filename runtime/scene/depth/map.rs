@@ -1,4 +1,4 @@
-//! Depth and disparity maps of a single picture.
+//! Reads depth and disparity maps of a single picture.
 
 use crate::SceneError;
 use crate::formats::still;
@@ -11,33 +11,34 @@ use eyebox_base::memory;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// A map, rows from the top; every value is finite.
+/// A map with rows from the top, in which every value is finite.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Map {
     pub height: usize,
     pub width: usize,
     pub values: Vec<f32>,
     pub meaning: Meaning,
-    /// The values that mean the ends of the depths, where they are not the smallest and the largest: so that a video's frames agree.
+    /// The values that mean the ends of the depths, if they are not the smallest and the largest. They keep the frames
+    /// of a video consistent.
     pub range: Option<[f32; 2]>,
     /// The reason for the meaning, and the number of pixels that had no value, in words.
     pub read_as: String,
-    /// Whether the caller does not know that yet.
+    /// True if the caller does not know `read_as` yet.
     pub is_news: bool,
 }
 
-/// Reads a map: `.pfm`, `.npy` (two axes), or any picture (its first channel). Which values are near is `stated`, or decided
-/// by the file. Pixels without a value are filled.
+/// Reads a map from a `.pfm`, an `.npy` (two axes) or the first channel of any picture. `stated` determines which
+/// values are near, otherwise the file does. Pixels without a value are filled.
 ///
 /// # Errors
-/// [`SceneError::NotFound`], [`SceneError::Corrupt`], [`SceneError::Ambiguous`].
+/// [`SceneError::NotFound`], [`SceneError::Corrupt`] or [`SceneError::Ambiguous`].
 pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     let corrupt = |reason: Reason| SceneError::Corrupt { file: path.display().to_string(), reason };
     if path.is_dir() {
-        return Err(corrupt(reason!("map-folder", "a folder, not a depth map")));
+        return Err(corrupt(reason!("map-folder", "it is a folder and not a depth map")));
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
-    // A frame of a video is named, the rest is told by its content.
+    // The name identifies a frame of a video, and the content identifies every other kind.
     let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(path)? };
     let GrayValues { height, width, kind, mut values, range } = match found {
         FileKind::Pfm => pfm::parse(&bytes()?).map_err(corrupt)?,
@@ -47,39 +48,39 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     let (meaning, mut read_as) = near::meaning(path, kind, &values, stated)?;
     let filled = near::fill(kind, meaning, &mut values, width).map_err(corrupt)?;
     if filled > 0 {
-        read_as += &format!("; {filled} pixels without a value take the farther of their neighbors'");
+        read_as += &format!(", and {filled} pixels without a value take the value of the farther neighbor");
     }
     let is_news = filled > 0 || stated.near.is_none();
     Ok(Map { height, width, values, meaning, range, read_as, is_news })
 }
 
-/// The kind of a map's file.
+/// Returns the kind of a map's file.
 fn kind_of(path: &Path) -> Result<FileKind, SceneError> {
     let found = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
     let is_map = found.is_picture() || matches!(found, FileKind::Pfm | FileKind::Npy | FileKind::Npz);
     if is_map { Ok(found) } else { Err(FileError::of_kind(path, found, Wanted::DepthMap).into()) }
 }
 
-/// Reads an array. Axes of length 1, as networks write them before or after rows and columns, are left out.
+/// Reads an array. It leaves out axes of length 1, which networks write before or after rows and columns.
 fn array(path: &Path, stated: Stated) -> Result<GrayValues, SceneError> {
     let mut array = NpyArray::only(path, |shape| axes(shape).len() == 2)?;
     if array.kind == "u1" {
         near::check_bytes(path, stated)?;
     }
     let shape = axes(&array.shape);
-    let what = || format!("{}: a depth map of shape {shape:?}", path.display());
+    let what = || format!("the depth map {} of shape {shape:?}", path.display());
     memory::check_available(what, memory::bytes_of(&shape, 8), "take a smaller map")?;
     let values = array.take(shape.iter().product())?;
     let [height @ 1..=65536, width @ 1..=65536] = shape[..] else {
-        let remedy = if shape.len() > 2 { "; save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
+        let remedy = if shape.len() > 2 { ". Save one of several maps, as numpy.save('map.npy', maps[0])" } else { "" };
         let reason =
-            reason!("map-shape", "has the shape {shape:?}: a depth map has rows and columns, 1 to 65536{remedy}");
+            reason!("map-shape", "has the shape {shape:?}, but a depth map has 1 to 65536 rows and columns{remedy}");
         return Err(SceneError::Corrupt { file: path.display().to_string(), reason });
     };
     Ok(GrayValues { height, width, kind: Kind::Floats, values, range: None })
 }
 
-/// The axes of an array of more than two that are longer than 1.
+/// Returns the axes of an array without axes of length 1, as long as more than two remain.
 fn axes(shape: &[usize]) -> Vec<usize> {
     let mut axes = shape.to_vec();
     while let (true, Some(at)) = (axes.len() > 2, axes.iter().position(|n| *n == 1)) {
@@ -88,8 +89,9 @@ fn axes(shape: &[usize]) -> Vec<usize> {
     axes
 }
 
-/// Values of a map of the size `own` (rows, columns) at another size. Between its values where they lie together, the nearest where they
-/// do not: a value halfway over an edge would hang in the air. `apart` is the difference that makes an edge.
+/// Resizes the values of a map of the size `own` (rows, columns). It interpolates between values of one surface and
+/// takes the nearest value at edges, because a value halfway over an edge would float in the air. `apart` is the
+/// difference that makes an edge.
 pub(crate) fn resized(values: &[f32], own: [usize; 2], [height, width]: [usize; 2], apart: f32) -> Vec<f32> {
     if [height, width] == own {
         return values.to_vec();
@@ -113,7 +115,8 @@ pub(crate) fn resized(values: &[f32], own: [usize; 2], [height, width]: [usize; 
     out
 }
 
-/// Between four values of one surface, above and below, left and right each; none if they differ by more than `apart`.
+/// Interpolates between four values of one surface (above left, above right, below left, below right). It returns
+/// `None` if they differ by more than `apart`.
 pub(crate) fn between([a, b, c, d]: [f32; 4], tx: f32, ty: f32, apart: f32) -> Option<f32> {
     let (top, bottom) = (a + (b - a) * tx, c + (d - c) * tx);
     let span = a.max(b).max(c).max(d) - a.min(b).min(c).min(d);

@@ -1,21 +1,20 @@
-//! Which depth map belongs to which picture.
+//! Assigns depth maps to pictures.
 
 use crate::{SceneError, formats::video, light_field::natural};
 use std::path::{Path, PathBuf};
 
-/// The map of each picture: `given` once per picture, or one folder with a map of each picture's name or running number, or one video
-/// with a frame of each.
-/// None for no maps.
+/// Returns the map of each picture. `given` is one map per picture, or one folder with a map of each picture's name or
+/// running number, or one video with one frame per picture. Without maps, the result is empty.
 ///
 /// # Errors
-/// [`SceneError::Maps`] where the maps do not belong to the pictures one by one; those of reading a folder.
+/// [`SceneError::Maps`] if the maps and the pictures do not correspond one to one, and the errors of reading a folder.
 pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>, SceneError> {
     let wrong = |what: String| Err(SceneError::Maps { what });
     if let Some(folder) = pictures.iter().find(|picture| !given.is_empty() && Path::new(picture).is_dir()) {
         return Err(SceneError::Request {
             what: "the picture of the depth map",
             value: format!("the folder {folder}"),
-            must: "one picture of it, because every picture has a map of its own; views in a folder need no map",
+            must: "one picture of it, because every picture has a map of its own and views in a folder need no map",
         });
     }
     match given {
@@ -37,7 +36,8 @@ pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>
     }
 }
 
-/// The maps in a folder, in the order of their numbers: of one that holds the pictures, too, those that are called so.
+/// Returns the maps in a folder, in the order of their numbers. If the folder has the pictures too, only files whose
+/// names mark maps count.
 fn maps_in(folder: &Path, pictures: &[String]) -> Result<Vec<PathBuf>, SceneError> {
     let names = natural::files(folder)?;
     let holds_pictures = pictures.iter().any(|picture| Path::new(picture).parent() == Some(folder));
@@ -46,7 +46,7 @@ fn maps_in(folder: &Path, pictures: &[String]) -> Result<Vec<PathBuf>, SceneErro
     Ok(names.iter().filter(is_map).map(|name| folder.join(name)).collect())
 }
 
-/// The map of each picture, of which the maps are the frames: that of the same frame, or the next in order.
+/// Returns the map of each picture if the maps are frames. It is the map of the same frame, or the next one in order.
 fn of_frames(
     pictures: &[String],
     count: usize,
@@ -60,13 +60,13 @@ fn of_frames(
     let wanted: Vec<usize> = pictures.iter().enumerate().map(frame).collect();
     match wanted.iter().find(|frame| **frame >= count) {
         Some(frame) => {
-            Err(SceneError::Maps { what: format!("{what}: {count} maps, and none for picture {frame}, from 0 on") })
+            Err(SceneError::Maps { what: format!("{what} has {count} maps, but none for picture {frame}, from 0 on") })
         }
         None => Ok(wanted.into_iter().map(map).collect()),
     }
 }
 
-/// The only map of the picture's name, or else the only one of its running number.
+/// Returns the only map with the picture's name, otherwise the only one with its running number.
 fn of(picture: &Path, folder: &Path, maps: &[PathBuf]) -> Result<PathBuf, SceneError> {
     let number = |path: &Path| {
         let stem = path.file_stem()?.to_string_lossy().into_owned();

@@ -1,4 +1,4 @@
-//! Depth: depth maps, disparities measured between views, and the range of depths of a scene.
+//! Reads depth maps, and measures disparities between views and the range of depths of a scene.
 
 pub(crate) mod central;
 pub(crate) mod displacement;

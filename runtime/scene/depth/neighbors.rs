@@ -1,43 +1,45 @@
-//! Patches of one view, found again in others: what the pictures show of where their cameras stand.
+//! Finds patches of one view again in other views, which shows the positions of their cameras.
 //!
-//! Between two cameras content moves along the line that joins them. Patches are sought in both directions of the picture
-//! at once, so that they are found wherever the cameras stand, and whatever is stated of the depths.
+//! Between two cameras, content moves along the line that joins them. Patches are searched in both directions of the
+//! picture at once. They are therefore found for any positions of the cameras, and for any stated depths.
 
 use crate::LightField;
 use crate::light_field::resize::{Fit, Resize};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Pixels along the longer side of the pictures that are compared.
+/// Pixels along the longer side of the compared pictures.
 const LONGEST: usize = 128;
 /// Pixels from the middle of a patch to its edge, and along its side.
 const HALF: usize = 3;
 const SIDE: usize = 2 * HALF + 1;
-/// Pixels between patches.
+/// Least distance of patches in pixels.
 const PATCH_STEP_PX: usize = 6;
-/// Most patches.
+/// The largest number of patches.
 const PATCHES: usize = 48;
-/// Mean square slope of a patch, along its weaker direction, square root of light: less shows no movement.
+/// Least mean square slope of a patch along its weaker direction, in square root of light. A weaker slope shows no
+/// movement.
 const SLOPE: f32 = 1e-4;
-/// Pixels that a patch is sought away from its place, as a share of the shorter side.
+/// Pixels around its place in which a patch is searched, as a share of the shorter side.
 const REACH: f64 = 0.3;
-/// Differences over a patch as a share of its own variance: a patch is found again, or is not there.
+/// Differences over a patch as a share of its own variance, up to which it is found again, and above which it is
+/// absent.
 const ALIKE: f32 = 0.25;
 const UNLIKE: f32 = 0.5;
-/// Any other place differs by as many times as much, and by as much more.
+/// Any other place must differ by at least this factor, and by at least this much more.
 const UNIQUE: [f32; 2] = [2.0, 0.1];
 
-/// A patch is alike in two opposite views if this share of its pixels differs from one of them by no more than this share of the
-/// patch's standard deviation.
+/// A patch is alike in two opposite views if this share of its pixels differs from one of them by at most this share of
+/// the patch's standard deviation.
 const ONE_OF_TWO: [f32; 2] = [0.65, 0.12];
 
-/// A small copy of a view: square root of light.
+/// A small copy of a view, in square root of light.
 pub(crate) type Small = Vec<f32>;
 
 /// Small copies of views, and patches of one of them.
 pub(crate) struct Patches {
     size: [usize; 2],
-    /// Rows and columns that hold light in any view.
+    /// Rows and columns that have light in any view.
     lit: [Range<usize>; 2],
     reach: i64,
     /// Pixels of the light field per pixel of the copies.
@@ -47,10 +49,10 @@ pub(crate) struct Patches {
     at: Vec<[usize; 2]>,
 }
 
-/// What became of a patch.
+/// The result of the search for a patch in another view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Found {
-    /// It moved by so many pixels of the small copies (x, y).
+    /// The patch moved by this number of pixels of the small copies (x, y).
     Moved([f64; 2]),
     /// Several places are alike.
     Anywhere,
@@ -59,7 +61,7 @@ pub(crate) enum Found {
 }
 
 impl Patches {
-    /// Patches of the view of this index; none if the views are too small.
+    /// Selects the patches of the view of this index. It returns `None` if the views are too small.
     pub(crate) fn of(field: &LightField, center: usize) -> Option<Self> {
         let longest = field.height.max(field.width);
         let times = longest.div_ceil(LONGEST).max(1);
@@ -67,7 +69,7 @@ impl Patches {
         let black = field.black();
         let inner = |before: usize, after: usize, n: usize| {
             let (first, last) = (before.div_ceil(times), n - after.div_ceil(times).min(n));
-            // Margins are smoothed into the picture.
+            // The resampling mixes margins into the picture.
             let first = if before > 0 { first + 2 } else { 0 };
             first..if after > 0 { last.saturating_sub(2) } else { last }
         };
@@ -89,7 +91,7 @@ impl Patches {
         Some(patches)
     }
 
-    /// A view, small and softened: square root of light.
+    /// Returns a small and softened copy of a view, in square root of light.
     pub(crate) fn small(&self, field: &LightField, view: usize) -> Small {
         let resize = Resize::new([field.height, field.width], self.size, Fit::Stretch);
         let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
@@ -100,7 +102,7 @@ impl Patches {
         crate::depth::subpixel::soften(&root, self.size[0], self.size[1])
     }
 
-    /// Places whose picture changes in every direction, the clearest first.
+    /// Returns the places at which the picture changes in every direction, with the clearest first.
     fn textured(&self) -> Vec<[usize; 2]> {
         let width = self.size[1];
         let brightest = self.center.iter().copied().fold(0.0, f32::max).max(f32::MIN_POSITIVE);
@@ -116,7 +118,7 @@ impl Patches {
             let count = 4.0 * (SIDE * SIDE) as f32;
             0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt()) / count
         };
-        // What lies near the edge leaves the picture from view to view.
+        // Content near the edge leaves the picture from view to view.
         let inner = |range: &Range<usize>| {
             let margin = (range.len() / 8).max(HALF + 1);
             range.start + margin..range.end - margin
@@ -140,25 +142,26 @@ impl Patches {
         kept
     }
 
-    /// Variance of each patch's place in another view over its own.
+    /// Returns the variance at the place of each patch in another view, divided by the patch's own variance.
     pub(crate) fn contrast(&self, field: &LightField, view: usize) -> Vec<f32> {
         let other = self.small(field, view);
         let variance = |values: &[f32], at: [usize; 2]| variance(&patch(values, self.size[1], at));
         self.at.iter().map(|at| variance(&other, *at) / variance(&self.center, *at)).collect()
     }
 
-    /// How many there are.
+    /// Returns the number of patches.
     pub(crate) fn count(&self) -> usize {
         self.at.len()
     }
 
-    /// What became of each patch in another view.
+    /// Searches each patch in another view.
     pub(crate) fn found(&self, other: &Small) -> Vec<Found> {
         self.at.par_iter().map(|at| self.find(other, *at)).collect()
     }
 
-    /// Whether a patch is alike in two opposite views that moved along x (0) or y (1), each of its pixels in one of them: where surfaces
-    /// end, content that moves covers other content, and the corners of both seem to move elsewhere.
+    /// Returns true if a patch is alike in two opposite views that moved along x (0) or y (1), with each of its pixels
+    /// in one of them. At the ends of surfaces, moving content covers other content, and the corners of both seem to
+    /// move elsewhere.
     pub(crate) fn alike_along(&self, patch: usize, axis: usize, [there, opposite]: [&Small; 2]) -> bool {
         let ([y, x], width) = (self.at[patch], self.size[1]);
         let (at, step) = if axis == 0 { (x, 1) } else { (y, width) };
@@ -169,7 +172,7 @@ impl Patches {
         let mean = rows().map(|i| self.center[i]).sum::<f32>() / count;
         let variance = rows().map(|i| (self.center[i] - mean).powi(2)).sum::<f32>() / count;
         let tolerance = ONE_OF_TWO[1] * variance.sqrt();
-        // Half pixels by which no pixel leaves the picture on either side.
+        // The limit keeps every pixel inside the picture on both sides, in half pixels.
         let most = (at - lit.start - HALF).min(lit.end - 1 - HALF - at).min(self.reach as usize) as isize;
         let moved = |small: &Small, i: usize, half: isize| {
             let [a, b] = [half.div_euclid(2), half.div_euclid(2) + half.rem_euclid(2)];
@@ -225,7 +228,7 @@ impl Patches {
     }
 }
 
-/// The pixels around a place.
+/// Returns the pixels around a place.
 fn patch(values: &[f32], width: usize, [y, x]: [usize; 2]) -> [f32; SIDE * SIDE] {
     let mut patch = [0.0; SIDE * SIDE];
     for (row, out) in patch.chunks_exact_mut(SIDE).enumerate() {
@@ -234,7 +237,7 @@ fn patch(values: &[f32], width: usize, [y, x]: [usize; 2]) -> [f32; SIDE * SIDE]
     patch
 }
 
-/// The variance of a patch, times its pixels.
+/// Returns the variance of a patch times its number of pixels.
 fn variance(patch: &[f32]) -> f32 {
     let mean = patch.iter().sum::<f32>() / patch.len() as f32;
     patch.iter().map(|v| (v - mean).powi(2)).sum::<f32>().max(f32::MIN_POSITIVE)

@@ -1,9 +1,10 @@
-//! The range of a light field's disparities, found where the scene does not state it, from coarse to fine.
+//! Finds the range of a light field's disparities from coarse to fine, if the scene does not state it.
 //!
 //! Small copies of the central view are compared with its nearest neighbors over every disparity up to a third of the
-//! picture; larger copies, with farther views, over what was found. Only pixels count of which the pictures leave no
-//! doubt: alike in the views of both axes, like at no other disparity, and with a small standard error (`subpixel`). The range
-//! ends where enough of them agree; it is doubted where too much of the detail is not among them, for that may lie anywhere.
+//! picture. Larger copies are then compared with farther views over the found range. A pixel counts only under three
+//! conditions. It is alike in the views of both axes, it is alike at no other disparity, and its standard error is
+//! small (`subpixel`). The range ends where enough of these pixels agree. It is doubtful if too much of the detail is
+//! not among them, because that detail may be at any depth.
 
 use crate::depth::flat::{OFF, OFF_RANGE, WINDOW};
 use crate::depth::subpixel::Subpixel;
@@ -13,45 +14,47 @@ use crate::{Fit, LightField, SceneError, depth::flat};
 use eyebox_optics::{Display, depths_in_words};
 use rayon::prelude::*;
 
-/// Where disparities are sought where nothing shows any, pixels between neighboring views.
+/// Range in which disparities are searched if nothing shows any, in pixels between neighboring views.
 pub(crate) const USUAL: [f64; 2] = [-2.0, 2.0];
 
-/// Pixels along the longer side: coarse, and fine.
+/// Pixels along the longer side of the coarse copies, and of the fine ones.
 const COARSE: usize = 128;
 const FINE: usize = 256;
-/// Steps to the farthest view that the fine copies are compared with.
+/// Steps to the farthest view with which the fine copies are compared.
 const STEPS: usize = 3;
-/// Another disparity is as unlike as this many times its best match, and as this many pixels, at least.
+/// Another disparity must be less alike than the best match by at least this factor, and by at least this many pixels.
 const UNLIKE: [f32; 2] = [2.0, 0.4];
-/// Windows whose slopes sum to this much may be sure (5 x 5 pixels of 8 bits that differ from their neighbors by one).
+/// Windows whose slopes sum to this may be certain (5 x 5 pixels of 8 bits that differ from their neighbors by one).
 const SLOPE: f32 = 0.1;
-/// Standard errors of what is sure, pixels between neighboring views, at most.
+/// Largest standard error of certain windows, in pixels between neighboring views.
 const ERROR: f64 = 0.06;
-/// The share of the sure pixels that is no accident where they lie within as many pixels of each other, and their number.
+/// Share and number of the certain pixels that are not a coincidence, if they are within this many pixels of each
+/// other.
 const ENOUGH: f64 = 0.005;
 const LEAST: usize = 12;
 const TOGETHER: f64 = 0.1;
-/// A range is trusted where so much of the detail is sure.
+/// A range is trusted if this share of the detail is certain.
 const TRUSTED: f64 = 0.7;
 
-/// Detail whose disparity is not unique is explained if the range has one that is alike; a range is plausible that explains so much
-/// of it, of which so much is sure.
+/// Detail whose disparity is not unique is explained if some disparity of the range is alike. A range is plausible if
+/// it explains the first share of the detail and the second share is certain.
 const PLAUSIBLE: [f64; 2] = [0.9, 0.3];
-/// Pixels of the light field within which disparities are sought at least where they are not unique within more.
+/// Smallest range of disparities, in pixels of the light field, for a search in which disparities are not unique within
+/// more.
 const NARROWEST: f64 = 4.0;
-/// What is drawn lies at an end of the coarse look if the fine one ends by more pixels before.
+/// Drawn content is at an end of the coarse range if the fine range ends this many pixels earlier.
 const LOST: f64 = 0.4;
-/// Light of views that differ by no more, square root of light, is the same.
+/// Light of views that differs by at most this is the same, in square root of light.
 const SAME: f32 = 4e-3;
 
-/// What the views show.
+/// The disparities that the views show.
 #[derive(Debug, Clone, Copy)]
 struct Found {
-    /// Smallest and largest disparity, pixels between neighboring views; none where nothing is sure.
+    /// Smallest and largest disparity, in pixels between neighboring views. It is `None` if nothing is certain.
     range: Option<[f64; 2]>,
-    /// The same with flat surfaces, which only their edges show.
+    /// The same range extended to flat surfaces, which only their edges show.
     beyond: [f64; 2],
-    /// The share of detail whose disparity is sure; none where there is no detail.
+    /// The share of detail whose disparity is certain. It is `None` if there is no detail.
     share: Option<f64>,
     /// The share of detail that some disparity of the range explains.
     explained: f64,
@@ -63,33 +66,36 @@ impl Found {
     }
 }
 
-/// Where a range of depths comes from.
+/// The source of a range of depths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DepthSource {
-    /// The scene, or the file beside it, states it.
+    /// The scene or its settings file states the range.
     Stated,
-    /// Measured in the central view.
+    /// The range is measured in the central view.
     Measured,
-    /// Measured, and plausible: it explains the views, though only so many per cent of their detail have a disparity that is unique.
+    /// The range is measured and plausible. It explains the views, but only this percentage of their detail has a
+    /// unique disparity.
     Plausible(u8),
-    /// Measured, and not to be trusted: only so many per cent of its detail are found again for sure in the neighboring views.
+    /// The range is measured and not trusted. Only this percentage of its detail is found again with certainty in the
+    /// neighboring views.
     Doubtful(u8),
 }
 
 impl DepthSource {
-    /// Farthest and nearest depth, meters, that come from here, behind a lens of `focal_length`, meters.
+    /// Returns the farthest and the nearest depth in meters if this source is certain enough. `focal_length` is in
+    /// meters.
     ///
     /// # Errors
-    /// [`SceneError::Request`] where they are doubtful.
+    /// [`SceneError::Depth`] if they are doubtful.
     pub fn sure(self, depth: [f64; 2], focal_length: f64) -> Result<[f64; 2], SceneError> {
         match self {
             Self::Doubtful(percent) => Err(SceneError::doubtful_depth(depth, percent, focal_length)),
             Self::Plausible(percent) => {
                 let words = depths_in_words(depth, focal_length);
                 tracing::warn!(
-                    "the depth of the scene is measured as {words}, of {percent} % of its detail; the rest is flat or repeats \
-                     itself: state the depths if they are others"
+                    "the depth of the scene is measured as {words} from {percent} % of its detail. The rest is flat \
+                     or repeats itself, so state the depths if these are wrong"
                 );
                 Ok(depth)
             }
@@ -98,16 +104,16 @@ impl DepthSource {
     }
 }
 
-/// Disparities that were not stated, pixels between neighboring views at this resolution.
+/// Measured disparities, in pixels between neighboring views at this resolution.
 pub(crate) struct Measured {
-    /// From the farthest to the nearest; none where the pictures show nothing.
+    /// The range from the farthest to the nearest. It is `None` if the pictures show nothing.
     pub range: Option<[f64; 2]>,
-    /// How far the range is trusted: it is measured, plausible or doubtful.
+    /// The trust in the range, which is measured, plausible or doubtful.
     pub trust: DepthSource,
 }
 
 impl LightField {
-    /// What the views show of their disparities, whatever is stated.
+    /// Measures the disparities of the views, without regard to stated ones.
     pub(crate) fn measured(&self) -> Measured {
         let first = look(self, None);
         let shows_something = first.range.is_some() || !first.is_trusted();
@@ -118,7 +124,7 @@ impl LightField {
             return Measured { range: first.range, trust: DepthSource::Measured };
         }
         let percent = |share: f64| (100.0 * share) as u8;
-        // What is drawn is flat, or repeats itself: windows as a whole, then within ever fewer pixels.
+        // Drawn content is flat or repetitive. Windows are compared as a whole, within fewer and fewer pixels.
         let mut within = self.height.max(self.width) as f64 / 9.0;
         let mut best = first;
         while within >= NARROWEST {
@@ -140,7 +146,7 @@ impl LightField {
         Measured { range: best.range.filter(|_| !matches!(trust, DepthSource::Doubtful(_))).or(first.range), trust }
     }
 
-    /// Whether all views of the central row and column are the central one, but for rounding.
+    /// Returns true if all views of the central row and column equal the central one, up to rounding.
     fn stands_still(&self) -> bool {
         let [rows, columns] = self.grid;
         let (r, c) = (rows / 2, columns / 2);
@@ -156,8 +162,8 @@ impl LightField {
         })
     }
 
-    /// Where disparities are sought, pixels between neighboring views at this resolution: in the range that the scene
-    /// states on `display`; else a little beyond what the views show.
+    /// Returns the range in which disparities are searched, in pixels between neighboring views at this resolution. It
+    /// is the range that the scene states on `display`, otherwise a little more than the measured one.
     pub(crate) fn disparities_sought(&self, display: &Display) -> [f64; 2] {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         if let Some(stated) = self.depth_range(display) {
@@ -170,19 +176,20 @@ impl LightField {
         self.measured().range.map_or(USUAL, around)
     }
 
-    /// The depths that matter on `display`, farthest first, meters: as asked, as the scene says, or as the views show.
+    /// Returns the relevant depths on `display` in meters, with the farthest first. They are the requested, stated or
+    /// measured depths, in this order.
     ///
     /// # Errors
-    /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
+    /// [`SceneError::Depth`] if nothing is requested or stated, and the views show too little.
     pub fn depths(&self, display: &Display, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
         asked_or_found(asked, || self.reach(display), display.focal_length)
     }
 }
 
-/// Farthest and nearest depth, meters, before a lens of `focal_length`: as asked, or as found.
+/// Returns the farthest and the nearest depth in meters behind a lens of `focal_length`, as requested or as found.
 ///
 /// # Errors
-/// [`SceneError::Request`] where nothing is asked, and what is found is doubtful.
+/// [`SceneError::Depth`] if nothing is requested, and the found depths are doubtful.
 pub fn asked_or_found(
     asked: Option<[f64; 2]>,
     find: impl FnOnce() -> ([f64; 2], DepthSource),
@@ -195,7 +202,7 @@ pub fn asked_or_found(
     source.sure(found, focal_length)
 }
 
-/// A view's light in all colors together, in units of the brightest.
+/// Returns the light of a view in all colors together, in units of the brightest.
 pub(crate) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
     let brightest = field.planes.par_iter().flatten().flatten().copied().reduce(|| 0.0, f32::max);
     let unit = 1.0 / (brightest.max(f32::MIN_POSITIVE) * field.planes.len().max(1) as f32);
@@ -208,8 +215,8 @@ pub(crate) fn mean_light(field: &LightField) -> impl Fn(usize) -> Vec<f32> {
     }
 }
 
-/// What the views show, coarse and then fine: within a third of the picture, or, with windows that are compared as a whole, within so
-/// many pixels.
+/// Measures the disparities of the views, first coarse and then fine. The range is a third of the picture, or
+/// `by_window` pixels with windows that are compared as a whole.
 fn look(field: &LightField, by_window: Option<f64>) -> Found {
     let longer = field.height.max(field.width);
     let light = mean_light(field);
@@ -232,19 +239,19 @@ fn look(field: &LightField, by_window: Option<f64>) -> Found {
     let margin = (longer as f64 / COARSE as f64).max(1.0) + 0.1 * (high - low);
     let fine = within(at(FINE), [low - margin, high + margin], STEPS);
     let mut found = if fine.range.is_some() { fine } else { coarse };
-    // Windows that cover the end of a flat surface see it in the nearest views alone.
+    // Windows that cover the end of a flat surface see it only in the nearest views.
     if let (Some([a, b]), true) = (found.range, by_window.is_some()) {
         found.range = Some([if low < a - LOST { low } else { a }, if high > b + LOST { high } else { b }]);
     }
     let [least, most] = coarse.beyond;
-    // What the coarse look finds beyond its own range is beyond that of the fine one.
+    // Disparities that the coarse measurement finds beyond its own range are also beyond the fine range.
     let range = found
         .range
         .map(|[a, b]| [if least < low { a.min(least) } else { a }, if most > high { b.max(most) } else { b }]);
     Found { range, ..found }
 }
 
-/// The smallest and the largest disparity that enough pixels surely have.
+/// Returns the smallest and the largest disparity that enough pixels have with certainty.
 fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
     let (h, w, reach) = (sweep.height, sweep.width, sweep.reach());
     let nothing = Found { range: None, beyond: [0.0; 2], share: None, explained: 0.0 };
@@ -261,7 +268,7 @@ fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
     };
     let mean = (slopes.iter().sum::<f32>() / slopes.len() as f32).max(1e-4);
     let detail = slopes.iter().filter(|slope| **slope > mean).count();
-    // A match's own valley: a pixel and a half to each side.
+    // The valley of a match is one and a half pixels to each side.
     let own = (1.5 / step).ceil() as usize;
     let subpixel = Subpixel::of(sweep);
     let sure = |(p, costs): (usize, &[f32])| {
@@ -285,7 +292,7 @@ fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
         let costs = &costs[p * count..][..count];
         (0..count).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).map_or(range[0], at)
     };
-    // The coarse look finds flat surfaces; the fine one sees less than that.
+    // The coarse measurement finds flat surfaces, and the fine one finds fewer.
     let beyond = match sweep.reach() > 1.0 {
         true => [low, high],
         false => flat::extended(sweep, &slopes, mean.min(SLOPE), [range, [low, high]], step, best),
@@ -299,8 +306,8 @@ fn ends(sweep: &Sweep, range: [f64; 2], by_window: bool) -> Found {
     Found { range: Some(range), beyond, share, explained }
 }
 
-/// As [`Sweep::costs`] summed over windows, of which each is compared with one of two opposite arms as a whole: pixel by pixel flat
-/// surfaces are like one of them at any disparity.
+/// Returns the costs of [`Sweep::costs`] summed over windows, each compared as a whole with one of two opposite arms.
+/// Pixel by pixel, flat surfaces are like one of them at any disparity.
 fn costs_by_window(sweep: &Sweep, count: usize, at: impl Fn(usize) -> f64 + Sync + Copy) -> Vec<f32> {
     let (h, w) = (sweep.height, sweep.width);
     let arm = |arm: usize| {
@@ -353,7 +360,7 @@ mod tests {
     use crate::{DepthSource, Request, load};
     use eyebox_optics::Color;
 
-    /// A built-in scene whose depths are not told, its true disparities, and the display.
+    /// Returns a built-in scene without stated depths, its true disparities, and the display.
     fn silent(scene: &str, views: usize) -> (LightField, [f64; 2], Display) {
         let display = Display { height: 96, width: 112, ..Display::preset("paper").unwrap() };
         let request = Request { views, ..Request::new(&display, &[Color::Green]) };
@@ -399,7 +406,7 @@ mod tests {
         assert!((a - low).abs() < near && (b - high).abs() < near, "{a} .. {b}, not {low} .. {high}");
     }
 
-    /// Thin blades that hide each other by eight pixels from view to view: what is lost is not passed over in silence.
+    /// Thin blades hide each other by eight pixels from view to view. The lost content must cause doubt.
     #[test]
     fn what_neighbouring_views_do_not_show_again_is_doubted() {
         let (field, _, display) = silent("dense-grass?span=6", 5);

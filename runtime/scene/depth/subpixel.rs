@@ -1,18 +1,18 @@
-//! Disparities to a small part of a pixel, by least squares (Lucas and Kanade, IJCAI 1981), each with its standard error.
+//! Refines disparities to a small part of a pixel by least squares (Lucas and Kanade, IJCAI 1981).
 
 use crate::depth::sweep::{Arm, Sweep};
 
-/// Steps of Gauss and Newton.
+/// Number of Gauss-Newton steps.
 const STEPS: usize = 3;
-/// Pixels that a step may go: farther off, the first guess was none.
+/// Largest step in pixels. A longer step shows that the first guess was wrong.
 const FAR: f32 = 1.0;
-/// A side that differs as many times as much as the opposite one does not see what is looked for.
+/// A side does not see the content if it differs by more than this factor times the difference of the opposite side.
 const HIDDEN: f32 = 2.0;
-/// Mean square of what 8 bits round off, square root of light.
+/// Mean square of the rounding error of 8 bits, in square root of light.
 const ROUNDED: f32 = 4e-6;
 
-/// What the views on one side of a window's say: the sums of s g e, of (s g)^2 and of e^2 over the window, for views s steps
-/// away of which g is the slope and e the difference.
+/// Sums over a window for the views on one side. They are the sums of s g e, of (s g)^2 and of e^2. A view is s steps
+/// away, g is its slope and e its difference.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     turn: f32,
@@ -36,7 +36,7 @@ impl Sums {
     }
 }
 
-/// Views that are softened by a pixel, so that between two pixels a straight line holds.
+/// Views that are softened by a pixel, so that a straight line holds between two pixels.
 pub(crate) struct Subpixel(Sweep);
 
 impl Subpixel {
@@ -47,8 +47,8 @@ impl Subpixel {
         Self(Sweep { height, width, center: soft(&sweep.center), arms })
     }
 
-    /// The disparity of the window of `half` pixels around row and column, pixels between neighboring views, and its standard
-    /// error; near the guess `d`, or none.
+    /// Returns the disparity of the window of `half` pixels around row and column, in pixels between neighboring views,
+    /// and its standard error. It returns `None` if the disparity is not near the guess `d`.
     pub fn refined(&self, [y, x]: [usize; 2], half: usize, d: f64) -> Option<[f64; 2]> {
         let Sweep { height, width, arms, .. } = &self.0;
         if x < half || y < half || x + half >= *width || y + half >= *height {
@@ -57,7 +57,7 @@ impl Subpixel {
         let mut d = d as f32;
         for step in 0..=STEPS {
             let sides = arms.each_ref().map(|arm| self.sums(arm, [y, x], half, d));
-            // What one side hides, the opposite one shows.
+            // Content that one side hides is visible from the opposite side.
             let seen = |pair: [&Sums; 2]| {
                 let least = pair.iter().filter(|s| s.count > 0.0).map(|s| s.mean()).fold(f32::INFINITY, f32::min);
                 let sees = |s: &&&Sums| s.count > 0.0 && s.mean() <= HIDDEN * least + ROUNDED;
@@ -82,10 +82,10 @@ impl Subpixel {
         let mut sums = Sums::default();
         for (r, c, view) in arm {
             let (s, stride, [at, last]) = if *r == 0 { (*c, 1, [x, width - 1]) } else { (*r, *width, [y, height - 1]) };
-            // Content of disparity d stands displaced by -d per step (OPTICS 3).
+            // Content of disparity d is displaced by -d per step (OPTICS 3).
             let away = -d * s as f32;
             let (first, part) = (away.floor() as isize, away - away.floor());
-            // Four neighbors along the axis of each pixel of the window, no farther than the edge.
+            // These are four neighbors along the axis of each pixel of the window, clamped to the picture.
             let reach =
                 |i: usize, k: isize| ((at + i) as isize - half as isize + first + k).clamp(0, last as isize) as usize;
             for j in 0..=2 * half {
@@ -108,7 +108,7 @@ impl Subpixel {
     }
 }
 
-/// Means of a quarter, a half and a quarter of three neighbors, along both axes.
+/// Returns means of three neighbors with the weights 1/4, 1/2 and 1/4, along both axes.
 pub(crate) fn soften(view: &[f32], height: usize, width: usize) -> Vec<f32> {
     let blend = |a: f32, b: f32, c: f32| 0.25 * a + 0.5 * b + 0.25 * c;
     let rows = view

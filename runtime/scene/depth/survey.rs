@@ -1,44 +1,45 @@
-//! What a scene holds: where its light is, and how deep it reaches.
+//! Measures the light and the depths of a scene.
 
 use crate::LightField;
 use crate::depth::range::{DepthSource, Measured};
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
-/// How much light one color of a scene holds.
+/// The light of one color of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Which color.
+    /// The color of this light.
     pub color: Color,
-    /// The brightest value of any view, linear light.
+    /// The brightest value of any view, in linear light.
     pub brightest: f64,
-    /// Mean over all views.
+    /// The mean over all views, in linear light.
     pub mean: f64,
 }
 
-/// Rows and columns of pixels, from each edge, that hold no light in any view and color.
+/// Rows and columns of pixels, from each edge, that have no light in any view and color.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Black {
-    /// Rows from the top.
+    /// Number of rows from the top.
     pub top: usize,
-    /// Rows from the bottom.
+    /// Number of rows from the bottom.
     pub bottom: usize,
-    /// Columns from the left.
+    /// Number of columns from the left.
     pub left: usize,
-    /// Columns from the right.
+    /// Number of columns from the right.
     pub right: usize,
 }
 
-/// Pixels of `display` that a pupil of this diameter (meters) tells apart: those of its window of the spectrum (OPTICS 5).
+/// Returns the pixels of `display` that a pupil of this diameter (meters) distinguishes, which are the pixels of its
+/// spectral window (OPTICS 5).
 pub(crate) fn told_apart(display: &Display, diameter: f64) -> f64 {
     (display.eyebox_min() / diameter.max(1e-9)).max(1.0)
 }
 
-/// Light below this share of the brightest is none: a view is stored in 65535 steps.
+/// Light below this share of the brightest value counts as none, because a view is stored in 65535 steps.
 pub const DARK: f64 = 0.5 / 65535.0;
 
 impl LightField {
-    /// Light per color, in the order of `colors`.
+    /// Returns the light per color, in the order of `colors`.
     pub fn light(&self) -> Vec<Light> {
         let one = |(color, views): (&Color, &Vec<Vec<f32>>)| {
             let sums = views.par_iter().map(|view| {
@@ -52,7 +53,7 @@ impl LightField {
         self.colors.iter().zip(&self.planes).map(one).collect()
     }
 
-    /// The margins without light.
+    /// Returns the margins without light.
     pub fn black(&self) -> Black {
         let views: Vec<&Vec<f32>> = self.planes.iter().flatten().collect();
         let least = (f64::from(self.brightest()) * DARK) as f32;
@@ -79,8 +80,9 @@ impl LightField {
         }
     }
 
-    /// Mean square of the light in the outermost `pixels` rows and columns of all views, over the whole picture: what
-    /// would come in again on the other side if all of it walked off, as an error power. The brightest is 1.
+    /// Returns the mean square of the light in the outermost `pixels` rows and columns of all views, over the whole
+    /// picture. It is the error power if all of this light left the picture and entered again on the other side. The
+    /// brightest value is 1.
     pub fn edge_power(&self, pixels: usize) -> f64 {
         let (h, w) = (self.height, self.width);
         let brightest = self.brightest();
@@ -99,14 +101,15 @@ impl LightField {
         views.par_iter().map(of).sum::<f64>() / views.len().max(1) as f64
     }
 
-    /// The brightest value of any view and color.
+    /// Returns the brightest value of any view and color.
     pub(crate) fn brightest(&self) -> f32 {
         let views: Vec<&Vec<f32>> = self.planes.iter().flatten().collect();
         views.par_iter().map(|v| v.iter().copied().fold(0.0, f32::max)).reduce(|| 0.0, f32::max)
     }
 
-    /// Pixels of `display` by which the ends of `depth` (meters) move against each other from view to view: beyond what a pupil
-    /// tells apart, it sees each edge out of focus as often as it takes in views (OPTICS 14).
+    /// Returns the pixels of `display` by which the ends of `depth` (meters) move against each other from view to view.
+    /// If this is more than a pupil distinguishes, the pupil sees each edge out of focus once per view that it covers
+    /// (OPTICS 14).
     pub fn aliasing(&self, display: &Display, [far, near]: [f64; 2]) -> f64 {
         let views = self.grid[0].max(self.grid[1]);
         if views < 2 {
@@ -116,7 +119,8 @@ impl LightField {
         }
     }
 
-    /// [`aliasing`](Self::aliasing) for people, what it does to pupils as wide as `widest` (meters), and whether they see it.
+    /// Describes [`aliasing`](Self::aliasing) and its effect on pupils up to `widest` (meters) for people. The flag is
+    /// true if they see it.
     pub fn aliasing_in_words(&self, display: &Display, depth: [f64; 2], widest: f64) -> ([String; 2], bool) {
         let pixels = self.aliasing(display, depth);
         let least = told_apart(display, widest);
@@ -124,22 +128,22 @@ impl LightField {
         let mm = widest * 1e3;
         let why = if seen {
             let views = self.views_without_aliasing(display, depth, widest);
-            format!("pupils of {mm:.1} mm see ghosts out of focus; {views} x {views} views would not")
+            format!("pupils of {mm:.1} mm see ghosts out of focus, and {views} x {views} views would not show them")
         } else {
-            format!("pupils of up to {mm:.1} mm tell apart {least:.1} pixels: they see no ghosts out of focus")
+            format!("pupils of up to {mm:.1} mm distinguish {least:.1} pixels and see no ghosts out of focus")
         };
         ([format!("{pixels:.1} pixels from view to view"), why], seen)
     }
 
-    /// Views per axis, over the same places of the pupil plane, of which a pupil `widest` meters wide would see no
-    /// [`aliasing`](Self::aliasing).
+    /// Returns the views per axis, over the same area of the pupil plane, with which a pupil `widest` meters wide would
+    /// see no [`aliasing`](Self::aliasing).
     pub fn views_without_aliasing(&self, display: &Display, depth: [f64; 2], widest: f64) -> usize {
         let views = self.grid[0].max(self.grid[1]);
         (views as f64 * (self.aliasing(display, depth) / told_apart(display, widest)).max(1.0)).min(1e6).ceil() as usize
     }
 
-    /// Farthest and nearest depth on `display`, meters: what the scene states, else what is measured in the central view;
-    /// 0 where nothing is seen in it.
+    /// Returns the farthest and the nearest depth on `display` in meters. They are stated by the scene, otherwise
+    /// measured in the central view. They are 0 if nothing can be measured.
     pub fn reach(&self, display: &Display) -> ([f64; 2], DepthSource) {
         if let Some([a, b]) = self.depth_range(display) {
             return ([a.min(b), a.max(b)], DepthSource::Stated);
@@ -188,7 +192,7 @@ mod tests {
         let silent = LightField { depth: None, disparity: None, ..field };
         let ([far, near], source) = silent.reach(&display);
         assert_eq!(source, DepthSource::Measured);
-        // Candidates lie an eighth of a pixel apart: within two of them.
+        // Candidates are an eighth of a pixel apart, and the tolerance is two of them.
         let least = 0.25 * display.focal_length * display.pitch / silent.cell(&display);
         assert!((far - 3e-4).abs() < least && (near - 3e-4).abs() < least, "{far} .. {near}");
     }

@@ -1,35 +1,39 @@
-//! A plane sweep over the views of a row and a column of the grid, smoothed by semi-global matching (Hirschmueller, IEEE
-//! PAMI 30, 2008).
+//! Sweeps planes over the views of a row and a column of the grid.
+//!
+//! Semi-global matching (Hirschmueller, IEEE PAMI 30, 2008) smooths the disparities.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Disparities that are tried, at most.
+/// The largest number of disparities that are compared.
 pub(crate) const MOST: usize = 96;
-/// Cost of a neighbor one step away, and of one further away, in units of the square root of light.
+/// Cost of a neighbor one step away, and of one farther away, in units of the square root of light.
 const STEP: f32 = 0.02;
 const JUMP: f32 = 0.12;
-/// Differences beyond this are occlusions or highlights.
+/// Larger differences than this are occlusions or highlights.
 pub(crate) const OUTLIER: f32 = 0.25;
-/// Of views that are compared as they are sampled, what the center shows within so many pixels to each side is no difference: half a pixel,
-/// and a tenth more, for the straight line between two pixels of the other view softens it.
+/// Views that are compared as sampled do not differ if the center has the same light within this many pixels to each
+/// side. It is half a pixel, and a tenth more because the straight line between two pixels of the other view softens
+/// it.
 const SAMPLED: f32 = 0.6;
-/// Candidates to each side of the one that is chosen then, among which all that differs decides.
+/// Candidates on each side of the selected one among which all differences then decide.
 const AROUND: usize = 1;
 
-/// Steps to the farthest view, of no more than `most`, between which and the central one [`MOST`] candidates suffice.
+/// Returns the steps to the farthest view, at most `most`, for which [`MOST`] candidates up to the central view are
+/// sufficient.
 pub(crate) fn reach_within(range: [f64; 2], most: usize) -> usize {
     let fits = ((MOST - 1) as f64 / (2.0 * (range[1] - range[0]))).floor();
     if fits >= 1.0 { most.min(fits as usize) } else { 1 }
 }
 
-/// How views are compared.
+/// The comparison of views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Compared {
-    /// By all that differs: sharpest where surfaces end.
+    /// All differences count, which is sharpest at the ends of surfaces.
     Exactly,
-    /// As they are sampled (Birchfield and Tomasi, IEEE PAMI 20, 1998), and by all that differs among the nearest disparities only. No two
-    /// views sample fine detail at the same places; where it repeats, that would be taken for another disparity.
+    /// Views are compared as sampled (Birchfield and Tomasi, IEEE PAMI 20, 1998), and by all differences only among the
+    /// nearest disparities. Two views never sample fine detail at the same places. If the detail repeats, the
+    /// difference would be mistaken for another disparity.
     AsSampled,
 }
 
@@ -37,17 +41,17 @@ pub(crate) enum Compared {
 pub(crate) struct Sweep {
     pub height: usize,
     pub width: usize,
-    /// Square root of light.
+    /// The central view in square root of light.
     pub center: Vec<f32>,
-    /// Views left, right, above and below: steps from the center (rows, columns), square root of light.
+    /// Views left, right, above and below, with the steps from the center (rows, columns), in square root of light.
     pub arms: [Arm; 4],
 }
 
-/// Views on one side.
+/// The views on one side.
 pub(crate) type Arm = Vec<(isize, isize, Vec<f32>)>;
 
 impl Sweep {
-    /// The view at row and column `[r, c]`, with those that are no more than `reach` steps away.
+    /// Selects the view at row and column `[r, c]`, and the views at most `reach` steps away.
     pub fn around(
         [rows, columns]: [usize; 2],
         [r, c]: [usize; 2],
@@ -70,13 +74,13 @@ impl Sweep {
         Self { height, width, center: root(r * columns + c), arms }
     }
 
-    /// How far the outermost view stands from the center, in steps.
+    /// Returns the distance of the outermost view from the center in steps.
     pub fn reach(&self) -> f64 {
         let all = self.arms.iter().flatten();
         all.map(|(r, c, _)| r.unsigned_abs().max(c.unsigned_abs())).max().unwrap_or(0) as f64
     }
 
-    /// Disparity of each pixel, pixels between neighboring views, between the ends of `range`.
+    /// Returns the disparity of each pixel in pixels between neighboring views, between the ends of `range`.
     pub fn disparities(&self, range: [f64; 2], compared: Compared) -> Vec<f32> {
         let span = range[1] - range[0];
         // The outermost view moves by half a pixel from one candidate to the next.
@@ -105,8 +109,9 @@ impl Sweep {
         path_costs(0.0).par_chunks_exact(count).enumerate().map(best).collect()
     }
 
-    /// (height, width, candidates): mean difference, over the better of two opposite arms, for what is hidden on one
-    /// side is seen on the other. What the center shows within `sampled` pixels to each side along an arm is no difference.
+    /// Returns the mean differences, (height, width, candidates). The better of two opposite arms counts, because
+    /// content that is hidden on one side is visible on the other. Light that the center has within `sampled` pixels to
+    /// each side along an arm is no difference.
     pub fn costs(&self, count: usize, sampled: f32, disparity: impl Fn(usize) -> f64 + Sync) -> Vec<f32> {
         let (h, w) = (self.height, self.width);
         let mut costs = vec![0.0f32; h * w * count];
@@ -118,7 +123,7 @@ impl Sweep {
                     sums.clear();
                     sums.resize(w, 0.0f32);
                     for (r, c, view) in views {
-                        // Content of disparity delta stands displaced by -delta per step (OPTICS 3).
+                        // Content of disparity delta is displaced by -delta per step (OPTICS 3).
                         self.shifted(view, y, -disparity(d) * *r as f64, -disparity(d) * *c as f64, &mut seen);
                         for ((sum, seen), [low, high]) in sums.iter_mut().zip(&seen).zip(&around[arm / 2]) {
                             *sum += (seen - high).max(low - seen).clamp(0.0, OUTLIER);
@@ -142,7 +147,8 @@ impl Sweep {
         costs
     }
 
-    /// Least and most light of the center's row `y` within `reach` pixels (no more than one) of each pixel, along the row or across it.
+    /// Returns the least and the most light of the center's row `y` within `reach` pixels (at most one) of each pixel,
+    /// along the row or across it.
     fn around_row(&self, y: usize, along: bool, reach: f32) -> Vec<[f32; 2]> {
         let (h, w) = (self.height, self.width);
         let ends = |x: usize| {
@@ -158,8 +164,8 @@ impl Sweep {
         (0..w).map(ends).collect()
     }
 
-    /// (height, width): by how much the cost of a match grows with each pixel that it is off, along the axes that have
-    /// views; no more than a cost does.
+    /// Returns the growth of a match's cost per pixel that it is off, (height, width), along the axes that have views.
+    /// It is at most as large as a cost.
     pub fn slopes(&self) -> Vec<f32> {
         let (h, w) = (self.height, self.width);
         let has = |pair: usize| !(self.arms[pair].is_empty() && self.arms[pair + 1].is_empty());
@@ -179,14 +185,15 @@ impl Sweep {
         (0..h * w).into_par_iter().map(slope).collect()
     }
 
-    /// Row `y` of a view that is moved by whole and parts of pixels along one axis; beyond its edge, its edge.
+    /// Computes row `y` of a view that is moved by a fractional number of pixels along one axis. Pixels beyond its edge
+    /// repeat the edge.
     fn shifted(&self, view: &[f32], y: usize, down: f64, across: f64, out: &mut [f32]) {
         let (h, w) = (self.height as i64, self.width as i64);
         let row = |j: i64| &view[j.clamp(0, h - 1) as usize * self.width..][..self.width];
         if across == 0.0 {
             let first = down.floor();
             let part = (down - first) as f32;
-            // Between two rows that are one beyond the edge.
+            // Both rows are the same beyond the edge.
             let (top, bottom) = (row(y as i64 + first as i64), row(y as i64 + first as i64 + 1));
             for ((out, a), b) in out.iter_mut().zip(top).zip(bottom) {
                 *out = a + part * (b - a);
@@ -211,7 +218,8 @@ impl Sweep {
     }
 }
 
-/// Where between its neighbors the least of the costs, `costs[d]`, would lie on a parabola through the three: -0.5 to 0.5.
+/// Returns the position of the minimum of a parabola through `costs[d]` and its two neighbors, -0.5 to 0.5 relative to
+/// `d`.
 pub(crate) fn lowest(costs: &[f32], d: usize) -> f64 {
     if d == 0 || d + 1 >= costs.len() {
         return 0.0;
@@ -220,10 +228,10 @@ pub(crate) fn lowest(costs: &[f32], d: usize) -> f64 {
     if a - 2.0 * b + c > 1e-12 { (0.5 * (a - c) / (a - 2.0 * b + c)).clamp(-0.5, 0.5) } else { 0.0 }
 }
 
-/// Sums of the path costs from four sides.
+/// Returns the sums of the path costs from four sides.
 fn smooth(costs: &[f32], height: usize, width: usize, count: usize) -> Vec<f32> {
     let mut total = vec![0.0f32; costs.len()];
-    // Along rows, both ways.
+    // Along rows, in both directions.
     total.par_chunks_exact_mut(width * count).zip(costs.par_chunks_exact(width * count)).for_each(|(total, costs)| {
         for forward in [true, false] {
             let mut path = vec![0.0f32; count];
@@ -234,7 +242,7 @@ fn smooth(costs: &[f32], height: usize, width: usize, count: usize) -> Vec<f32> 
             }
         }
     });
-    // Along columns, both ways.
+    // Along columns, in both directions.
     for forward in [true, false] {
         let mut paths = vec![0.0f32; width * count];
         for i in 0..height {
@@ -250,7 +258,7 @@ fn smooth(costs: &[f32], height: usize, width: usize, count: usize) -> Vec<f32> 
     total
 }
 
-/// One pixel further along a path.
+/// Extends a path by one pixel.
 fn extend(path: &mut [f32], costs: &[f32], first: bool) {
     if first {
         path.copy_from_slice(costs);

@@ -1,4 +1,4 @@
-//! Pixels of files: pictures, videos and maps, with their tone curves, as linear light.
+//! Reads the pixels of pictures, videos and maps as linear light or as stored values.
 
 pub(crate) mod options;
 pub(crate) mod pfm;

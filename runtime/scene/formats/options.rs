@@ -1,4 +1,4 @@
-//! What stands behind the question mark of a file's name.
+//! Reads the options after the question mark of a file name.
 
 use crate::formats::tone::Tone;
 use crate::light_field::light::Transfer;
@@ -6,11 +6,12 @@ use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// What options there are, for people.
+/// Lists of the options, for people.
 const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
 pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
 
-/// The path of a source that is no built-in scene, and its options; a file may have a question mark in its name.
+/// Returns the path of a source that is not a built-in scene, and its options. A file name may have a question mark
+/// itself.
 pub(crate) fn parts(source: &str) -> (&Path, &str) {
     let whole = Path::new(source);
     match source.rsplit_once('?') {
@@ -19,25 +20,25 @@ pub(crate) fn parts(source: &str) -> (&Path, &str) {
     }
 }
 
-/// How views lie in a picture.
+/// The arrangement of views in a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Tiling {
-    /// Beside each other.
+    /// The views are next to each other.
     Views,
-    /// Under each lens a pixel of each view.
+    /// Under each lens there is one pixel of each view.
     Lenslets,
 }
 
-/// What stands behind the question mark of a file's name.
+/// The options after the question mark of a file name.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Options {
     /// Rows and columns of views.
     pub grid: Option<[usize; 2]>,
-    /// How values become light.
+    /// The conversion of stored values to light.
     pub tone: Tone,
-    /// Which array of an archive.
+    /// Name of the array in an archive.
     pub array: Option<String>,
-    /// How the views lie in a picture.
+    /// The arrangement of views in a picture.
     pub tiling: Option<Tiling>,
 }
 
@@ -45,12 +46,12 @@ pub(crate) struct Options {
 fn full_scale(text: &str) -> Result<f32, Reason> {
     let value = text.parse::<f32>().ok().filter(|v| v.is_finite() && *v > 0.0);
     value.ok_or_else(|| {
-        reason!("full-scale", "full_scale is '{text}': it must be a positive number, the stored value of white")
+        reason!("full-scale", "full_scale is '{text}', but it must be a positive number, the stored value of white")
     })
 }
 
 impl Options {
-    /// Reads them.
+    /// Reads the options from the text of a query.
     pub fn parse(query: &str, is_array: bool) -> Result<Self, Reason> {
         let mut options = Self::default();
         for part in query.split('&').filter(|part| !part.is_empty()) {

@@ -1,14 +1,16 @@
-//! Portable float maps: `Pf`, width and height, a scale whose sign tells the byte order, rows from the bottom up.
+//! Reads portable float maps (PFM).
+//!
+//! A file has `Pf`, width and height, a scale whose sign is the byte order, and then rows from the bottom up.
 
 use crate::light_field::near::GrayValues;
 use crate::light_field::near::Kind;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// Reads a PFM file from its bytes. The scale's size is ignored, as every reader does.
+/// Reads a PFM file from its bytes. The magnitude of the scale is ignored, as in every reader.
 ///
 /// # Errors
-/// What is wrong, in words. Nothing is allocated before the file proves to hold it.
+/// The fault in words. Nothing is allocated until the length of the file matches its header.
 pub(crate) fn parse(bytes: &[u8]) -> Result<GrayValues, Reason> {
     let mut rest = bytes;
     let mut token = |what: &str| -> Result<&str, Reason> {
@@ -20,31 +22,31 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<GrayValues, Reason> {
         let length = length.ok_or_else(|| reason!("pfm-header", "the header ends in {what}"))?;
         let found = std::str::from_utf8(&rest[start..start + length])
             .map_err(|_| reason!("pfm-header", "{what} is not text"))?;
-        // Exactly one white space follows the header; what follows it may look like white space too.
+        // Exactly one whitespace character follows the header, because the next byte may also look like whitespace.
         rest = &rest[start + length + 1..];
         Ok(found)
     };
     match token("its kind")? {
         "Pf" => {}
-        "PF" => return Err(reason!("pfm-color", "a color float map (PF): a depth map has one channel (Pf)")),
-        other => return Err(reason!("not-pfm", "not a float map: it begins with {other:?}, not \"Pf\"")),
+        "PF" => return Err(reason!("pfm-color", "it is a color float map (PF), but a depth map has one channel (Pf)")),
+        other => return Err(reason!("not-pfm", "not a float map, since it begins with {other:?} instead of \"Pf\"")),
     }
     let mut axis = |what: &str| -> Result<usize, Reason> {
         let text = token(what)?;
-        let value: usize = text.parse().map_err(|_| reason!("pfm-header", "{what} is {text:?}: not a number"))?;
+        let value: usize = text.parse().map_err(|_| reason!("pfm-header", "{what} {text:?} is not a number"))?;
         if (1..=65536).contains(&value) {
             Ok(value)
         } else {
-            Err(reason!("pfm-size", "{what} is {value}: it must be 1 to 65536"))
+            Err(reason!("pfm-size", "{what} is {value}, but it must be 1 to 65536"))
         }
     };
     let (width, height) = (axis("the width")?, axis("the height")?);
     let text = token("the scale")?;
-    let scale: f64 = text.parse().map_err(|_| reason!("pfm-scale", "the scale is {text:?}: not a number"))?;
+    let scale: f64 = text.parse().map_err(|_| reason!("pfm-scale", "the scale {text:?} is not a number"))?;
     if scale == 0.0 || !scale.is_finite() {
-        return Err(reason!("pfm-scale", "the scale is {scale}: its sign must tell the byte order"));
+        return Err(reason!("pfm-scale", "the scale is {scale}, but its sign must give the byte order"));
     }
-    // At most 2^34: no overflow on 64 bits; refused on 32.
+    // The product is at most 2^34, so it does not overflow on 64 bits and is refused on 32 bits.
     let needed = (width as u64) * (height as u64) * 4;
     if rest.len() as u64 != needed {
         return Err(reason!("pfm-length", "{height} x {width} values need {needed} bytes, {} are there", rest.len()));
@@ -100,7 +102,7 @@ mod tests {
                 if [&w, &h, &s].into_iter().all(|part| part.split_whitespace().count() == 1) {
                     prop_assert_eq!(content, n);
                 }
-                // Two numbers in the place of one: what was meant for the header is content.
+                // With two numbers instead of one, a part of the header is content.
                 prop_assert!(content >= n && content < bytes.len(), "{content}");
             }
         }

@@ -1,4 +1,4 @@
-//! Pictures from files, as planes of linear light.
+//! Reads pictures from files as planes of linear light.
 
 use crate::SceneError;
 use crate::formats::png_tone;
@@ -12,19 +12,20 @@ use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Pixels of the largest picture that is read: 8K, and 24 megapixels of a camera. It is in memory as a whole, and as light.
+/// Pixels of the largest picture that is read, which is enough for 8K or 24 megapixels of a camera. It is completely in
+/// memory, in stored values and as light.
 pub(crate) const ONE: u64 = 1 << 25;
-/// The same of one that holds many views.
+/// Pixels of the largest picture of many views.
 pub(crate) const MANY: u64 = 1 << 27;
 
-/// Rows and columns of a picture with at most `most` pixels, from the header alone.
+/// Returns rows and columns of a picture with at most `most` pixels, from the header alone.
 pub(crate) fn size(path: &Path, most: u64) -> Result<[usize; 2], SceneError> {
     Ok(picture_size(path, Wanted::Scene, most)?)
 }
 
-/// Rows and columns of pictures that must have one size; `name` is how an error names the first.
+/// Returns rows and columns of pictures that must have one size. `name` formats the name of the first one for errors.
 pub(crate) fn size_of_all(paths: &[PathBuf], name: impl Fn(&Path) -> String) -> Result<[usize; 2], SceneError> {
-    // In order, so that the same file is named every time.
+    // The order is fixed, so that an error always names the same file.
     let sizes: Vec<_> = paths.par_iter().map(|path| size(path, ONE)).collect();
     let sizes = sizes.into_iter().collect::<Result<Vec<_>, _>>()?;
     match sizes.iter().position(|size| *size != sizes[0]) {
@@ -33,8 +34,8 @@ pub(crate) fn size_of_all(paths: &[PathBuf], name: impl Fn(&Path) -> String) -> 
     }
 }
 
-/// Reads the planes of `colors` from a picture of at most so many pixels. A gray picture gives the same plane for each color;
-/// transparency is laid over black. `reading` says and counts how values become light.
+/// Reads the planes of `colors` from a picture of at most `most` pixels. A gray picture gives the same plane for each
+/// color, and transparency is composited over black. `reading` converts values to light and counts them.
 pub(crate) fn read(path: &Path, most: u64, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
     let image = &read_pixels(path, Wanted::Scene, most)?;
     let &Pixels { height, width, channels, premultiplied, orientation, .. } = image;
@@ -46,7 +47,7 @@ pub(crate) fn read(path: &Path, most: u64, colors: &[Color], reading: &Reading) 
     let unknown = |found: Reason| SceneError::Transfer { file: path.display().to_string(), found };
     let mut primaries = None;
     let space = match reading.tone.transfer {
-        // The caller knows better than the file.
+        // The statement of the caller takes precedence over the file.
         Some(_) => None,
         None => {
             let stated = png_tone::stated(path).map_err(unknown)?;
@@ -61,7 +62,7 @@ pub(crate) fn read(path: &Path, most: u64, colors: &[Color], reading: &Reading) 
     // A profile has primaries of its own.
     let primaries = primaries.filter(|_| image.has_color() && image.profile.is_none());
     let mix = primaries.map(|stated| stated.to_srgb().map_err(unknown)).transpose()?.flatten();
-    // All three colors of the file take part in each color of the light.
+    // All three colors of the file contribute to each color of the light.
     let read = if mix.is_some() { &[Color::Red, Color::Green, Color::Blue][..] } else { colors };
     let (says, converted) = match &space {
         None => (says, None),
@@ -92,14 +93,14 @@ pub(crate) fn read(path: &Path, most: u64, colors: &[Color], reading: &Reading) 
     Ok(Picture { height, width, planes, read_as })
 }
 
-/// One color of the light of sRGB's primaries. What lies outside of them is clipped.
+/// Returns one color of the light in sRGB's primaries. Colors outside of sRGB are clipped.
 fn mixed(planes: &[Vec<f32>], shares: [f64; 3]) -> Vec<f32> {
     let [r, g, b] = shares.map(|v| v as f32);
     let pixels = planes[0].iter().zip(&planes[1]).zip(&planes[2]);
     pixels.map(|((red, green), blue)| (r * red + g * green + b * blue).max(0.0)).collect()
 }
 
-/// Reads the stored values of a gray picture. In floats, one channel in three may hold them.
+/// Reads the stored values of a gray picture. In floats, one of three channels may have them.
 pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
     let image = read_pixels(path, Wanted::DepthMap, ONE)?;
     let (channels, has_color) = (image.channels, image.has_color());
@@ -111,14 +112,15 @@ pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
     if values.is_empty() {
         let reason = reason!(
             "map-colors",
-            "its pixels have colors, and nothing says what depth a color means: save its values as a gray picture or as an array (.npy)"
+            "its pixels have colors, and the depth of a color is unknown. Save its values as a gray picture or as an \
+             array (.npy)"
         );
         return Err(FileError::content(path, reason).into());
     }
     Ok(GrayValues { height: image.height, width: image.width, kind, values, range: None })
 }
 
-/// The first channel; nothing where another one is not `alike`.
+/// Returns the first channel. It returns nothing if another channel is not `alike`.
 fn gray<T: Copy + Into<f32>>(v: &[T], channels: usize, has_color: bool, alike: impl Fn(T, T) -> bool) -> Vec<f32> {
     let pixels = v.chunks_exact(channels);
     if has_color && !pixels.clone().all(|p| alike(p[0], p[1]) && alike(p[0], p[2])) {

@@ -1,5 +1,7 @@
-//! The transfer function and the color primaries that a PNG states: chunks `cICP`, `sRGB`, and `gAMA` with `cHRM`, the first of
-//! them that is there. If it has a color profile (`iCCP`), that decides instead of all but `cICP`.
+//! Reads the transfer function and the color primaries that a PNG states.
+//!
+//! The first of the chunks `cICP`, `sRGB`, and `gAMA` with `cHRM` that exists decides. A color profile (`iCCP`) takes
+//! precedence over all of them but `cICP`.
 
 use crate::light_field::light::Transfer;
 use eyebox_base::error::Reason;
@@ -9,14 +11,14 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
-/// Chunks before the pixels that are looked at.
+/// Largest number of chunks before the pixels that are read.
 const MOST_CHUNKS: usize = 1000;
 
-/// Exponents with which sRGB is approximated.
+/// Exponents that approximate sRGB, and linear light.
 const SRGB_GAMMA: std::ops::RangeInclusive<f64> = 0.43..=0.47;
 const LINEAR_GAMMA: std::ops::RangeInclusive<f64> = 0.99..=1.01;
 
-/// Chunks of a PNG that say how values become light.
+/// Chunks of a PNG that determine how values become light.
 #[derive(Debug, Default)]
 struct Chunks {
     /// Color primaries and transfer function of ITU-T H.273.
@@ -27,19 +29,19 @@ struct Chunks {
     primaries: Option<Primaries>,
 }
 
-/// What a PNG states about its colors.
+/// The statements of a PNG about its colors.
 #[derive(Default)]
 pub(crate) struct Stated {
     pub transfer: Option<Transfer>,
     pub primaries: Option<Primaries>,
 }
 
-/// Returns what a picture states. It is nothing for other files than PNG.
+/// Returns the statements of a picture. Files other than PNG have none.
 ///
 /// # Errors
-/// The statement in words, if the transfer function is neither sRGB nor linear light, or the primaries are unknown.
+/// The statement in words, if the transfer function is neither sRGB nor linear light, or if the primaries are unknown.
 pub(crate) fn stated(path: &Path) -> Result<Stated, Reason> {
-    // A file that cannot be read is refused by its decoder.
+    // The decoder refuses a file that cannot be read.
     let Ok(Some(chunks)) = chunks(path) else { return Ok(Stated::default()) };
     let transfer = match chunks {
         Chunks { code: Some([_, 1 | 4 | 6 | 13..=15]), .. } => Some(Transfer::Srgb),
@@ -57,7 +59,7 @@ pub(crate) fn stated(path: &Path) -> Result<Stated, Reason> {
         _ => None,
     };
     let primaries = match chunks {
-        // 2 leaves them open.
+        // The code 2 leaves the primaries open.
         Chunks { code: Some([2, _]), .. } => None,
         Chunks { code: Some([code, _]), .. } => match Primaries::of_code(code) {
             None => return Err(reason!("primaries", "the color primaries {code} of ITU-T H.273")),
@@ -69,7 +71,7 @@ pub(crate) fn stated(path: &Path) -> Result<Stated, Reason> {
     Ok(Stated { transfer, primaries })
 }
 
-/// The chromaticities of the chunk `cHRM`: white first, in steps of 1/100,000.
+/// Reads the chromaticities of the chunk `cHRM`, with white first, in steps of 1/100,000.
 fn chromaticities(bytes: [u8; 32]) -> Primaries {
     let at = |i: usize| {
         let [x, y] = [8 * i, 8 * i + 4].map(|i| [bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]]);

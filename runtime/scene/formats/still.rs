@@ -1,4 +1,4 @@
-//! One picture: a file of its own, or a frame of a video.
+//! Reads one picture, which is a file of its own or a frame of a video.
 
 use crate::formats::options::Options;
 use crate::formats::tone::{Reading, Tone};
@@ -10,12 +10,12 @@ use eyebox_base::files::{Wanted, picture_orientation};
 use eyebox_optics::Color;
 use std::path::Path;
 
-/// Rows and columns, from the header alone.
+/// Returns rows and columns, from the header alone.
 pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
     video::named(path).map_or_else(|| picture::size(parts(path)?.0, picture::ONE), |(file, _)| video::size(&file))
 }
 
-/// The planes of `colors`, linear light.
+/// Reads the planes of `colors` in linear light.
 pub(crate) fn read(path: &Path, colors: &[Color]) -> Result<Picture, SceneError> {
     if let Some((file, frame)) = video::named(path) {
         return video::read(&file, frame.unwrap_or(0), colors, Matrix::stated(path));
@@ -27,12 +27,12 @@ pub(crate) fn read(path: &Path, colors: &[Color]) -> Result<Picture, SceneError>
     Ok(picture)
 }
 
-/// The EXIF orientation that a picture is turned by, 1 to 8; 1 is as stored.
+/// Returns the EXIF orientation by which a picture is rotated, 1 to 8. The value 1 means as stored.
 pub(crate) fn orientation(path: &Path) -> Result<u8, SceneError> {
     if video::named(path).is_some() { Ok(1) } else { Ok(picture_orientation(parts(path)?.0, Wanted::Scene)?) }
 }
 
-/// The file of a picture, and the statements behind its question mark.
+/// Returns the file of a picture, and the statements after its question mark.
 fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
     let Some(text) = path.to_str() else { return Ok((path, Tone::default())) };
     let (file, query) = crate::formats::options::parts(text);
@@ -41,7 +41,7 @@ fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
     Ok((file, options.tone))
 }
 
-/// Values of a gray picture.
+/// Reads the stored values of a gray picture.
 pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
     match video::named(path) {
         Some((file, frame)) => video::stored(&file, frame.unwrap_or(0)),

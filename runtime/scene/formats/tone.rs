@@ -1,4 +1,4 @@
-//! The way from stored values to linear light: transfer function, full scale, and the values that are no light.
+//! Converts stored values to linear light, by transfer function and full scale, and checks them.
 
 use crate::SceneError;
 use crate::light_field::light::{FullScale, Transfer, srgb_to_linear, table};
@@ -9,23 +9,23 @@ use std::sync::{Mutex, PoisonError};
 /// The statements about how stored values become light.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Tone {
-    /// The transfer function.
+    /// The stated transfer function.
     pub transfer: Option<Transfer>,
     /// The stored value of white.
     pub full_scale: Option<f32>,
 }
 
-/// 16-bit values up to this may as well have 14 bits or fewer.
+/// 16-bit values up to this may also have 14 bits or fewer.
 const FOURTEEN_BITS: u16 = 16383;
-/// A picture of 8 bits that was stretched to 16 has multiples of this.
+/// A picture of 8 bits that was stretched to 16 bits has only multiples of this.
 const STRETCHED: u16 = 257;
 /// Light below zero down to this share of full scale is a rounding error of a filter.
 const LEAST: f32 = -0.01;
-/// Light above full scale by less than this share is a rounding error.
+/// Light above full scale up to this share is a rounding error.
 const ROUNDED: f32 = 1.001;
 /// Values below this share of full scale are not counted as lit.
 const LIT: f32 = 1.0 / 4096.0;
-/// The largest share of lit values above full scale that are taken for highlights.
+/// The largest share of lit values above full scale that counts as highlights.
 const HIGHLIGHTS: f64 = 0.05;
 /// A scene whose brightest value is below this share of full scale looks black.
 const BLACK: f32 = 1.0 / 256.0;
@@ -33,20 +33,20 @@ const BLACK: f32 = 1.0 / 256.0;
 /// Counts of the stored values of one or several pictures of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Tally {
-    /// The largest 16-bit value; `None` for other kinds.
+    /// The largest 16-bit value, `None` for other kinds.
     word: Option<u16>,
-    /// Whether all 16-bit values are multiples of 257.
+    /// True if all 16-bit values are multiples of 257.
     stretched: bool,
     /// The largest value as a share of full scale.
     most: f32,
-    /// Lit values, and those of them above full scale.
+    /// Lit values, and the number of them above full scale.
     lit: u64,
     above: u64,
     /// Negative values that were set to zero.
     negative: u64,
-    /// Whether there are 8 bits, 16 bits, floats.
+    /// True for each kind that occurs: 8 bits, 16 bits, floats.
     kinds: [bool; 3],
-    /// Whether there is transparency, and whether any pixel is not fully transparent.
+    /// True if there is transparency, and true if any pixel is not fully transparent.
     has_alpha: bool,
     opaque: bool,
 }
@@ -74,7 +74,7 @@ impl Tally {
         }
     }
 
-    /// Counts 16-bit values.
+    /// Counts the 16-bit values of a picture.
     pub fn words(&mut self, values: impl Iterator<Item = u16>) {
         let mut most = self.word.unwrap_or(0);
         for v in values {
@@ -90,8 +90,8 @@ impl Tally {
         self.opaque = self.opaque || values.any(|v| v > 0.0);
     }
 
-    /// Brings values that are shares of full scale into 0 to 1, and counts those beyond. Answers the place of a value that is
-    /// no light: not finite, or clearly negative.
+    /// Clamps values that are shares of full scale to 0 to 1, and counts the values beyond. It returns the index of a
+    /// value that is not valid light, because it is not finite or clearly negative.
     pub fn shares(&mut self, values: &mut [f32]) -> Result<(), usize> {
         for (i, v) in values.iter_mut().enumerate() {
             if !v.is_finite() || *v < LEAST {
@@ -112,10 +112,12 @@ impl Tally {
         Ok(())
     }
 
-    /// Determines whether the full scale of a scene is known, and says what was changed. `how` says how the caller states it.
+    /// Refuses a scene whose full scale is unknown, and warns of changed values. `how` is the way in which
+    /// the caller can state it.
     ///
     /// # Errors
-    /// [`SceneError::FullScale`] if it is not known; [`SceneError::Transparent`].
+    /// [`SceneError::FullScale`] if the full scale is not known, [`SceneError::MixedScales`] or
+    /// [`SceneError::Transparent`].
     pub fn judge(&self, place: &Path, tone: Tone, how: FullScale) -> Result<(), SceneError> {
         let file = || place.display().to_string();
         if self.has_alpha && !self.opaque {
@@ -155,7 +157,8 @@ impl Tally {
     }
 }
 
-/// The likely value of white of floats up to `most`: that of integers that became floats, or the largest.
+/// Returns the likely value of white of floats up to `most`. It is the full scale of integers that became floats, or
+/// the largest value.
 fn white(most: f32) -> f32 {
     let of_bits = [8, 10, 12, 14, 16].map(|bits| ((1u32 << bits) - 1) as f32);
     of_bits.into_iter().find(|white| (0.125 * white..=*white).contains(&most)).unwrap_or(most.ceil())
@@ -164,17 +167,18 @@ fn white(most: f32) -> f32 {
 /// The stored values of a picture, interleaved.
 #[derive(Clone, Copy)]
 pub(crate) enum Stored<'a> {
-    /// 8 bits.
+    /// Unsigned integers of 8 bits.
     Bytes(&'a [u8]),
-    /// 16 bits.
+    /// Unsigned integers of 16 bits.
     Words(&'a [u16]),
-    /// Floating point.
+    /// Floating-point values of any size.
     Floats(&'a [f32]),
-    /// Shares of full scale, whatever full scale is stated.
+    /// Shares of full scale, for any stated full scale.
     Shares(&'a [f32]),
 }
 
-/// The conversion of the pictures of one scene to light: what is stated about all of them, and what was counted in them.
+/// The conversion of the pictures of one scene to light, with the statements about all of them and the counts of their
+/// values.
 #[derive(Debug, Default)]
 pub(crate) struct Reading {
     pub tone: Tone,
@@ -182,16 +186,17 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// Begins to read pictures about which this is stated.
+    /// Begins to read pictures with these statements.
     pub fn new(tone: Tone) -> Self {
         Self { tone, tally: Mutex::default() }
     }
 
-    /// Converts a picture to planes of linear light in these colors. `says` is the transfer function that its file states;
-    /// a picture of two or four `channels` has transparency in the last, which is laid over black unless `premultiplied`.
+    /// Converts a picture to planes of linear light in these colors. `says` is the transfer function that its file
+    /// states. A picture of two or four `channels` has transparency in the last one. The picture is then composited
+    /// over black, unless it is `premultiplied`.
     ///
     /// # Errors
-    /// The pixel and the value of the first one that is no light.
+    /// The index of the first pixel that is not valid light, and its value.
     pub fn light(
         &self,
         stored: Stored<'_>,
@@ -240,7 +245,8 @@ impl Reading {
         planes
     }
 
-    /// Counts the stored values of 16 bits. Those that were converted before [`light`](Self::light) are counted apart.
+    /// Counts the stored values of 16 bits. Values that were converted before [`light`](Self::light) are counted
+    /// separately.
     pub fn count_words(&self, stored: Stored<'_>, channels: usize) {
         if let Stored::Words(values) = stored {
             let colors = channels.div_ceil(2) * 2 - 1;
@@ -255,7 +261,7 @@ impl Reading {
         *sum = sum.and(tally);
     }
 
-    /// The meaning of such values, in words.
+    /// Describes the meaning of such values in words.
     pub fn in_words(&self, stored: Stored<'_>, says: Transfer) -> String {
         let kind = match stored {
             Stored::Bytes(_) => "8 bits",
@@ -268,22 +274,23 @@ impl Reading {
         format!("{kind}, {transfer}{stated}{white}")
     }
 
-    /// Determines whether the full scale of the pictures that were read is known, and warns of changed values.
+    /// Refuses pictures whose full scale is unknown, and warns of changed values.
     ///
     /// # Errors
-    /// [`SceneError::FullScale`] if it is not known; [`SceneError::Transparent`].
+    /// [`SceneError::FullScale`] if the full scale is not known, [`SceneError::MixedScales`] or
+    /// [`SceneError::Transparent`].
     pub fn judge(&self, place: &Path, how: FullScale) -> Result<(), SceneError> {
         self.tally.lock().unwrap_or_else(PoisonError::into_inner).judge(place, self.tone, how)
     }
 }
 
 impl Stored<'_> {
-    /// Whether they are 8 bits, 16 bits, floats.
+    /// Returns true for the kind of the values: 8 bits, 16 bits, floats.
     fn kinds(self) -> [bool; 3] {
         [matches!(self, Self::Bytes(_)), matches!(self, Self::Words(_)), matches!(self, Self::Floats(_))]
     }
 
-    /// The largest value of the kind; of floats 1.
+    /// Returns the largest value of the kind, which is 1 for floats.
     pub fn most(self) -> f32 {
         match self {
             Self::Bytes(_) => 255.0,
@@ -292,7 +299,7 @@ impl Stored<'_> {
         }
     }
 
-    /// One channel, as shares of `full`.
+    /// Returns one channel as shares of `full`.
     fn channel(self, channel: usize, channels: usize, full: f32) -> Vec<f32> {
         match self {
             Self::Bytes(v) => v.iter().skip(channel).step_by(channels).map(|v| f32::from(*v) / full).collect(),
@@ -305,6 +312,6 @@ impl Stored<'_> {
 /// Warns of a scene that is almost black.
 pub(crate) fn warn_of_black(name: &str, brightest: f32) {
     if brightest < BLACK {
-        tracing::warn!("{name}: its brightest value is {brightest} of full scale: it is shown black, or almost so");
+        tracing::warn!("{name}: its brightest value is {brightest} of full scale, so it appears black or almost black");
     }
 }

@@ -1,8 +1,9 @@
-//! Frames of YUV4MPEG2 videos (`.y4m`), of colors or of depths: `clip.y4m?frame=12` is the thirteenth, `clip.y4m` alone the first.
+//! Reads frames of YUV4MPEG2 videos (`.y4m`), of colors or of depths.
 //!
-//! Y'CbCr of the matrix that is stated (`clip.y4m?matrix=bt709`, or `XCOLORMATRIX=BT709` in the file) or that of the format
-//! ([`Matrix::usual`]): limited range unless the file says `XCOLORRANGE=FULL`; 4:2:0, 4:2:2, 4:4:4 or gray, of 8 to 16 bits. The
-//! decoded values are sRGB.
+//! `clip.y4m?frame=12` is the thirteenth frame, and `clip.y4m` alone is the first. The values are Y'CbCr of the stated
+//! matrix (`clip.y4m?matrix=bt709`, or `XCOLORMATRIX=BT709` in the file), or of the format's matrix
+//! ([`Matrix::usual`]). The range is limited unless the file has `XCOLORRANGE=FULL`. Samples are 4:2:0, 4:2:2, 4:4:4 or
+//! gray, of 8 to 16 bits. The decoded values are sRGB.
 
 use crate::formats::video_color::{Matrix, check_aspect, check_interlacing};
 use crate::light_field::light::Picture;
@@ -17,12 +18,12 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// The longest line before the frames, or before one.
+/// Bytes of the longest line before the frames, or before one frame.
 const LINE: u64 = 1024;
-/// Pixels of a frame, at most.
+/// Most pixels of a frame.
 const MOST_PIXELS: usize = 1 << 25;
 
-/// The file and the number of the frame that a path names; none where it names no video.
+/// Returns the file and the number of the frame that a path names. It returns `None` if the path names no video.
 pub(crate) fn named(path: &Path) -> Option<(PathBuf, Option<usize>)> {
     let is_video = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m"));
     if is_video(path) {
@@ -40,13 +41,13 @@ pub(crate) fn named(path: &Path) -> Option<(PathBuf, Option<usize>)> {
     is_video(Path::new(file)).then(|| (file.into(), frame))
 }
 
-/// A frame's name; `video` may state its matrix.
+/// Returns the name of a frame. `video` may state its matrix.
 pub(crate) fn frame(video: &Path, frame: usize) -> String {
     let next = if Matrix::stated(video).is_some() { '&' } else { '?' };
     format!("{}{next}frame={frame}", video.display())
 }
 
-/// How many frames a video has.
+/// Returns the number of frames of a video.
 pub(crate) fn count(video: &Path) -> Result<usize, SceneError> {
     let mut video = Video::open(video)?;
     let mut count = 0;
@@ -56,12 +57,12 @@ pub(crate) fn count(video: &Path) -> Result<usize, SceneError> {
     Ok(count)
 }
 
-/// Rows and columns of a frame.
+/// Returns rows and columns of a frame.
 pub(crate) fn size(video: &Path) -> Result<[usize; 2], SceneError> {
     Ok(Video::open(video)?.size)
 }
 
-/// The planes of `colors` of a frame, linear light; `matrix` if it is stated.
+/// Reads the planes of `colors` of a frame in linear light. `matrix` is the stated matrix.
 pub(crate) fn read(
     video: &Path,
     frame: usize,
@@ -87,7 +88,7 @@ pub(crate) fn read(
     Ok(Picture { height, width, planes, read_as })
 }
 
-/// The luma of a frame, as values of 8 or of 16 bits.
+/// Reads the luma of a frame, as values of 8 or of 16 bits.
 pub(crate) fn stored(video: &Path, frame: usize) -> Result<GrayValues, SceneError> {
     let mut video = Video::open(video)?;
     let bytes = video.frame(frame)?;
@@ -97,7 +98,7 @@ pub(crate) fn stored(video: &Path, frame: usize) -> Result<GrayValues, SceneErro
     Ok(GrayValues { height, width, kind, values, range: Some([0.0, full]) })
 }
 
-/// What a frame is decoded from: the first line of its file, and its samples.
+/// Returns the data from which a frame is decoded, which are the first line of its file and its samples.
 pub(crate) fn stored_parts(video: &Path, frame: usize) -> Result<(String, Vec<u8>), SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(video, &e);
     let mut head = String::new();
@@ -106,22 +107,22 @@ pub(crate) fn stored_parts(video: &Path, frame: usize) -> Result<(String, Vec<u8
     Ok((head, Video::open(video)?.frame(frame)?))
 }
 
-/// A video, at the header of a frame.
+/// An open video, positioned at the header of a frame.
 struct Video {
     name: String,
     from: BufReader<File>,
     length: u64,
-    /// Rows and columns.
+    /// Rows and columns of pixels.
     size: [usize; 2],
-    /// Pixels of luma, along y and x, for one of the color differences; none where it is gray.
+    /// Luma pixels along y and x per color-difference sample. It is `None` for gray videos.
     chroma: Option<[usize; 2]>,
-    /// Whether color differences stand where the left pixel of two does, and not between them.
+    /// True if color differences are at the position of the left of two pixels, and not between them.
     left: bool,
     bits: u32,
     full: bool,
-    /// The matrix that its header states.
+    /// The matrix that the header states.
     matrix: Option<Matrix>,
-    /// Whether ffmpeg wrote the header, which leaves the matrix as it was and does not state it.
+    /// True if ffmpeg wrote the header. It keeps the matrix of its source and does not state it.
     of_ffmpeg: bool,
 }
 
@@ -174,14 +175,14 @@ impl Video {
         if height == 0 || width == 0 || height * width > MOST_PIXELS {
             return Err(video.corrupt(reason!(
                 "video-size",
-                "its first line says {head:?}: W and H must be columns and rows of at most {} Mpx",
+                "its first line is {head:?}, but W and H must be columns and rows of at most {} Mpx",
                 MOST_PIXELS >> 20
             )));
         }
         Ok(video)
     }
 
-    /// What is said of samples: `420jpeg`, `444p10`, `mono16`.
+    /// Reads the format of the samples, such as `420jpeg`, `444p10` or `mono16`.
     fn space(&mut self, text: &str) -> Result<(), SceneError> {
         let (kind, bits) = match text.strip_prefix("mono") {
             Some(bits) => ("mono", bits),
@@ -194,7 +195,7 @@ impl Video {
             "444" => Some([1, 1]),
             _ => {
                 return Err(
-                    self.corrupt(reason!("video-chroma", "samples are C{text}: C420, C422, C444 and Cmono are read"))
+                    self.corrupt(reason!("video-chroma", "samples are C{text}, but must be C420, C422, C444 or Cmono"))
                 );
             }
         };
@@ -204,7 +205,7 @@ impl Video {
             bits => match bits.parse() {
                 Ok(bits @ 8..=16) => bits,
                 _ => {
-                    return Err(self.corrupt(reason!("video-bits", "samples are C{text}: they must have 8 to 16 bits")));
+                    return Err(self.corrupt(reason!("video-bits", "samples are C{text}, but must have 8 to 16 bits")));
                 }
             },
         };
@@ -219,18 +220,18 @@ impl Video {
         SceneError::unreadable(Path::new(&self.name), error)
     }
 
-    /// The next line, without its end; empty at the end of the file.
+    /// Returns the next line without its end. It is empty at the end of the file.
     fn line(&mut self) -> Result<String, SceneError> {
         let mut line = Vec::new();
         let read = self.from.by_ref().take(LINE).read_until(b'\n', &mut line);
         read.map_err(|e| self.failed(&e))?;
         if line.pop().is_some_and(|last| last != b'\n') {
-            return Err(self.corrupt(reason!("not-video", "it is no video: a line has no end")));
+            return Err(self.corrupt(reason!("not-video", "it is not a video, because a line has no end")));
         }
         Ok(String::from_utf8_lossy(&line).into_owned())
     }
 
-    /// Rows and columns of a plane.
+    /// Returns rows and columns of a plane.
     fn plane(&self, chroma: bool) -> [usize; 2] {
         match self.chroma.filter(|_| chroma) {
             Some(times) => [0, 1].map(|i| self.size[i].div_ceil(times[i])),
@@ -238,14 +239,14 @@ impl Video {
         }
     }
 
-    /// Bytes of a frame.
+    /// Returns the bytes of a frame.
     fn bytes(&self) -> usize {
         let pixels = |chroma| self.plane(chroma).iter().product::<usize>();
         let samples = pixels(false) + if self.chroma.is_some() { 2 * pixels(true) } else { 0 };
         samples * if self.bits > 8 { 2 } else { 1 }
     }
 
-    /// Goes to a frame's samples; whether there is one.
+    /// Goes to the samples of a frame, and returns true if there is one.
     fn begin(&mut self) -> Result<bool, SceneError> {
         let line = self.line()?;
         if line.is_empty() {
@@ -254,14 +255,14 @@ impl Video {
         if line.split(' ').next() != Some("FRAME") {
             return Err(self.corrupt(reason!(
                 "frame-start",
-                "a frame does not start with FRAME: the one before has another size"
+                "a frame does not start with FRAME, so the one before has another size"
             )));
         }
         let at = self.from.stream_position().map_err(|e| self.failed(&e))?;
         if at + self.bytes() as u64 > self.length {
             return Err(self.corrupt(reason!(
                 "frame-cut-short",
-                "its last frame is cut short: copy it again, or take an earlier frame by ?frame=N"
+                "its last frame is cut short, so copy it again, or take an earlier frame by ?frame=N"
             )));
         }
         Ok(true)
@@ -276,14 +277,14 @@ impl Video {
         Ok(there)
     }
 
-    /// The samples of a frame.
+    /// Reads the samples of a frame.
     fn frame(&mut self, frame: usize) -> Result<Vec<u8>, SceneError> {
         for before in 0..=frame {
             let is_there = if before < frame { self.skip()? } else { self.begin()? };
             if !is_there {
                 return Err(self.corrupt(reason!(
                     "no-such-frame",
-                    "it has {before} frames, and frame {frame} is asked for, from 0 on"
+                    "it has {before} frames, but frame {frame} is requested (counted from 0)"
                 )));
             }
         }
@@ -292,7 +293,7 @@ impl Video {
         Ok(bytes)
     }
 
-    /// A sample, of 8 bits and a fraction.
+    /// Returns a sample in units of 8 bits, with a fraction.
     fn sample(&self, bytes: &[u8], i: usize) -> f32 {
         if self.bits == 8 {
             f32::from(bytes[i])
@@ -301,19 +302,19 @@ impl Video {
         }
     }
 
-    /// Luma of a pixel, 0 to 1.
+    /// Returns the luma of a pixel, 0 to 1.
     fn luma(&self, bytes: &[u8], i: usize) -> f32 {
         let value = self.sample(bytes, i);
         let most = 256.0 - (0.5f32).powi(self.bits as i32 - 8);
         if self.full { value / most } else { (value - 16.0) / 219.0 }
     }
 
-    /// A color difference at a pixel, -0.5 to 0.5, between the samples around it.
+    /// Returns a color difference at a pixel, -0.5 to 0.5, interpolated between the samples around it.
     fn difference(&self, bytes: &[u8], which: usize, y: usize, x: usize) -> f32 {
         let Some(times) = self.chroma else { return 0.0 };
         let [rows, columns] = self.plane(true);
         let start = self.size[0] * self.size[1] + which * rows * columns;
-        // A sample stands in the middle of its pixels, or with the left one.
+        // A sample is in the middle of its pixels, or at the left one.
         let place = |at: usize, times: usize, n: usize, left: bool| {
             let shift = if left || times == 1 { 0.0 } else { 0.25 };
             let at = (at as f32 / times as f32 - shift).clamp(0.0, n as f32 - 1.0);
@@ -327,7 +328,7 @@ impl Video {
         value / if self.full { 255.0 } else { 224.0 }
     }
 
-    /// Red, green and blue of a pixel, linear.
+    /// Returns red, green and blue of a pixel in linear light.
     fn light(&self, bytes: &[u8], y: usize, x: usize, matrix: Matrix) -> [f32; 3] {
         let luma = self.luma(bytes, y * self.size[1] + x);
         let differences = [0, 1].map(|which| self.difference(bytes, which, y, x));

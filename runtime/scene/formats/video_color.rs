@@ -1,4 +1,4 @@
-//! The matrix of a video: how luma and color differences become red, green and blue.
+//! Converts luma and color differences of a video to red, green and blue.
 
 use crate::SceneError;
 use eyebox_base::error::Reason;
@@ -8,17 +8,17 @@ use std::path::Path;
 /// The matrix of a video.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Matrix {
-    /// ITU-R BT.601, the definition of YUV4MPEG2: standard definition.
+    /// The matrix of ITU-R BT.601, for standard definition. It is the default of YUV4MPEG2.
     Bt601,
-    /// ITU-R BT.709: high definition.
+    /// The matrix of ITU-R BT.709, for high definition.
     Bt709,
 }
 
-/// Rows and columns from which films are high definition.
+/// Rows and columns from which videos are high definition.
 const HIGH_DEFINITION: [usize; 2] = [720, 1280];
 
 impl Matrix {
-    /// Reads the matrix behind the question mark of a source, as in `clip.y4m?matrix=bt709`.
+    /// Reads the matrix after the question mark of a source, as in `clip.y4m?matrix=bt709`.
     pub fn stated(source: &Path) -> Option<Self> {
         let (_, query) = source.to_str()?.rsplit_once('?')?;
         query.split('&').find_map(|part| Self::named(part.strip_prefix("matrix=")?).ok())
@@ -31,16 +31,17 @@ impl Matrix {
             "bt709" => Ok(Self::Bt709),
             other => Err(reason!(
                 "video-matrix",
-                "its matrix is {other}: bt601 and bt709 are read; ffmpeg -i CLIP -vf scale=out_color_matrix=bt709 converts it"
+                "its matrix is {other} instead of bt601 or bt709. Convert it by ffmpeg -i CLIP -vf \
+                 scale=out_color_matrix=bt709"
             )),
         }
     }
 
-    /// Determines the matrix of a video whose header states none. Files of ffmpeg have that of the film that they were made
-    /// of, and do not say which; others follow the format, unless they are high definition.
+    /// Determines the matrix of a video whose header states none. Files of ffmpeg have the matrix of the original film
+    /// and do not state it. Others follow the format, unless they are high definition.
     ///
     /// # Errors
-    /// [`SceneError::Matrix`] if it is not known.
+    /// [`SceneError::Matrix`] if the matrix is not known.
     pub fn usual(file: &str, [rows, columns]: [usize; 2], of_ffmpeg: bool) -> Result<Self, SceneError> {
         if of_ffmpeg || rows >= HIGH_DEFINITION[0] || columns >= HIGH_DEFINITION[1] {
             return Err(SceneError::Matrix { file: file.into() });
@@ -48,7 +49,7 @@ impl Matrix {
         Ok(Self::Bt601)
     }
 
-    /// Red, green and blue of a luma and its color differences, each 0 to 1 for displayable colors.
+    /// Returns red, green and blue of a luma and its color differences, each 0 to 1 for displayable colors.
     pub fn rgb(self, luma: f32, [cb, cr]: [f32; 2]) -> [f32; 3] {
         let [of_red, of_blue] = match self {
             Self::Bt601 => [0.299, 0.114],
@@ -65,12 +66,12 @@ impl std::fmt::Display for Matrix {
     }
 }
 
-/// Refuses fields of interlaced films.
+/// Refuses the frame structure of interlaced videos.
 pub(crate) fn check_interlacing(word: &str) -> Result<(), Reason> {
     match word {
         "t" | "b" | "m" => Err(reason!(
             "interlaced",
-            "it is interlaced: each frame holds two moments; ffmpeg -i CLIP -vf yadif deinterlaces it"
+            "it is interlaced, so each frame has two points in time. Deinterlace it by ffmpeg -i CLIP -vf yadif"
         )),
         _ => Ok(()),
     }
@@ -82,7 +83,7 @@ pub(crate) fn check_aspect(word: &str) -> Result<(), Reason> {
     match sides {
         Some((wide, high)) if wide != high && wide > 0 && high > 0 => Err(reason!(
             "pixel-aspect",
-            "its pixels are {wide}:{high}, not square; ffmpeg -i CLIP -vf scale=iw*sar:ih,setsar=1 makes them so"
+            "its pixels are {wide}:{high} and not square. Convert it by ffmpeg -i CLIP -vf scale=iw*sar:ih,setsar=1"
         )),
         _ => Ok(()),
     }

@@ -1,9 +1,10 @@
-//! Videos of every layout, and videos that are refused.
+//! Tests videos of every layout, and videos that are refused.
 
 use super::*;
 use eyebox_base::error::ErrorData;
 
-/// Four frames of one color each: white, black, red, blue of ITU-R BT.601, after the words of each kind.
+/// Makes four frames of one color each, which are white, black, red and blue of ITU-R BT.601. The header has these
+/// words.
 fn video(words: &str, bits: u32, samples: [usize; 2]) -> Vec<u8> {
     let mut bytes = format!("YUV4MPEG2 W5 H3 F30:1 Ip {words}\n").into_bytes();
     let full = words.contains("FULL");
@@ -77,7 +78,7 @@ fn what_is_wrong_is_said() {
     }
 }
 
-/// A frame of red, green, blue and white in BT.709 or BT.601, limited range, after a header.
+/// Makes a frame of red, green, blue and white in BT.709 or BT.601, limited range, after a header.
 fn bars(header: &str, matrix: Matrix) -> Vec<u8> {
     let [of_red, of_blue] = if matrix == Matrix::Bt709 { [0.2126, 0.0722] } else { [0.299, 0.114] };
     let mut planes = [const { Vec::new() }; 3];
@@ -90,7 +91,7 @@ fn bars(header: &str, matrix: Matrix) -> Vec<u8> {
     [format!("YUV4MPEG2 {header}\nFRAME\n").into_bytes(), planes.concat()].concat()
 }
 
-/// Each video is read in its own colors, or refused until its matrix is stated; then in its own colors.
+/// Each video is read in its own colors, or refused until its matrix is stated and then read in its own colors.
 #[test]
 fn matrices_are_known_or_refused_until_they_are_stated() {
     use Matrix::{Bt601, Bt709};

@@ -1,8 +1,8 @@
-//! Where the cameras of views stand: on a grid, in one row that is laid out in tiles, or at positions of their own.
+//! Describes the positions of cameras in a grid, in one row of tiles, or anywhere.
 //!
-//! Tiles in a picture are not cameras in a grid. A quilt of a Looking Glass display holds one row of cameras, laid out
-//! in rows of tiles from the bottom left: its name says so (`NAME_qs8x6a0.75.png`: 8 columns and 6 rows of tiles, each
-//! view 0.75 times as wide as it is high).
+//! Tiles in a picture are not cameras in a grid. A quilt of a Looking Glass display has one row of cameras, laid out in
+//! rows of tiles from the bottom left. Its name says so. For example, `NAME_qs8x6a0.75.png` has 8 columns and 6 rows of
+//! tiles, and each view is 0.75 times as wide as high.
 
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
@@ -13,13 +13,13 @@ use std::{fmt, path::Path};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FirstTile {
-    /// Left to right, then up, as in quilts.
+    /// Cameras run from left to right and then up, as in quilts.
     BottomLeft,
-    /// Left to right, then down.
+    /// Cameras run from left to right and then down.
     TopLeft,
-    /// Right to left, then up.
+    /// Cameras run from right to left and then up.
     BottomRight,
-    /// Right to left, then down.
+    /// Cameras run from right to left and then down.
     TopRight,
 }
 
@@ -45,12 +45,12 @@ pub struct Tiles {
     pub grid: [usize; 2],
     /// Tile of the leftmost camera.
     pub first: FirstTile,
-    /// Whether every second row of tiles, counted from the first camera, runs backwards.
+    /// True if every second row of tiles, counted from the first camera, runs backwards.
     pub serpentine: bool,
 }
 
 impl Tiles {
-    /// For each camera, from left to right, its tile: an index that counts the tiles row by row from the top left.
+    /// Returns the tile of each camera from left to right. The index counts the tiles row by row from the top left.
     pub(crate) fn order(self) -> Vec<usize> {
         let [rows, columns] = self.grid;
         let from_below = matches!(self.first, FirstTile::BottomLeft | FirstTile::BottomRight);
@@ -64,7 +64,7 @@ impl Tiles {
         (0..rows * columns).map(tile).collect()
     }
 
-    /// The same row from the other end.
+    /// Returns the same row from the other end.
     fn reversed(self) -> Self {
         let mut order = self.order();
         order.reverse();
@@ -72,7 +72,7 @@ impl Tiles {
         tiles.into_iter().find(|tiles| tiles.order() == order).unwrap_or(self)
     }
 
-    /// The keys of `lightfield.toml` that state it.
+    /// Returns the keys of `lightfield.toml` that state these tiles.
     pub(crate) fn keys(self) -> String {
         let [rows, columns] = self.grid;
         let serpentine = if self.serpentine { ", `serpentine = true`" } else { "" };
@@ -88,24 +88,24 @@ impl fmt::Display for Tiles {
     }
 }
 
-/// Positions of cameras in the pupil plane, meters: x to the right, y downwards.
+/// Positions of cameras in the pupil plane in meters, with x to the right and y downwards.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Positions {
-    /// Rows and columns that are not evenly spaced: x of each column, y of each row.
+    /// Rows and columns that are not evenly spaced, as x of each column and y of each row.
     Lines([Vec<f64>; 2]),
-    /// (x, y) of each view, in the order of the views.
+    /// The position (x, y) of each view, in the order of the views.
     Each(Vec<[f64; 2]>),
 }
 
-/// `positions_mm` of `lightfield.toml`.
+/// The key `positions_mm` of `lightfield.toml`.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged)]
 pub(crate) enum PositionsToml {
-    /// One row.
+    /// x of each view of one row.
     Row(Vec<f64>),
-    /// Each view.
+    /// The position (x, y) of each view.
     Each(Vec<[f64; 2]>),
-    /// Columns and rows.
+    /// x of each column and y of each row.
     Lines(LinesToml),
 }
 
@@ -117,12 +117,12 @@ pub(crate) struct LinesToml {
     y: Vec<f64>,
 }
 
-/// Cameras farther from each other than this (mm) are before no eyebox.
+/// Cameras farther from 0 than this (mm) do not fit any eyebox.
 const FARTHEST_MM: f64 = 1e4;
 
 impl PositionsToml {
     /// # Errors
-    /// In words, if a number is not finite, or two cameras stand in one place.
+    /// The reason in words, if a number is not finite, or if two cameras have the same position.
     pub(crate) fn metres(self) -> Result<Positions, Reason> {
         let found = match self {
             Self::Row(x) => Positions::Each(x.iter().map(|mm| [mm * 1e-3, 0.0]).collect()),
@@ -141,7 +141,7 @@ impl PositionsToml {
         if (1..all.len()).any(|i| all[..i].contains(&all[i])) {
             return Err(reason!(
                 "positions-same",
-                "positions_mm has two cameras in one place: each view must have a position of its own"
+                "positions_mm has two cameras in one place, but each view must have a position of its own"
             ));
         }
         Ok(found)
@@ -149,7 +149,7 @@ impl PositionsToml {
 }
 
 impl Positions {
-    /// (x, y) of each view: of rows and columns, row by row.
+    /// Returns (x, y) of each view, row by row for rows and columns.
     pub(crate) fn all(&self) -> Vec<[f64; 2]> {
         match self {
             Self::Each(all) => all.clone(),
@@ -157,7 +157,7 @@ impl Positions {
         }
     }
 
-    /// Rows and columns in which the views come.
+    /// Returns the rows and columns in which the views come.
     pub(crate) fn grid(&self) -> [usize; 2] {
         match self {
             Self::Each(all) => [1, all.len()],
@@ -166,18 +166,18 @@ impl Positions {
     }
 }
 
-/// What the name of a quilt says: rows and columns of tiles, and the width of a view over its height.
+/// Rows and columns of tiles, and the width of a view over its height, from the name of a quilt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Quilt {
     pub grid: [usize; 2],
     pub aspect: Option<f64>,
 }
 
-/// Tiles along an axis, at most.
+/// The largest number of tiles along an axis.
 const MOST_TILES: usize = 64;
 
 impl Quilt {
-    /// Reads a file's name: `NAME_qsCOLUMNSxROWSaASPECT.png`.
+    /// Reads a file name of the form `NAME_qsCOLUMNSxROWSaASPECT.png`.
     pub(crate) fn of(file: &Path) -> Option<Self> {
         let stem = file.file_stem()?.to_str()?.to_ascii_lowercase();
         stem.match_indices("qs").filter(|(at, _)| !stem[..*at].ends_with(char::is_alphanumeric)).find_map(|(at, _)| {
@@ -201,27 +201,29 @@ impl Quilt {
     }
 }
 
-/// What the pictures show of cameras that do not stand as the views are read.
+/// The contradiction between the pictures and the positions of the cameras.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum CamerasFound {
-    /// They stand in one row, which is laid out in tiles.
+    /// The cameras are in one row, which is laid out in tiles.
     RowInTiles(Tiles),
-    /// They are not evenly spaced: along rows of views, or along columns; positions around the central one, 1 is the mean spacing.
+    /// The cameras are not evenly spaced, along rows of views or along columns. Positions are relative to the central
+    /// one, in units of the mean spacing.
     Uneven {
-        /// Whether the spacing is that of columns, along a row of views.
+        /// True for the spacing of columns, along a row of views.
         columns: bool,
         /// Positions of the cameras that were compared.
         positions: Vec<f64>,
     },
-    /// From view to view content moves across the grid's axes: so many per cent of the patches that moved do so along them.
+    /// Content moves across the axes of the grid. This percentage of the patches that moved did so along them.
     Elsewhere(u8),
-    /// Their stated positions explain only so many per cent of what moves.
+    /// The stated positions explain only this percentage of the movements.
     Misplaced(u8),
-    /// They stand in one place: pictures differ in sharpness or exposure, and nothing moves.
+    /// The cameras have one position. The pictures differ in sharpness or exposure, and nothing moves.
     OnePlace,
-    /// Hardly anything of a view is found again in its neighbors: so many per cent of its patches.
+    /// Hardly any content of a view is found again in its neighbors. This is the percentage of its patches that are
+    /// found.
     Unlike(u8),
 }
 
@@ -230,8 +232,8 @@ impl fmt::Display for CamerasFound {
         match self {
             Self::RowInTiles(tiles) => write!(
                 f,
-                "the pictures show {tiles}, and no grid of cameras: {} in lightfield.toml reads them so, `first = \"{}\"` if that \
-                 camera is the rightmost",
+                "the pictures show {tiles}, and no grid of cameras. State {} in lightfield.toml, with `first = \
+                 \"{}\"` if that camera is the rightmost",
                 tiles.keys(),
                 tiles.reversed().first
             ),
@@ -240,38 +242,35 @@ impl fmt::Display for CamerasFound {
                 let all: Vec<String> = positions.iter().map(|x| format!("{x:.1}")).collect();
                 write!(
                     f,
-                    "the pictures show that {what} of cameras are not evenly spaced (about {}): state `positions_mm`, the \
-                     position of each camera, in lightfield.toml",
+                    "the pictures show that {what} of cameras are not evenly spaced (about {}). State `positions_mm`, \
+                     the position of each camera, in lightfield.toml",
                     all.join(", ")
                 )
             }
             Self::Elsewhere(percent) => write!(
                 f,
-                "the pictures show cameras that stand in no grid: from view to view only {percent} % of what moves does so along \
-                 its row or column. State `positions_mm`, the position (x, y) of each camera, in lightfield.toml; stated depths \
-                 do not help"
+                "the pictures show cameras that are not in a grid, because only {percent} % of the moving content \
+                 moves along its row or column. State `positions_mm`, the position (x, y) of each camera, in \
+                 lightfield.toml. Stated depths do not help"
             ),
             Self::Misplaced(percent) => write!(
                 f,
-                "the pictures contradict `positions_mm`: only {percent} % of what moves does so as it says. Give x to the right and \
-                 y downwards, in millimeters, one position for each view in the order of the numbers in their names"
+                "the pictures contradict `positions_mm`, which explains only {percent} % of the movement. Give x to \
+                 the right and y downwards, in millimeters, one position for each view in the order of the numbers in \
+                 their names"
             ),
             Self::OnePlace => write!(
                 f,
-                "the pictures were taken from one position: nothing moves, and what is sharp in one is not in another. If they \
+                "the pictures were taken from one position, because nothing moves and the sharpness changes. If they \
                  are a focal stack, state `focus_mm` and `aperture_mm` in lightfield.toml"
             ),
             Self::Unlike(percent) => write!(
                 f,
-                "the views are no neighbors: only {percent} % of a view's detail is found again in the next one. Take views of \
-                 one scene from positions closer to each other; stated depths do not help"
+                "the views are not neighbors, because only {percent} % of a view's detail is found again in the next \
+                 one. Take views of one scene from positions closer to each other. Stated depths do not help"
             ),
         }?;
-        if matches!(self, Self::Misplaced(_)) {
-            Ok(())
-        } else {
-            f.write_str(". `order` as-named takes them as a grid all the same")
-        }
+        if matches!(self, Self::Misplaced(_)) { Ok(()) } else { f.write_str(". `order` as-named confirms a grid") }
     }
 }
 

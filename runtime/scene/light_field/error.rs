@@ -1,4 +1,4 @@
-//! What can be wrong with a scene.
+//! Defines the errors of scenes.
 
 use crate::CamerasFound;
 use crate::light_field::light::FullScale;
@@ -9,68 +9,70 @@ use eyebox_base::reason;
 use eyebox_optics::{OpticsError, depths_in_words};
 use std::{io, path::Path};
 
-/// A scene that cannot be loaded: every variant names the file or folder.
+/// A scene that cannot be loaded. Every variant names the file or folder.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "fields that their names explain")]
 pub enum SceneError {
-    /// Views that memory does not hold.
+    /// The views do not fit into memory.
     #[error(transparent)]
     Memory(#[from] TooLarge),
-    /// Neither a file nor a folder.
-    #[error("{path}: no such {what}{}", eyebox_base::files::similar(path).map_or(String::new(), |name| format!("; there is {name}")))]
+    /// The path is neither a file nor a folder.
+    #[error("{path}: no such {what}{}", eyebox_base::files::similar(path).map_or(String::new(), |name| format!(", but \
+             there is {name}")))]
     NotFound {
         path: String,
-        /// What was expected there.
+        /// The kind of thing that was expected there.
         what: &'static str,
     },
-    /// A file or folder that cannot be read.
+    /// The file or folder cannot be read.
     #[error("{path}: {reason}")]
     Unreadable {
         path: String,
-        /// What the system says.
+        /// The reason that the system gives.
         reason: Reason,
     },
-    /// A file of another kind than those that are read here.
+    /// The file is of a kind that is not supported here.
     #[error(transparent)]
     Kind(#[from] OtherKind),
-    /// A folder without a numbered picture.
+    /// The folder has no numbered picture.
     #[error(
-        "{folder}: no views here: expected numbered PNG, JPEG or EXR files such as input_Cam000.png or view_3_7.png"
+        "{folder}: no views here, but expected numbered PNG, JPEG or EXR files such as input_Cam000.png or view_3_7.png"
     )]
     Empty { folder: String },
-    /// A folder whose views are in folders of its own.
-    #[error("{folder}: no views here, but in its folders: give one of them, as {inner}")]
+    /// The views of the folder are in folders of its own.
+    #[error("{folder}: no views here, but in its folders. Give one of them, as {inner}")]
     Deeper {
         folder: String,
         /// The first folder in it that has views.
         inner: String,
     },
-    /// Numbered pictures that do not fill a grid.
+    /// Numbered pictures do not fill a grid.
     #[error("{folder}: the views are not a grid: {reason}")]
     NotAGrid {
         folder: String,
-        /// How many there are, and what would be a grid.
+        /// The number of pictures, and the statements that would make a grid.
         reason: Reason,
     },
-    /// Folders that may be the rows of one light field, or light fields.
+    /// Folders may be the rows of one light field, or light fields themselves.
     #[error(
-        "{folder}: {rows} folders of {columns} views each: `files = \"*/*\"` in its lightfield.toml makes them the rows of one light \
-         field, and each named by itself ({first} ...) the frames of a sequence"
+        "{folder}: {rows} folders of {columns} views each. State `files = \"*/*\"` in its lightfield.toml for the \
+         rows of one light field, or name each by itself ({first} ...) for the frames of a sequence"
     )]
     Rows {
         folder: String,
         rows: usize,
-        /// Views in each.
+        /// Number of views in each folder.
         columns: usize,
-        /// The first of them.
+        /// The first of the folders.
         first: String,
     },
-    /// One view of the grid is not there.
+    /// One view of the grid does not exist.
     #[error(
-        "{file}: this view is missing: the others make a grid of {rows} x {columns}: add it, or state in lightfield.toml the \
-         `grid = [rows, columns]` of those that are there if they are evenly spaced, or `positions_mm` if they are not"
+        "{file}: this view is missing, because the others make a grid of {rows} x {columns}, so add it. Otherwise \
+         state in lightfield.toml the `grid = [rows, columns]` of the existing views if they are evenly spaced, or \
+         `positions_mm` if they are not"
     )]
     MissingView {
         /// The file that should exist.
@@ -78,78 +80,79 @@ pub enum SceneError {
         rows: usize,
         columns: usize,
     },
-    /// Views in rows and columns that are not evenly spaced, by the numbers in their names.
+    /// Rows and columns of views are not evenly spaced, by the numbers in their names.
     #[error(
-        "{folder}: by the numbers in the names the views are not evenly spaced: state `positions_mm = {{ x = {x:?}, y = {y:?} }}` in \
-         lightfield.toml if these are positions of cameras in millimeters, or `grid = [{rows}, {columns}]` if the views are evenly spaced",
+        "{folder}: by the numbers in the names the views are not evenly spaced. State `positions_mm = {{ x = {x:?}, y \
+         = {y:?} }}` in lightfield.toml if these are positions of cameras in millimeters, or `grid = [{rows}, \
+         {columns}]` if the views are evenly spaced",
         rows = y.len(), columns = x.len()
     )]
     Uneven {
         folder: String,
-        /// Numbers of the columns,
+        /// Numbers of the columns.
         x: Vec<f64>,
-        /// and of the rows.
+        /// Numbers of the rows.
         y: Vec<f64>,
     },
-    /// Views whose cameras do not stand as the views are read.
+    /// The positions of the cameras contradict the grid of the views.
     #[error("{scene}: {found}")]
     Cameras {
         scene: String,
-        /// What the pictures show.
+        /// The positions that the pictures show.
         found: CamerasFound,
     },
-    /// Views that stand in another order than their names say.
+    /// The order of the views contradicts their names.
     #[error(
-        "{folder}: {reason}: {flags}{} reads them so, `order` as-named leaves them as they come",
+        "{folder}: {reason}. State {flags}{} for this order, while `order` as-named leaves them as they come",
         keys.as_ref().map_or(String::new(), |keys| format!(" (or {keys} in lightfield.toml)"))
     )]
     Order {
         folder: String,
-        /// What is seen.
+        /// The evidence in the pictures.
         reason: Reason,
-        /// The orders that read them right.
+        /// The orders that read the views correctly.
         flags: String,
-        /// The keys of lightfield.toml that do; none where there is no such file.
+        /// The keys of lightfield.toml with the same effect. It is `None` if there is no such file.
         keys: Option<String>,
     },
-    /// Views that are unlike what all others say they should be.
+    /// One or two views differ from the prediction of all others.
     #[error(
-        "{scene}: {views} not what the others predict ({found:.0} dB, the others {others:.0} dB): {cause}; mend it, or take the \
-         views as they are with `photographs` cells"
+        "{scene}: {views} not what the others predict ({found:.0} dB, the others {others:.0} dB), because {cause}. \
+         Fix it, or take the views as they are with `photographs` cells"
     )]
     OddViews {
         scene: String,
-        /// Which.
+        /// The views, in words.
         views: String,
-        /// How well the others predict the worst of them, dB,
+        /// Accuracy with which the others predict the worst of them, dB.
         found: f64,
-        /// and how well they predict each other.
+        /// Accuracy with which the others predict each other, dB.
         others: f64,
-        /// What is likely.
+        /// The likely cause, in words.
         cause: String,
     },
-    /// Two pictures of one size were expected.
+    /// Two pictures must have one size and have not.
     #[error(
         "{file}: {height} x {width} pixels, but {other} has {other_height} x {other_width}{}",
         if [height, width] == [other_width, other_height] && height != width {
-            ": exchange its rows and columns"
+            ", so exchange its rows and columns"
         } else {
-            ": give both one size"
+            ", so give both one size"
         }
     )]
     Size {
         file: String,
         height: usize,
         width: usize,
-        /// The file that it is compared with.
+        /// The file with which it is compared.
         other: String,
         other_height: usize,
         other_width: usize,
     },
-    /// A depth map of a picture that its metadata turn, made of the pixels as they are stored.
+    /// The metadata of a picture rotate it, and its depth map was made from the pixels as they are stored.
     #[error(
-        "{file}: {height} x {width} pixels, but {other} is turned by its EXIF orientation {orientation} to {width} x {height}: \
-         turn the map likewise, or save the picture upright"
+        "{file}: {height} x {width} pixels, but {other} is turned by its EXIF orientation {orientation} to {width} x \
+         {height}, so turn the map likewise, or save the picture upright"
     )]
     Turned {
         file: String,
@@ -159,151 +162,153 @@ pub enum SceneError {
         /// The EXIF orientation of the picture, 2 to 8.
         orientation: u8,
     },
-    /// A file that is cut short, damaged, or of another kind than its name says.
+    /// The file is cut short, damaged, or of another kind than its name says.
     #[error("{file}: {reason}")]
     Corrupt {
         file: String,
-        /// What the decoder says.
+        /// The reason that the decoder gives.
         reason: Reason,
     },
-    /// A pixel that is no light: not a number, infinite or negative.
-    #[error("{file}: the value at row {row}, column {column} is {value}: it must be {must}")]
+    /// A pixel is not valid light, because it is not a number, infinite or negative.
+    #[error("{file}: the value at row {row}, column {column} is {value}, but it must be {must}")]
     Value {
         file: String,
         /// Row of the first such pixel.
         row: usize,
-        /// Its column.
+        /// Column of the first such pixel.
         column: usize,
-        /// What is there.
+        /// The value of this pixel.
         value: f32,
-        /// What would be right.
+        /// The values that are allowed.
         must: &'static str,
     },
-    /// A video that does not state its matrix.
-    #[error("{file}: nothing says whether its matrix is BT.601 or BT.709: state it, as in {file}?matrix=bt709")]
+    /// A video does not state its matrix.
+    #[error("{file}: nothing says whether its matrix is BT.601 or BT.709. State it, as in {file}?matrix=bt709")]
     Matrix { file: String },
-    /// A picture whose values become light in a way that is not read.
+    /// The transfer function of a picture is not supported.
     #[error(
-        "{file}: it states {found}, which is not read: convert it to sRGB, or say that it is meant as sRGB or linear light (transfer \
-         in lightfield.toml, or FILE?srgb, FILE?linear)"
+        "{file}: it states {found}, which is not supported, so convert it to sRGB, or state that it is sRGB or linear \
+         light (transfer in lightfield.toml, or FILE?srgb, FILE?linear)"
     )]
     Transfer {
         file: String,
-        /// The statement, in words.
+        /// The statement in words.
         #[serde(rename = "reason")]
         found: Reason,
     },
-    /// Pictures whose value of white is not known.
-    #[error("{file}: {found}, and nothing says which value is white: {}", how.states(file, *white))]
+    /// The value of white of pictures is not known.
+    #[error("{file}: {found}, and nothing says which value is white, so {}", how.states(file, *white))]
     FullScale {
         file: String,
-        /// The values, in words.
+        /// The values in words.
         found: String,
-        /// The value that is likely.
+        /// The likely value of white.
         white: f32,
-        /// The way to state it.
+        /// The way to state the value of white.
         how: FullScale,
     },
-    /// Pictures of several kinds, and a full scale that is not that of all of them.
+    /// Pictures have several kinds of values, and one full scale cannot be right for all of them.
     #[error(
-        "{file}: its pictures have different numbers of bits, so that no full scale is right for all of them: save them alike, each \
-         with white as the largest value"
+        "{file}: its pictures have different numbers of bits, so no full scale is right for all of them. Save them \
+         alike, each with white as the largest value"
     )]
     MixedScales { file: String },
-    /// Pictures that are transparent all over.
-    #[error("{file}: every pixel is fully transparent, so that nothing is seen: save it without its alpha channel")]
+    /// Every pixel of the pictures is transparent.
+    #[error("{file}: every pixel is fully transparent, so nothing is visible. Save it without its alpha channel")]
     Transparent { file: String },
-    /// `lightfield.toml` or `parameters.cfg` says something that cannot be.
+    /// A value in `lightfield.toml` or `parameters.cfg` is not valid.
     #[error("{file}: {reason}")]
     Settings {
         file: String,
-        /// Which key, and what it must be.
+        /// The key, and its allowed values.
         reason: Reason,
     },
-    /// A picture alone has no depth.
+    /// A picture without a map has no depth.
     #[error(
-        "{file}: a single picture needs a depth map: give one by `depth_map`, or a folder of views, or {file}?mosaic if the picture \
-         shows views beside each other"
+        "{file}: a single picture needs a depth map. Give one by `depth_map`, or a folder of views, or {file}?mosaic \
+         if the picture shows views next to each other"
     )]
     NoDepthMap { file: String },
-    /// A depth map that does not show which of its values are near.
-    #[error("{file}: {reason}: say which values are near: {decides}")]
+    /// A depth map does not show which of its values are near.
+    #[error("{file}: {reason}, so say which values are near by {decides}")]
     Ambiguous {
         file: String,
-        /// The values of the map, in words.
+        /// The values of the map in words.
         reason: Reason,
         /// The statements that decide it.
         decides: &'static str,
     },
-    /// Depth maps that do not belong to the pictures one by one.
+    /// Depth maps and pictures do not correspond one to one.
     #[error(
-        "{what}: give `depth_map` once for each picture, in their order, or a folder of maps with their names or numbers"
+        "{what}. Give `depth_map` once for each picture, in their order, or a folder of maps with their names or \
+         numbers"
     )]
     Maps {
-        /// What was found.
+        /// The maps and pictures that were found.
         what: String,
     },
-    /// No built-in scene of that name, or a parameter that it does not take.
-    #[error("{name}: {reason}; the built-in scenes are {known}")]
+    /// No built-in scene has this name, or it does not take a setting.
+    #[error("{name}: {reason} (the built-in scenes are {known})")]
     Builtin {
-        /// What was asked for.
+        /// The requested name, with its settings.
         name: String,
-        /// What is wrong with it.
+        /// The reason for the refusal.
         reason: Reason,
-        /// Their names.
+        /// The names of the built-in scenes.
         known: String,
     },
-    /// A color that the display does not have.
+    /// The display does not have a color, or its optics refuse a value.
     #[error(transparent)]
     Optics(#[from] OpticsError),
-    /// What stands behind the question mark of a source is not understood.
+    /// The options after the question mark of a source are not valid.
     #[error("{scene}: {reason}")]
     Options {
         scene: String,
-        /// Which option, and what would be right.
+        /// The option, and its allowed values.
         reason: Reason,
     },
-    /// Depths that views show too little of.
+    /// The views show too little of their depths.
     #[error(
-        "the depth of the scene is measured as {measured}, though only {percent} % of its detail is found again in neighboring \
-         views: it must be given: by `depth`, or by depth_mm in lightfield.toml"
+        "the depth of the scene is measured as {measured}, but only {percent} % of its detail is found again in \
+         neighboring views. State the depths by `depth`, or by depth_mm in lightfield.toml"
     )]
     Depth {
-        /// What was measured, for people.
+        /// The measured depths, for people.
         measured: String,
-        /// The share of the detail that is sure, per cent.
+        /// The percentage of the detail whose depth is certain.
         percent: u8,
     },
-    /// A request that no scene can meet.
-    #[error("{what} is {value}: it must be {must}")]
+    /// No scene can satisfy the request.
+    #[error("{what} is {value}, but it must be {must}")]
     Request {
-        /// Which part of the request.
+        /// The part of the request.
         what: &'static str,
-        /// Its value, in the unit of the command.
+        /// The value of this part, in the unit of the command.
         value: String,
-        /// What would be right.
+        /// The values that are allowed.
         must: &'static str,
     },
 }
 
 impl SceneError {
-    /// Depths that were measured, and not to be trusted: so many per cent of the scene's detail are sure.
+    /// Returns the error for measured depths that are not trusted. `percent` is the percentage of the scene's detail
+    /// whose depth is certain.
     pub fn doubtful_depth(depth: [f64; 2], percent: u8, focal_length: f64) -> Self {
         Self::Depth { measured: depths_in_words(depth, focal_length), percent }
     }
 
-    /// A pixel at this row and column that is no light.
+    /// Returns the error for a pixel at this row and column that is not valid light.
     pub(crate) fn no_light(file: impl ToString, [row, column]: [usize; 2], value: f32) -> Self {
         Self::Value { file: file.to_string(), row, column, value, must: "finite and not negative" }
     }
 
-    /// A picture of another size than `other`, (rows, columns) each.
+    /// Returns the error for a picture of another size than `other`, (rows, columns) each.
     pub(crate) fn size(file: &Path, [height, width]: [usize; 2], other: String, size: [usize; 2]) -> Self {
         let [other_height, other_width] = size;
         Self::Size { file: file.display().to_string(), height, width, other, other_height, other_width }
     }
 
-    /// What the system said of a file or folder.
+    /// Returns the error that the system reported for a file or folder.
     pub(crate) fn unreadable(path: &Path, error: &io::Error) -> Self {
         let path = path.display().to_string();
         match error.kind() {

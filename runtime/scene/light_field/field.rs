@@ -1,4 +1,4 @@
-//! A light field: views on a grid of pupil positions.
+//! Represents a light field, which has views on a grid of pupil positions.
 
 use crate::light_field::resize::{Fit, Resize};
 use crate::{MadeViews, SceneError, ViewGrid};
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 /// Views of a scene from a grid of positions in the pupil plane (OPTICS 3).
 ///
-/// View (row r, column c) looks from `x = (c - (columns - 1)/2) * cell`, `y = (r - (rows - 1)/2) * cell`. Content of
-/// disparity `delta` (pixels between neighboring views, positive towards the camera) stands in it displaced by
-/// `-delta * (c - (columns - 1)/2)` columns and `-delta * (r - (rows - 1)/2)` rows from where the central view has it,
-/// and lies at depth `delta * f * p / cell`.
+/// View (row r, column c) has the position `x = (c - (columns - 1)/2) * cell`, `y = (r - (rows - 1)/2) * cell`. Content
+/// of disparity `delta` (pixels between neighboring views, positive towards the camera) is displaced in it. The
+/// displacement is `-delta * (c - (columns - 1)/2)` columns and `-delta * (r - (rows - 1)/2)` rows from its place in
+/// the central view. Its depth is `delta * f * p / cell`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightField {
-    /// Where it came from, for reports.
+    /// Name of the source, for reports.
     pub name: String,
     /// Rows and columns of views.
     pub grid: [usize; 2],
@@ -21,25 +21,25 @@ pub struct LightField {
     pub height: usize,
     /// Pixel columns of each view.
     pub width: usize,
-    /// Which colors are loaded, in the order of `planes`.
+    /// The loaded colors, in the order of `planes`.
     pub colors: Vec<Color>,
-    /// `[color][view, row-major][pixel, row-major]`: linear light, finite, not negative, 1 = full scale.
+    /// `[color][view, row-major][pixel, row-major]` in linear light, finite, not negative, 1 = full scale.
     pub planes: Vec<Vec<Vec<f32>>>,
-    /// Meters between neighboring views in the pupil plane, where it is stated; see [`cell`](Self::cell).
+    /// Meters between neighboring views in the pupil plane, if they are stated. See [`cell`](Self::cell).
     pub view_pitch: Option<f64>,
-    /// Smallest and largest disparity, pixels between neighboring views at this resolution.
+    /// Smallest and largest disparity, in pixels between neighboring views at this resolution.
     pub disparity: Option<[f64; 2]>,
-    /// Farthest and nearest depth, meters at this resolution, where the scene states it.
+    /// Farthest and nearest depth in meters at this resolution, if the scene states it.
     pub depth: Option<[f64; 2]>,
-    /// How its views were made, where they are not the scene's own.
+    /// The method that made the views, if they are not the scene's own.
     pub made: Option<MadeViews>,
 }
 
 impl LightField {
-    /// Refuses views that are not as [`planes`](Self::planes) says.
+    /// Refuses views whose shape or values do not match [`planes`](Self::planes).
     ///
     /// # Errors
-    /// [`SceneError::Request`].
+    /// [`SceneError::Request`] with the first fault.
     pub fn check(&self) -> Result<(), SceneError> {
         self.check_shape()?;
         for (color, views) in self.colors.iter().zip(&self.planes) {
@@ -71,7 +71,11 @@ impl LightField {
         };
         if self.colors.is_empty() || self.planes.len() != self.colors.len() || !self.planes.iter().all(alike) {
             let value = format!("{} planes for {} colors", self.planes.len(), self.colors.len());
-            return wrong("the light field", value, "one plane a color, each with a view for every place of the grid");
+            return wrong(
+                "the light field",
+                value,
+                "one plane per color, each with a view for every place of the grid",
+            );
         }
         match self.view_pitch.filter(|p| !(p.is_finite() && *p > 0.0)) {
             Some(pitch) => wrong("the view pitch (mm)", (pitch * 1e3).to_string(), "a positive, finite number"),
@@ -79,8 +83,8 @@ impl LightField {
         }
     }
 
-    /// The light field at `height` x `width` pixels. Disparities and depths scale with the picture (a pixel of the
-    /// display stays a pixel), and the range covers both axes where their scales differ.
+    /// Returns the light field at `height` x `width` pixels. Disparities and depths scale with the picture (a pixel of
+    /// the display stays a pixel). If the scales of the axes differ, the range covers both.
     pub fn fit(&self, height: usize, width: usize, fit: Fit) -> Self {
         if (height, width) == (self.height, self.width) {
             return self.clone();
@@ -99,14 +103,15 @@ impl LightField {
         }
     }
 
-    /// Farthest and nearest depth when shown on `display`, meters: what the scene states, or else what its
-    /// disparities mean (`z = delta f p / cell`), or nothing.
+    /// Returns the farthest and the nearest depth on `display` in meters. The scene states them, otherwise its
+    /// disparities determine them (`z = delta f p / cell`), otherwise the result is `None`.
     pub fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
         let per_pixel = display.focal_length * display.picture_pixel() / self.cell(display);
         self.depth.or_else(|| self.disparity.map(|d| d.map(|delta| delta * per_pixel)))
     }
 
-    /// The same views of its pictures in another order: for each place of `grid`, row by row, the view of this one.
+    /// Returns the same views in another order. `places` has, for each place of `grid` row by row, the index of its
+    /// view.
     pub(crate) fn reordered(mut self, grid: [usize; 2], places: &[usize]) -> Self {
         for views in &mut self.planes {
             *views = places.iter().map(|&i| std::mem::take(&mut views[i])).collect();
@@ -131,19 +136,19 @@ impl LightField {
         Self { grid: places, planes, view_pitch, disparity: None, depth: Some(depth), ..self }
     }
 
-    /// Rows and columns of the scene's own views, and their distance in the pupil plane before `display`, meters.
+    /// Returns rows and columns of the scene's own views, and their distance in the pupil plane of `display` in meters.
     pub fn own_views(&self, display: &Display) -> ([usize; 2], f64) {
         self.made.as_ref().map_or((self.grid, self.cell(display)), |made| (made.grid, made.cell))
     }
 
-    /// Side of a view's square cell in the pupil plane, meters: the stated view pitch, or the eyebox that all of the
-    /// display's colors serve divided by the number of views along the longer axis.
+    /// Returns the side of a view's square cell in the pupil plane, in meters. It is the stated view pitch. Otherwise
+    /// it is the eyebox that all colors of the display serve, divided by the number of views along the longer axis.
     pub fn cell(&self, display: &Display) -> f64 {
         self.view_pitch.unwrap_or_else(|| display.eyebox_min() / self.grid[0].max(self.grid[1]).max(1) as f64)
     }
 }
 
-/// (place, color) as (color, place), of the first `colors`.
+/// Converts (place, color) to (color, place) for the first `colors` colors.
 pub(crate) fn by_color(views: impl IntoIterator<Item = Vec<Vec<f32>>>, colors: usize) -> Vec<Vec<Vec<f32>>> {
     let mut planes: Vec<Vec<Vec<f32>>> = vec![Vec::new(); colors];
     for view in views {
@@ -177,7 +182,7 @@ mod tests {
         assert!(row[..4].iter().chain(&row[16..]).all(|&v| v == 0.0), "letterbox {row:?}");
         assert!(row[4..16].iter().all(|&v| (v - 0.5).abs() < 1e-6), "content {row:?}");
         assert!(field.fit(8, 20, Fit::Cover).planes[0][0].iter().all(|&v| (v - 0.5).abs() < 1e-6));
-        // Columns by 3, rows by 1: the range holds both.
+        // Columns scale by 3 and rows by 1, and the range covers both.
         assert_eq!(field.fit(4, 18, Fit::Stretch).disparity, Some([-3.0, 6.0]));
 
         let display = Display::preset("small").unwrap();

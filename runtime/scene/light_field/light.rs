@@ -1,19 +1,19 @@
-//! What pictures hold: planes of linear light.
+//! Defines pictures as planes of linear light, and the transfer functions of stored values.
 
 use serde::Deserialize;
 use std::sync::OnceLock;
 
-/// How stored values become light.
+/// The transfer function of stored values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Transfer {
-    /// The sRGB curve: what 8- and 16-bit files hold unless told otherwise.
+    /// The sRGB curve, which is the default for files of 8 and 16 bits.
     Srgb,
-    /// Values are light: what EXR holds.
+    /// Values are linear light, which is the default for EXR.
     Linear,
 }
 
-/// One picture: its rows, its columns, and its planes in the order of the colors asked for.
+/// One picture with its rows, its columns, and its planes in the order of the requested colors.
 pub(crate) struct Picture {
     pub height: usize,
     pub width: usize,
@@ -27,16 +27,16 @@ pub(crate) struct Picture {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FullScale {
-    /// Of a folder of pictures.
+    /// The value of white of a folder of pictures.
     Folder,
-    /// Of a file.
+    /// The value of white of a file.
     File,
-    /// Of an array that a program gives.
+    /// The value of white of an array from a program.
     Array,
 }
 
 impl FullScale {
-    /// The remedy for a file or folder whose value of white is likely `white`, in words.
+    /// Returns the remedy in words for a file or folder whose value of white is likely `white`.
     pub(crate) fn states(self, file: &str, white: f32) -> String {
         match self {
             Self::Folder => format!("state the value of white, as in full_scale = {white} in lightfield.toml"),
@@ -46,12 +46,12 @@ impl FullScale {
     }
 }
 
-/// The exact sRGB curve: stored value in 0..=1 to linear light.
+/// Converts a stored value from 0 to 1 to linear light, by the exact sRGB curve.
 pub fn srgb_to_linear(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The light of each stored value up to `full`, which is 255 or 65535.
+/// Returns the light of each stored value up to `full`, which is 255 or 65535.
 pub(crate) fn table(full: u16, transfer: Transfer) -> &'static [f32] {
     static TABLES: [[OnceLock<Vec<f32>>; 2]; 2] = [const { [const { OnceLock::new() }; 2] }; 2];
     let light = |v: f64| if transfer == Transfer::Srgb { srgb_to_linear(v) } else { v };

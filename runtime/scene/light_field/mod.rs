@@ -1,4 +1,4 @@
-//! The light field: views of linear light from a grid of pupil positions, their size, cameras and target images.
+//! Defines light fields, with views from a grid of pupil positions, their cameras, and target images.
 
 pub(crate) mod cameras;
 pub(crate) mod error;

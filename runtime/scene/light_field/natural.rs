@@ -1,10 +1,10 @@
-//! The files of a folder in the order of the numbers in their names.
+//! Lists the files of a folder in the order of the numbers in their names.
 
 use crate::SceneError;
 use eyebox_base::reason;
 use std::{fs, path::Path};
 
-/// The names of a folder's files, in the order of their numbers.
+/// Returns the names of a folder's files, in the order of their numbers.
 pub(crate) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
     let mut found = Vec::new();
@@ -18,29 +18,30 @@ pub(crate) fn files(folder: &Path) -> Result<Vec<String>, SceneError> {
     Ok(found)
 }
 
-/// Ends of names that can be views.
+/// Returns true if the extension of a name is one that views can have.
 pub(crate) fn is_picture(name: &str) -> bool {
     let end = name.rsplit_once('.').map_or(String::new(), |(_, e)| e.to_ascii_lowercase());
     ["png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "ppm", "pgm", "pnm"].contains(&end.as_str())
 }
 
-/// The name of an entry; none for hidden files, such as those that macOS leaves beside pictures (`._view.png`).
+/// Returns the name of an entry. It returns `None` for hidden files, such as the ones that macOS leaves next to
+/// pictures (`._view.png`).
 ///
 /// # Errors
-/// [`SceneError::Unreadable`] for a picture whose name is not UTF-8; other files with such names are none.
+/// [`SceneError::Unreadable`] for a picture whose name is not UTF-8. Other files with such names return `None`.
 pub(crate) fn name(entry: &fs::DirEntry) -> Result<Option<String>, SceneError> {
     let name = entry.file_name();
     match name.to_str() {
         Some(name) => Ok((!name.starts_with('.')).then(|| name.to_owned())),
         None if is_picture(&name.to_string_lossy()) => Err(SceneError::Unreadable {
             path: entry.path().display().to_string(),
-            reason: reason!("name-not-utf8", "its name is not UTF-8: rename it"),
+            reason: reason!("name-not-utf8", "its name is not UTF-8, so rename it"),
         }),
         None => Ok(None),
     }
 }
 
-/// A name as pieces of text and numbers: frame-9 comes before frame-10.
+/// Splits a name into pieces of text and numbers, so that frame-9 comes before frame-10.
 pub fn natural(name: &str) -> Vec<(String, u64)> {
     let mut pieces = vec![(String::new(), 0u64)];
     let mut in_number = false;

@@ -1,4 +1,4 @@
-//! The meaning of the numbers in a depth map: which values are near, and which values are unknown.
+//! Decides which values of a depth map are near, far or unknown.
 
 use crate::SceneError;
 use eyebox_base::error::Reason;
@@ -6,22 +6,22 @@ use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Which values of a depth map are near, and whether 0 is a value.
+/// The values of a depth map that are near. They also determine whether 0 is a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Near {
-    /// Large numbers, as in disparities. Zeros are unknown where a gap parts them from all other values.
+    /// Large numbers are near, as in disparities. Zeros are unknown if a gap separates them from all other values.
     Large,
-    /// Small numbers, as in distances. Zeros, and 65535 in 16 bits, are unknown.
+    /// Small numbers are near, as in distances. Zeros, and 65535 in 16 bits, are unknown.
     Small,
-    /// Bright pixels of a picture. Every stored value counts.
+    /// Bright pixels of a picture are near. Every stored value counts.
     Bright,
-    /// Dark pixels of a picture. Every stored value counts.
+    /// Dark pixels of a picture are near. Every stored value counts.
     Dark,
 }
 
 impl Near {
-    /// Returns whether larger values are nearer.
+    /// Returns true if larger values are nearer.
     pub(crate) fn is_larger(self) -> bool {
         matches!(self, Self::Large | Self::Bright)
     }
@@ -29,7 +29,7 @@ impl Near {
     fn in_words(self) -> &'static str {
         match self {
             Self::Large => "larger is nearer",
-            Self::Small => "distances: smaller is nearer",
+            Self::Small => "distances, smaller is nearer",
             Self::Bright => "bright is near",
             Self::Dark => "dark is near",
         }
@@ -50,23 +50,23 @@ pub(crate) enum Kind {
 /// The meaning of the values of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Meaning {
-    /// Pixels between neighboring views, larger is nearer.
+    /// The values are pixels between neighboring views, and larger is nearer.
     Disparity,
-    /// Only their order and their proportions count.
+    /// Only the order and the proportions of the values count.
     Relative(Near),
 }
 
 /// The statements of the caller about a map.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Stated {
-    /// Which values are near.
+    /// The values that are near.
     pub near: Option<Near>,
-    /// The depths of the ends, meters. The nearer first says that small values are near.
+    /// The depths of the ends in meters. If the nearer one is first, small values are near.
     pub depth: Option<[f64; 2]>,
 }
 
 impl Stated {
-    /// Returns which values are stated to be near in a map of this kind.
+    /// Returns the values that are stated to be near in a map of this kind.
     fn near(self, kind: Kind) -> Option<Near> {
         let reversed = self.depth.is_some_and(|[a, b]| a > b);
         let small = if kind == Kind::Bytes { Near::Dark } else { Near::Small };
@@ -76,26 +76,26 @@ impl Stated {
 
 /// The remedy for a map that does not show which values are near.
 const DECIDES: &str = "`near` small (distances, 0 is unknown), `near` large (disparities), or `near` bright or `near` dark (a picture, 0 is a value)";
-/// Renderers write such values for infinitely far; no value beyond them is a distance or a disparity.
+/// Renderers write such values for infinitely far. No larger value is a distance or a disparity.
 const NOTHING: f32 = 1e9;
 /// The largest half float.
 const HALF_MOST: f32 = 65504.0;
 /// The largest value of 16 bits.
 const WORD_MOST: f32 = 65535.0;
-/// A distance this many times beyond all smaller ones stands for infinitely far.
+/// A distance that is larger than all others by this factor means infinitely far.
 const BEYOND_ALL: f32 = 1000.0;
-/// Distances of one scene do not vary by more than this factor. Normalized maps do.
+/// Distances of one scene vary by at most this factor. Normalized maps vary more.
 const DEEPEST: f32 = 200.0;
 /// The largest values of normalized maps.
 const NORMALIZED: [f32; 3] = [1.0, 255.0, WORD_MOST];
 /// Zeros are unknown disparities if no other value is below this share of the largest.
 const GAP: f32 = 0.05;
-/// Maps of at most so many values are drawn by hand, as layers.
+/// Maps with at most this many values are drawn by hand, as layers.
 const LAYERS: usize = 32;
-/// Parts of the range of values in which gaps between them are sought.
+/// Parts of the range of values in which gaps are searched.
 const BINS: usize = 4096;
 
-/// The known values of a map in brief.
+/// A summary of the known values of a map.
 struct ValueRange {
     /// Smallest and largest known value other than 0.
     low: f32,
@@ -103,11 +103,11 @@ struct ValueRange {
     /// The largest value that is not far beyond all others.
     most: f32,
     has_zero: bool,
-    /// Whether there are negative values, of which at least two differ. A single one marks unknown pixels of distances.
+    /// True if there are at least two different negative values. A single one marks unknown pixels of distances.
     is_signed: bool,
-    /// Whether zero is clearly farther from the smallest value than any values are from each other.
+    /// True if zero is clearly farther from the smallest value than any values are from each other.
     zero_is_apart: bool,
-    /// Whether the values are those of a few layers.
+    /// True if the values belong to a few layers.
     is_layered: bool,
 }
 
@@ -137,13 +137,13 @@ impl ValueRange {
     }
 }
 
-/// Returns whether a stored value can stand for a distance or a disparity at all.
+/// Returns true if a stored value can be a distance or a disparity.
 fn is_number(v: f32) -> bool {
     v.is_finite() && v.abs() < NOTHING && v != HALF_MOST
 }
 
-/// Decides the meaning of the values of a map: by what the caller states, by the name of the file, or by its kind. Returns the
-/// reason with it.
+/// Decides the meaning of the values of a map by the statement of the caller, by the name of the file, or by its kind.
+/// It also returns the reason.
 ///
 /// # Errors
 /// [`SceneError::Ambiguous`] if none of them decides it.
@@ -172,16 +172,16 @@ pub(crate) fn meaning(
             decides: "`near` large, or give the file another name",
         }),
         (_, near) if is_disparity && stated.depth.is_none() => {
-            let reason = "disparities by its name: pixels between neighboring views, larger is nearer".to_owned();
+            let reason = "disparities by its name (pixels between neighboring views, larger is nearer)".to_owned();
             debug_assert!(near.is_none_or(Near::is_larger));
             Ok((Meaning::Disparity, reason))
         }
         (_, Some(near)) => relative(near, &format!("as stated: {}", near.in_words())),
         (_, None) if is_disparity => {
-            relative(Near::Large, "disparities by its name, scaled to the stated depths: larger is nearer")
+            relative(Near::Large, "disparities by its name, scaled to the stated depths, larger is nearer")
         }
         (_, None) if low >= high && !(has_zero && low.is_finite()) => {
-            relative(Near::Bright, "a single value: one plane in the middle of the depths")
+            relative(Near::Bright, "a single value, so one plane in the middle of the depths")
         }
         (Kind::Floats, None) if is_inverse || !words.any(is_distance) => ambiguous(reason!(
             "values",
@@ -199,24 +199,24 @@ pub(crate) fn meaning(
                 "its name says distances, but its values go from {low} to {most}, as in a map that was normalized"
             ))
         }
-        (Kind::Floats, None) => relative(Near::Small, "distances by its name: smaller is nearer"),
+        (Kind::Floats, None) => relative(Near::Small, "distances by its name, smaller is nearer"),
         (Kind::Words, None) => ambiguous(reason!(
             "values",
             "16 bits with values from {} to {high}, and nothing says whether small or large is near",
             if has_zero { 0.0 } else { low }
         )),
         (Kind::Bytes, None) if name.contains("disp") => {
-            relative(Near::Large, "disparities by its name, of 8 bits: larger is nearer")
+            relative(Near::Large, "disparities by its name, of 8 bits, larger is nearer")
         }
-        (Kind::Bytes, None) => relative(Near::Bright, "a picture of 8 bits: bright is near"),
+        (Kind::Bytes, None) => relative(Near::Bright, "a picture of 8 bits, bright is near"),
     }
 }
 
-/// Refuses an array of 8 bits that says neither by its name nor by words what it is: networks write pictures so, and others
-/// distances.
+/// Refuses an array of 8 bits if neither its name nor a statement says what it is. Some networks write pictures in this
+/// way, and others write distances.
 ///
 /// # Errors
-/// [`SceneError::Ambiguous`].
+/// [`SceneError::Ambiguous`] for such an array.
 pub(crate) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError> {
     let is_disparity = file.file_stem().is_some_and(|name| name.to_string_lossy().to_lowercase().contains("disp"));
     if is_disparity || stated.near(Kind::Floats).is_some() {
@@ -226,13 +226,13 @@ pub(crate) fn check_bytes(file: &Path, stated: Stated) -> Result<(), SceneError>
     Err(SceneError::Ambiguous { file: file.display().to_string(), reason, decides: DECIDES })
 }
 
-/// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float always are. Of
-/// distances also 0, 65535 in integers, a negative value, and a value far beyond all others are.
+/// Returns the test for values that are unknown. NaN, infinity, 1e9 or more and the largest half float are always
+/// unknown. In distances, 0, 65535 in integers, a negative value, and a value far beyond all others are also unknown.
 fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool + use<> {
     let ValueRange { low, high, most, is_signed, zero_is_apart, is_layered, .. } = ValueRange::of(values);
     let is_distance = meaning == Meaning::Relative(Near::Small) && !is_signed;
     let is_integer = kind != Kind::Floats || values.iter().all(|v| v.fract() == 0.0);
-    // Of a few layers the farthest may be at zero.
+    // In a map of a few layers, the farthest may be at zero.
     let has_gap = low >= GAP * high && (zero_is_apart || !is_layered) && !values.iter().any(|v| *v < 0.0);
     let is_picture = matches!(meaning, Meaning::Relative(Near::Bright | Near::Dark));
     let no_zero = is_distance || has_gap && !is_picture;
@@ -245,8 +245,8 @@ fn unknown(kind: Kind, meaning: Meaning, values: &[f32]) -> impl Fn(f32) -> bool
     }
 }
 
-/// Gives pixels without a value that of the farther of their neighbors in the row, or, in rows without any, that of the rows
-/// beside. Returns how many there were.
+/// Gives each pixel without a value the value of the farther of its neighbors in the row. A row without any value takes
+/// the values of the next rows. Returns the number of pixels that had no value.
 ///
 /// # Errors
 /// The reason in words if more than half of the pixels have no value.
@@ -259,8 +259,8 @@ pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usiz
     if 2 * count > values.len() {
         return Err(reason!(
             "map-holes",
-            "{count} of {} pixels have no value (0, not finite, or infinitely far): complete the map first, for example \
-             with the nearest value",
+            "{count} of {} pixels have no value (0, not finite, or infinitely far), so complete the map first, for \
+             example with the nearest value",
             values.len()
         ));
     }
@@ -279,7 +279,7 @@ pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usiz
             x += run + 1;
         }
     }
-    // Rows without any: from above, then from below.
+    // Rows without any value take the row above, then the row below.
     let height = values.len() / width;
     for y in (1..height).chain((0..height - 1).rev()) {
         if values[y * width].is_nan() {
@@ -290,13 +290,13 @@ pub(crate) fn fill(kind: Kind, meaning: Meaning, values: &mut [f32], width: usiz
     Ok(count)
 }
 
-/// Values of a gray picture as its file stores them, rows from top to bottom.
+/// Values of a gray picture as its file stores them, with rows from top to bottom.
 #[derive(Debug, PartialEq)]
 pub(crate) struct GrayValues {
     pub height: usize,
     pub width: usize,
     pub kind: Kind,
     pub values: Vec<f32>,
-    /// The range that values of a video have by their kind, because it is the same in every frame.
+    /// The range of values of a video, which its kind gives, because it is the same in every frame.
     pub range: Option<[f32; 2]>,
 }

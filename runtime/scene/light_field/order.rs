@@ -1,4 +1,4 @@
-//! The order of views: which flips and exchanges turn the named grid into the real one.
+//! Converts the named order of views to their true order, by exchanging and reversing axes.
 
 use crate::LightField;
 use eyebox_base::error::Reason;
@@ -6,16 +6,17 @@ use eyebox_base::reason;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-/// How the views really stand, where their names tell it otherwise. First the names' rows and columns are exchanged, then rows
-/// and columns are reversed. As text: `as-named`, or what is done, with commas: `transpose,flip-rows`.
+/// The true order of the views, relative to their names. First the rows and columns of the names are exchanged, and
+/// then rows and columns are reversed. The text form is `as-named`, or the operations with commas, as in
+/// `transpose,flip-rows`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Order {
-    /// What the names call the row is the column.
+    /// True if the row of the names is the column.
     pub transpose: bool,
-    /// The first row is the lowest: it looks from the largest y.
+    /// True if the first row is the lowest, with the largest y.
     pub flip_rows: bool,
-    /// The first column is the rightmost: it looks from the largest x.
+    /// True if the first column is the rightmost, with the largest x.
     pub flip_columns: bool,
 }
 
@@ -25,12 +26,13 @@ impl Order {
         parts.into_iter().filter(|(done, _)| *done).map(|(_, name)| name)
     }
 
-    /// The keys of `lightfield.toml`.
+    /// Returns the keys of `lightfield.toml` that state this order.
     pub(crate) fn keys(self) -> String {
         self.parts().map(|name| format!("`{} = true`", name.replace('-', "_"))).collect::<Vec<_>>().join(" and ")
     }
 
-    /// For each place of the ordered grid, row by row, the view of the named one; and rows and columns of the ordered.
+    /// Returns rows and columns of the ordered grid. For each of its places, row by row, it also returns the index of
+    /// the named view.
     pub(crate) fn places(self, [rows, columns]: [usize; 2]) -> ([usize; 2], Vec<usize>) {
         let [high, wide] = if self.transpose { [columns, rows] } else { [rows, columns] };
         let named = |i: usize| {
@@ -42,7 +44,7 @@ impl Order {
         ([high, wide], (0..high * wide).map(named).collect())
     }
 
-    /// The same views in this order.
+    /// Returns the same views in this order.
     pub(crate) fn apply(self, field: LightField) -> LightField {
         let (grid, places) = self.places(field.grid);
         field.reordered(grid, &places)

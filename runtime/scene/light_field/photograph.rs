@@ -1,21 +1,21 @@
-//! Which views a pupil takes its light from, and how far each is shifted (OPTICS 3).
+//! Selects the views that a pupil covers, and the shift of each (OPTICS 3).
 
 use eyebox_kernels::photograph::Tap;
 use eyebox_optics::{Geometry, Optics, Pupil};
 
-/// Where the views stand in the pupil plane: square cells around a common center.
+/// The positions of the views in the pupil plane, as square cells around a common center.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewGrid {
-    /// Rows of views.
+    /// Number of rows of views.
     pub rows: usize,
-    /// Columns of views.
+    /// Number of columns of views.
     pub columns: usize,
-    /// Side of a cell (the view pitch), meters.
+    /// Side of a cell (the view pitch) in meters.
     pub cell: f64,
 }
 
 impl ViewGrid {
-    /// Position (x, y) of view `index` (row-major), meters.
+    /// Returns the position (x, y) of view `index` (row-major) in meters.
     pub fn position(&self, index: usize) -> (f64, f64) {
         let (r, c) = (index / self.columns, index % self.columns);
         (
@@ -24,13 +24,13 @@ impl ViewGrid {
         )
     }
 
-    /// Share of the pupil's light per view, row-major, summing to one: the area of the disc in the view's cell.
-    /// A pupil that covers no cell at all sees the nearest view.
+    /// Returns the share of the pupil's light per view, row-major, with a sum of one. It is the area of the disc in the
+    /// view's cell. A pupil that covers no cell takes the nearest view.
     pub fn coverage(&self, pupil: &Pupil) -> Vec<(usize, f64)> {
         self.covered(pupil).collect()
     }
 
-    /// The same, view by view.
+    /// Returns the same shares, view by view.
     fn covered(self, pupil: &Pupil) -> impl Iterator<Item = (usize, f64)> + use<> {
         let (pupil, r, half) = (*pupil, pupil.diameter / 2.0, self.cell / 2.0);
         let views = 0..self.rows * self.columns;
@@ -51,7 +51,7 @@ impl ViewGrid {
         covered.filter_map(share).chain(nearest.map(|index| (index, 1.0)))
     }
 
-    /// The tap of one view as it is, on a level of (height, width) samples of the grid of `optics`.
+    /// Returns the tap of one view without a shift, on a level of (height, width) samples of the grid of `optics`.
     pub fn only(&self, optics: &Optics, view: usize, height: usize, width: usize) -> Tap {
         let (axis_y, axis_x) = axis(optics, height, width);
         let (dy, fy) = split(-axis_y, height);
@@ -59,9 +59,10 @@ impl ViewGrid {
         Tap { view: view as u32, weight: 1.0, dy, dx, fy, fx }
     }
 
-    /// The taps of the photograph through `pupil` on a level of (height, width) samples of the grid of `optics`:
-    /// view v moves by `(z / f) q_v`, periodic on the grid. In the far field the axis comes first, as in the transform of
-    /// a window. The views' common center is at `center` (x, y) of the pupil plane, and the picture is `displaced` (x, y): meters.
+    /// Returns the taps of the target image through `pupil` on a level of (height, width) samples of the grid of
+    /// `optics`. View v moves by `(z / f) q_v`, periodically on the grid. In the far field the axis comes first, as in
+    /// the transform of a spectral window. The common center of the views is at `center` (x, y) of the pupil plane, and
+    /// the picture is `displaced` by (x, y), both in meters.
     pub fn taps_around(
         self,
         center: [f64; 2],
@@ -87,7 +88,8 @@ impl ViewGrid {
     }
 }
 
-/// Samples from the first of a level to the axis of the image, which is where a far-field window's transform begins.
+/// Returns the samples from the first one of a level to the axis of the image. The transform of a far-field window
+/// begins at the axis.
 fn axis(optics: &Optics, height: usize, width: usize) -> (f64, f64) {
     match optics.geometry {
         Geometry::Relay => (0.0, 0.0),
@@ -99,22 +101,22 @@ fn axis(optics: &Optics, height: usize, width: usize) -> (f64, f64) {
     }
 }
 
-/// Whole samples of a move on a period of `n`, and the rest.
+/// Splits a movement on a period of `n` into whole samples and the rest.
 fn split(shift: f64, n: usize) -> (u32, f32) {
-    // Beyond that a float64 has no fraction left, and beyond its range no shift.
+    // Beyond this limit, a float64 has no fractional part, and beyond its range there is no shift.
     let shift = shift.clamp(-1e15, 1e15);
     let whole = shift.floor();
     ((whole.rem_euclid(n as f64) as usize % n) as u32, (shift - whole) as f32)
 }
 
-/// Area of the disc of radius `r` around the origin inside a rectangle, exactly: the integral of the height between
-/// the points where the circle crosses the rectangle's sides.
+/// Returns the exact area of the disc of radius `r` around the origin inside a rectangle. It integrates the height
+/// between the points at which the circle crosses the sides of the rectangle.
 fn disc_in_rectangle(r: f64, x: [f64; 2], y: [f64; 2]) -> f64 {
     let (low, high) = (x[0].max(-r), x[1].min(r));
     if low >= high || y[0] >= r || y[1] <= -r {
         return 0.0;
     }
-    // Where the pieces end: the ends, and what crossings there are between.
+    // The pieces end at the ends of the interval, and at the crossings between them.
     let mut ends = [low, high, high, high, high, high];
     let mut count = 2;
     for side in y {
@@ -177,7 +179,7 @@ mod tests {
 
     #[test]
     fn shifts_follow_the_sign_of_the_optics() {
-        // (z / f) q: a view to the right, focused behind, moves right by z x / (f p) pixels.
+        // With (z / f) q, a view to the right that is focused behind moves right by z x / (f p) pixels.
         let optics = Optics::new(20, 30, 8e-6, 520e-9, 0.4).unwrap();
         let grid = ViewGrid { rows: 1, columns: 3, cell: 2e-3 };
         let pupil = Pupil::from_mm([0.0, 0.0, 30.0, 4.0]);

@@ -1,4 +1,4 @@
-//! The views of one color as the photograph reads them: compact, and at several resolutions.
+//! Stores the views of one color compactly and at several resolutions, for target images.
 
 use eyebox_kernels::resample::{self, Table};
 use eyebox_kernels::simd;
@@ -10,28 +10,28 @@ use std::sync::Arc;
 /// One resolution of all views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Level {
-    /// Rows.
+    /// Rows of pixels of a view.
     pub height: usize,
-    /// Columns.
+    /// Columns of pixels of a view.
     pub width: usize,
-    /// (views, height, width), linear light, 65535 = [`Pyramid::scale`]. Of views [on a device](Pyramid::on_device) empty, or of the
-    /// middle view alone and zero for the others.
+    /// The views as (views, height, width) in linear light, where 65535 means [`Pyramid::scale`]. If the views are [on
+    /// a device](Pyramid::on_device), this is empty, or has only the middle view and zeros for the others.
     pub views: Vec<u16>,
 }
 
 /// Views in the memory of a device.
 pub trait ViewsOnDevice: Any + Send + Sync {
-    /// Reads all levels, from the whole grid down: (views, height, width) each.
+    /// Reads all levels, from the whole grid down, as (views, height, width) each.
     ///
     /// # Errors
-    /// In a sentence, where the device does not answer.
+    /// The reason in a sentence, if the device does not answer.
     fn read(&self) -> Result<Vec<Vec<u16>>, String>;
 
-    /// Whether the device stopped answering: the light is gone.
+    /// Returns true if the device stopped answering, so that the light is lost.
     fn is_lost(&self) -> bool;
 }
 
-/// Where the light of a pyramid is, if that is not the host's memory.
+/// The place of a pyramid's light if it is not in the memory of the host.
 #[derive(Clone, Default)]
 struct Elsewhere(Option<Arc<dyn ViewsOnDevice>>);
 
@@ -51,26 +51,26 @@ impl PartialEq for Elsewhere {
     }
 }
 
-/// All views on the display's grid, and smaller copies for pupils whose window is smaller.
+/// All views on the grid of the display, and smaller copies for pupils with a smaller spectral window.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pyramid {
     /// Linear light of the value 65535.
     pub scale: f32,
-    /// Number of views.
+    /// Number of views in each level.
     pub count: usize,
-    /// From the whole grid down, each half the one before.
+    /// The levels from the whole grid down, each half the size of the one before.
     pub levels: Vec<Level>,
     elsewhere: Elsewhere,
 }
 
 /// Levels smaller than this on their shorter side save nothing.
 const SMALLEST: usize = 24;
-/// Pictures of this many pixels along their longer side, or fewer, are compared.
+/// Largest number of pixels along the longer side of pictures that are compared.
 const COMPARED: usize = 256;
 
-/// Light of 0 to `scale` in steps of `scale` / 65535, the nearest.
+/// Quantizes light of 0 to `scale` to the nearest step of `scale` / 65535.
 fn quantise(light: &[f32], scale: f32, out: &mut [u16]) {
-    // Whole numbers added to 2^23 are the lowest bits of its mantissa.
+    // A whole number that is added to 2^23 becomes the lowest bits of the mantissa.
     const WHOLE: f32 = 8_388_608.0;
     simd(
         #[inline(always)]
@@ -83,7 +83,7 @@ fn quantise(light: &[f32], scale: f32, out: &mut [u16]) {
     );
 }
 
-/// The brightest value, 0 or more. What is no number does not count.
+/// Returns the brightest value, which is 0 or more. NaN does not count.
 fn brightest(light: &[f32]) -> f32 {
     let mut most = [0.0f32; 16];
     let (rows, rest) = light.as_chunks::<16>();
@@ -98,7 +98,7 @@ fn brightest(light: &[f32]) -> f32 {
     most.iter().chain(rest).copied().fold(0.0, f32::max)
 }
 
-/// The light of such steps.
+/// Converts steps back to light.
 fn linear(steps: &[u16], scale: f32, out: &mut [f32]) {
     simd(
         #[inline(always)]
@@ -111,34 +111,34 @@ fn linear(steps: &[u16], scale: f32, out: &mut [f32]) {
 }
 
 impl Pyramid {
-    /// (height, width) of the levels over a grid of this size, from the grid's own down.
+    /// Returns (height, width) of the levels over a grid of this size, from the grid itself down.
     pub fn sizes(height: usize, width: usize) -> Vec<(usize, usize)> {
         let halved = |&(h, w): &(usize, usize)| (h.min(w) >= 2 * SMALLEST).then(|| (h.div_ceil(2), w.div_ceil(2)));
         std::iter::successors(Some((height, width)), halved).collect()
     }
 
-    /// Of so many views of this size, without their light: what plans need.
+    /// Returns a pyramid of `count` views of this size without their light, which is sufficient for plans.
     pub fn outline(count: usize, height: usize, width: usize) -> Self {
         let level = |(height, width)| Level { height, width, views: Vec::new() };
         let levels = Self::sizes(height, width).into_iter().map(level).collect();
         Self { scale: 1.0, count, levels, elsewhere: Elsewhere::default() }
     }
 
-    /// The same with its light on a device, which reads as `scale` for the value 65535.
+    /// Returns the same pyramid with its light on a device, where `scale` is the light of the value 65535.
     #[must_use]
     pub fn with_light(self, scale: f32, views: Arc<dyn ViewsOnDevice>) -> Self {
         Self { scale, elsewhere: Elsewhere(Some(views)), ..self }
     }
 
-    /// The views on the device where they are, if they are on one.
+    /// Returns the views on the device, if they are on one.
     pub fn on_device(&self) -> Option<&dyn ViewsOnDevice> {
         self.elsewhere.0.as_deref()
     }
 
-    /// The same with all of its light on the host: read from the device where it is there, else itself.
+    /// Returns the same pyramid with all of its light on the host. It reads the light from the device if it is there.
     ///
     /// # Errors
-    /// In a sentence, where the device does not answer.
+    /// The reason in a sentence, if the device does not answer.
     pub fn on_host(self: &Arc<Self>) -> Result<Arc<Self>, String> {
         let Some(views) = self.on_device() else { return Ok(Arc::clone(self)) };
         let levels = self.levels.iter().zip(views.read()?);
@@ -147,7 +147,8 @@ impl Pyramid {
         Ok(Arc::new(Self { scale, count, levels, elsewhere: Elsewhere::default() }))
     }
 
-    /// From views (each height * width, linear light, finite, not negative). Quantized to 1/65535 of the brightest.
+    /// Builds a pyramid from views (each height * width, linear light, finite, not negative). The light is quantized to
+    /// 1/65535 of the brightest value.
     pub fn new(views: &[impl AsRef<[f32]> + Sync], height: usize, width: usize) -> Self {
         let brightest = views.par_iter().map(|view| brightest(view.as_ref())).reduce(|| 0.0, f32::max);
         let scale = if brightest > 0.0 { brightest } else { 1.0 };
@@ -172,13 +173,13 @@ impl Pyramid {
         Self { scale, count: views.len(), levels, elsewhere: Elsewhere::default() }
     }
 
-    /// The level whose pictures are compared with others: small, and soon looked at.
+    /// Returns the level whose pictures are compared with others. It is small, so that a comparison is fast.
     pub fn compared(&self) -> Option<usize> {
         let small = self.levels.iter().position(|level| level.height.max(level.width) <= COMPARED);
         small.or(self.levels.len().checked_sub(1))
     }
 
-    /// Bytes of all levels.
+    /// Returns the bytes of all levels.
     pub fn bytes(&self) -> usize {
         self.levels.iter().map(|l| 2 * self.count * l.height * l.width).sum()
     }
@@ -188,7 +189,8 @@ impl Pyramid {
 mod tests {
     use super::*;
 
-    /// Every step, what lies between two, and what rounds to the next: as a conversion of each value by itself has it.
+    /// Tests every step, values between two steps, and values that round to the next one. The result equals a
+    /// conversion of each value by itself.
     #[test]
     fn light_is_stored_in_the_nearest_step_and_comes_back() {
         let scale = 0.8f32;

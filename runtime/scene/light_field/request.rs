@@ -1,42 +1,43 @@
-//! What is wanted of a scene.
+//! Defines the request for a scene.
 
 use crate::{Near, Order, SceneError, ViewSynthesis};
 use eyebox_base::memory;
 use eyebox_optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
 use std::path::Path;
 
-/// What is wanted of a scene.
+/// A request for a scene.
 #[derive(Debug, Clone, Copy)]
 pub struct Request<'a> {
-    /// The display that shows it: it decides the resolution, and what a disparity means.
+    /// The display for the scene. It determines the resolution, and the depth of a disparity.
     pub display: &'a Display,
-    /// Which colors to load.
+    /// The colors to load.
     pub colors: &'a [Color],
-    /// Meters between neighboring views in the pupil plane, instead of what the scene says.
+    /// Meters between neighboring views in the pupil plane. It replaces the scene's own statement.
     pub view_pitch: Option<f64>,
     /// Views per axis, for scenes that are rendered or reprojected.
     pub views: usize,
-    /// Of a picture with a depth map more views than that, where so many are needed for neighboring ones to part by no more
-    /// than a pixel.
+    /// True if a picture with a depth map may have more views than `views`, so that content moves at most one pixel
+    /// between neighboring views.
     pub more_views: bool,
     /// The depth or disparity map of a single picture.
     pub depth_map: Option<&'a Path>,
-    /// Which values of the depth map are near; none for what its file tells.
+    /// The values of the depth map that are near. `None` takes the meaning from its file.
     pub near: Option<Near>,
-    /// Meters: the farthest and the nearest depth of a depth map. The nearer first says that small values are near.
-    /// Left out: as deep as the built-in scenes.
+    /// The farthest and the nearest depth of a depth map in meters. If the nearer one is first, small values are near.
+    /// `None` takes the depths of the built-in scenes.
     pub depth: Option<[f64; 2]>,
-    /// How the views of a folder really stand, instead of what the folder says; none refuses those whose pictures clearly
-    /// show another order than that of their names.
+    /// The true order of the views of a folder, which replaces the statement of the folder. `None` refuses views whose
+    /// pictures clearly contradict the order of their names.
     pub order: Option<Order>,
-    /// Take a view pitch and depths as they are that look like a mistake in their unit.
+    /// True accepts a view pitch and depths that look like a mistake in their unit.
     pub force: bool,
-    /// Of which views of a folder photographs are made: [`ViewSynthesis::Cells`] loads it as it is.
+    /// The views of a folder from which target images are made. [`ViewSynthesis::Cells`] loads the folder unchanged.
     pub photographs: ViewSynthesis,
 }
 
 impl<'a> Request<'a> {
-    /// 9 x 9 views of these colors, a folder's own views as they are, nothing else stated.
+    /// Returns a request for 9 x 9 views of these colors, and for a folder's own views unchanged, without other
+    /// statements.
     pub fn new(display: &'a Display, colors: &'a [Color]) -> Self {
         Self {
             display,
@@ -53,7 +54,7 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// Refuses depths (meters) that most likely are in another unit.
+    /// Refuses depths (meters) that are most likely in another unit.
     pub(crate) fn check_depths(&self, depths: Option<[f64; 2]>) -> Result<(), SceneError> {
         let mut all = depths.into_iter().flatten().filter(|_| !self.force);
         Ok(all.try_for_each(|depth| check_usual_depth(depth, self.display.focal_length))?)
@@ -82,7 +83,7 @@ impl<'a> Request<'a> {
         if !(1..=65536).contains(&height) || !(1..=65536).contains(&width) {
             return wrong("the display's size", format!("{height}x{width}"), "1 to 65536 pixels on each axis");
         }
-        // Of one color they are held twice more: as levels of detail, and while these are made.
+        // Two more copies of one color are in memory, one as levels of detail, and one while these are made.
         let counts = [self.views, self.views, self.colors.len() + 2, height, width];
         let what = || format!("{0} x {0} views of {height} x {width} pixels", self.views);
         Ok(memory::check_available(what, memory::bytes_of(&counts, 4), "take a smaller `size` or fewer `views`")?)

@@ -1,14 +1,15 @@
-//! Resizing in linear light: the exact area average downwards, Catmull-Rom upwards, never below zero.
+//! Resizes pictures in linear light, by exact area averages downwards and Catmull-Rom upwards, never below zero.
 
-/// How a picture fills a display of another shape.
+/// The placement of a picture on a display of another shape.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Fit {
-    /// All of it is seen; the rest of the display is black.
+    /// The whole picture is visible, and the rest of the display is black.
     #[default]
     Contain,
-    /// All of the display is filled; what stands over is cut off.
+    /// The whole display is filled, and the parts of the picture beyond it are cut off.
     Cover,
-    /// Both axes are filled, each by its own scale. Depths then differ between the axes: the picture is astigmatic.
+    /// Both axes are filled, each with its own scale. Depths then differ between the axes, which makes the picture
+    /// astigmatic.
     Stretch,
 }
 
@@ -19,7 +20,7 @@ pub struct Resize {
     columns: Axis,
 }
 
-/// One axis: for each target pixel, the source pixels it is made of. Weights include the share of the target pixel
+/// One axis with the source pixels that contribute to each target pixel. Weights include the share of the target pixel
 /// that the picture covers, so the letterbox is black with a soft edge.
 struct Axis {
     source: usize,
@@ -28,7 +29,7 @@ struct Axis {
 }
 
 impl Resize {
-    /// From `source` to `target` (rows, columns), the picture centered to a whole pixel.
+    /// Plans a resize from `source` to `target` (rows, columns), with the picture centered to a whole pixel.
     pub fn new(source: [usize; 2], target: [usize; 2], fit: Fit) -> Self {
         let own = [0, 1].map(|k| target[k] as f64 / source[k] as f64);
         let scale = match fit {
@@ -43,13 +44,13 @@ impl Resize {
         Self { scale, rows: axis(0), columns: axis(1) }
     }
 
-    /// A range of lengths in pixels, scaled: it covers both axes.
+    /// Scales a range of lengths in pixels so that it covers both axes.
     pub fn scale_range(&self, [low, high]: [f64; 2]) -> [f64; 2] {
         let [a, b] = self.scale;
         [(low * a).min(low * b), (high * a).max(high * b)]
     }
 
-    /// Resizes one plane.
+    /// Resizes one plane of the planned size.
     pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
         let (height, width) = (self.rows.len(), self.columns.len());
         assert_eq!(plane.len(), self.rows.source * self.columns.source, "a plane of another size than planned");
@@ -74,13 +75,13 @@ impl Resize {
     }
 }
 
-/// The picture shrunk to `share` of its size about its axis, black around: one color's field of view, where it is wider
-/// than the picture (OPTICS 9). The pixel on the axis, `n / 2` of n, stays where it is.
+/// Shrinks the picture to `share` of its size about its axis, with black around it. This is the field of view of one
+/// color that is wider than the picture (OPTICS 9). The pixel on the axis, `n / 2` of n, stays at its place.
 pub fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], share).apply(plane)
 }
 
-/// The middle `share` of one color's image at the whole image's size: the picture again.
+/// Enlarges the middle `share` of one color's image to the size of the whole image, which gives the picture again.
 pub fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], 1.0 / share).apply(plane)
 }

@@ -1,19 +1,20 @@
-//! Rows and columns of views that have one running number: where a row ends, the picture jumps.
+//! Finds rows and columns of views that have one running number, by the jump of the picture at the end of a row.
 
 use crate::LightField;
 use crate::light_field::resize::{Fit, Resize};
 use rayon::prelude::*;
 
-/// Pixels along the longer side of what is compared: so few that far views still have something in common.
+/// Pixels along the longer side of the compared pictures. They are few, so that distant views still have something in
+/// common.
 const PIXELS: usize = 32;
-/// A jump from row to row is larger than any step within a row by as much.
+/// A jump from row to row is larger than any step within a row by at least this factor.
 const JUMP: f64 = 1.2;
-/// Steps along one row differ by no more.
+/// Steps along one row differ by at most this factor.
 const EVEN: f64 = 1.5;
-/// What views differ by that are not the same.
+/// Least difference of views that are not the same.
 const LEAST: f64 = 1e-4;
 
-/// How far two views are from each other, by their numbers, as they come in the field.
+/// Returns a function that gives the difference of two views by their indices in the field.
 fn distance(field: &LightField) -> Option<impl Fn(usize, usize) -> f64> {
     let (h, w) = (field.height, field.width);
     let times = (h.max(w) as f64 / PIXELS as f64).max(1.0);
@@ -25,8 +26,8 @@ fn distance(field: &LightField) -> Option<impl Fn(usize, usize) -> f64> {
     })
 }
 
-/// Whether every second row clearly runs backwards: it begins where the one before ended, ends where that one began, and both are
-/// far apart.
+/// Returns true if every second row clearly runs backwards. Each row then begins where the previous one ended and ends
+/// where it began, and both places are far apart.
 pub(crate) fn is_serpentine(field: &LightField, [rows, columns]: [usize; 2]) -> bool {
     let Some(apart) = distance(field).filter(|_| rows > 1 && columns > 2) else { return false };
     (1..rows).all(|r| {
@@ -36,7 +37,8 @@ pub(crate) fn is_serpentine(field: &LightField, [rows, columns]: [usize; 2]) -> 
     })
 }
 
-/// Rows and columns that the pictures clearly show, of views in the order of their number; none where they show none.
+/// Returns the rows and columns that the pictures clearly show, for views in the order of their number. It returns
+/// `None` if they show none.
 pub(crate) fn shape(field: &LightField) -> Option<[usize; 2]> {
     let (apart, count) = (distance(field)?, field.planes[0].len());
     if count < 3 {
@@ -55,7 +57,7 @@ pub(crate) fn shape(field: &LightField) -> Option<[usize; 2]> {
     match best {
         Some(columns) if jump(columns) > JUMP && most > LEAST => Some([count / columns, columns]),
         _ => {
-            // Every second row backwards changes as evenly as one row, but comes back to where it was.
+            // Views with every second row backwards change as evenly as one row, but return to their start.
             let comes_back = widths().any(|c| is_serpentine(field, [count / c, c]));
             (most < EVEN * least && apart(0, count - 1) > 2.0 * most && !comes_back).then_some([1, count])
         }

@@ -1,4 +1,4 @@
-//! Light fields of a program's own: arrays, for which no file says anything.
+//! Admits light fields from arrays of a program, which have no file with settings.
 
 use crate::formats::tone::{Tally, Tone};
 use crate::light_field::light::FullScale;
@@ -8,13 +8,14 @@ use rayon::prelude::*;
 use std::path::Path;
 
 impl LightField {
-    /// Takes over views that a program made itself, in the order that is stated. Rounding errors below 0 become black, and a few
-    /// highlights above 1 white; a warning says so. The order as-named states a grid, whatever the pictures show.
+    /// Checks views that a program made itself, and applies the stated order. Rounding errors below 0 become black, and
+    /// a few highlights above 1 become white, with a warning. The order as-named states a grid, whatever the pictures
+    /// show.
     ///
     /// # Errors
-    /// Those of [`check`](Self::check); [`SceneError::FullScale`] if 1 is clearly not their full scale; [`SceneError::Optics`] for
-    /// a view pitch in another unit; [`SceneError::Cameras`] if the pictures show cameras that stand in no grid,
-    /// [`SceneError::Order`] if they show another order and none is stated.
+    /// Returns the errors of [`check`](Self::check). [`SceneError::FullScale`] means that 1 is clearly not the full
+    /// scale. [`SceneError::Optics`] means a view pitch in another unit. The pictures cause [`SceneError::Cameras`] if
+    /// cameras are not in a grid, and [`SceneError::Order`] if they show another order and none is stated.
     pub fn admit(mut self, order: Option<Order>) -> Result<Self, SceneError> {
         self.check_shape()?;
         self.view_pitch.map_or(Ok(()), check_usual_view_pitch)?;
@@ -22,7 +23,7 @@ impl LightField {
         for views in &mut self.planes {
             let one = |view: &mut Vec<f32>| {
                 let mut tally = Tally::default();
-                // The first value that is no light stays, and is refused below.
+                // The first value that is not a valid light value stays, and the check below refuses it.
                 let _ = tally.shares(view);
                 tally
             };
@@ -93,7 +94,8 @@ mod tests {
         assert_eq!((large.planes[0][1][4], large.planes[0][0][7], large.planes[0][0][8]), (1.0, 0.0, 0.5));
     }
 
-    /// Views that have nothing in common are refused by whatever door they come, unless the program states that they are a grid.
+    /// Views that have nothing in common are refused from files and from arrays alike, unless the program states a
+    /// grid.
     #[test]
     fn views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated() {
         let mut random = fastrand::Rng::with_seed(3);
@@ -117,7 +119,7 @@ mod tests {
         assert_eq!(field.clone().admit(Some(Order::default())), Ok(field));
     }
 
-    /// Arrays of views in another order are refused as files are, and read in the order that the refusal names.
+    /// Arrays of views in another order are refused like files, and read in the order that the refusal names.
     #[test]
     fn views_in_another_order_are_refused_until_it_is_stated() {
         let display =

@@ -1,4 +1,6 @@
-//! Light fields in one array: `.npy` and `.npz`, (rows of views, columns of views, rows of pixels, columns of pixels, colors).
+//! Reads light fields from one array in `.npy` or `.npz` files.
+//!
+//! The axes are (rows of views, columns of views, rows of pixels, columns of pixels, colors).
 
 use crate::formats::options::Options;
 use crate::formats::tone::{Reading, Stored};
@@ -16,7 +18,7 @@ use eyebox_base::reason;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// The kind of the elements of an array, by its name in NumPy.
+/// Returns the kind of the elements of an array, by its name in NumPy.
 fn kind_of(name: &str) -> Result<Kind, Reason> {
     match name {
         "u1" => Ok(Kind::Bytes),
@@ -29,13 +31,14 @@ fn kind_of(name: &str) -> Result<Kind, Reason> {
             };
             Err(reason!(
                 "array-type",
-                "holds '{name}': views are of 8 or 16 bits without a sign ('u1', 'u2'), or floats of which 1 is full scale; {remedy}"
+                "its elements are '{name}', but views have unsigned integers of 8 or 16 bits ('u1', 'u2'), or floats \
+                 with 1 as full scale. To convert them, {remedy}"
             ))
         }
     }
 }
 
-/// An array that was opened, and what it says of itself.
+/// An open array with its layout and its settings.
 struct Opened {
     array: NpyArray,
     layout: Layout,
@@ -55,7 +58,7 @@ fn open(file: &Path, options: &Options) -> Result<Opened, SceneError> {
     Ok(Opened { array, layout, stated, kind })
 }
 
-/// The axis of colors that the contents of an array of this shape show.
+/// Returns the axis of colors that the contents of an array of this shape show.
 fn color_axis(file: &Path, options: &Options, shape: &[usize]) -> Result<Option<usize>, SceneError> {
     let what = || format!("an array of the shape {shape:?}");
     memory::check_available(what, memory::bytes_of(shape, 4), "save fewer views")?;
@@ -63,12 +66,12 @@ fn color_axis(file: &Path, options: &Options, shape: &[usize]) -> Result<Option<
     Ok(layout::color_axis(shape, &array.take(shape.iter().product())?))
 }
 
-/// Rows and columns of the views of an array, by its header.
+/// Returns rows and columns of the views of an array, from its header.
 pub(crate) fn size(file: &Path, options: &Options) -> Result<[usize; 2], SceneError> {
     Ok(open(file, options)?.layout.size)
 }
 
-/// Reads the views of an array, a few at a time, each scaled to the display as soon as it is read.
+/// Reads the views of an array, a few at a time. Each is scaled to the display as soon as it is read.
 pub(crate) fn read(file: &Path, options: &Options, request: &Request) -> Result<Read, SceneError> {
     let Opened { mut array, layout: Layout { grid, size, channels }, stated, kind } = open(file, options)?;
     let count = grid[0] * grid[1];

@@ -1,4 +1,4 @@
-//! A folder of views.
+//! Reads a folder of views.
 
 use crate::formats::tone::Reading;
 use crate::light_field::cameras::Positions;
@@ -15,17 +15,17 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Pixels of a picture that is read together with others; larger ones are read one at a time.
+/// Pictures with more pixels than this are read one at a time, and smaller ones in parallel.
 const MANY_PIXELS: usize = 1 << 22;
 
-/// Loads the views in whatever order, decoding in parallel, each scaled to the display as soon as it is read: no more than a
-/// few are ever held at their own resolution.
+/// Loads the views in any order and decodes them in parallel. Each is scaled to the display as soon as it is read, so
+/// only a few are in memory at their own resolution.
 pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError> {
     let Listed { found: Found { all, stated, mut views }, paths, size: own } = list(folder)?;
     let frame = Frame::new(own, paths.len(), request)?;
     let reading = Reading::new(stated.tone);
     let read = |path: &PathBuf| Ok(frame.fit(picture::read(path, picture::ONE, request.colors, &reading)?.planes));
-    // One picture per task: their order in time does not matter, the first error in order is reported.
+    // One picture per task. Their order in time does not matter, because the first error in order is reported.
     let one_by_one = own[0] * own[1] > MANY_PIXELS;
     let read: Vec<_> = if one_by_one { paths.iter().map(read).collect() } else { paths.par_iter().map(read).collect() };
     let read = read.into_iter().collect::<Result<Vec<_>, SceneError>>()?;
@@ -39,7 +39,7 @@ pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
         if stated.serpentine.is_none() && is_serpentine(&field, views.grid) {
             let reason = reason!(
                 "every-second-row-backwards",
-                "every second row runs backwards: `serpentine = true` in lightfield.toml reads them so"
+                "every second row runs backwards. Set `serpentine = true` in lightfield.toml"
             );
             return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
         }
@@ -49,8 +49,8 @@ pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
     }
     if let Some(times) = views.proportion.filter(|p| !(0.9..1.1).contains(p)) {
         tracing::warn!(
-            "{}: by the coordinates in the names rows of views stand {times:.2} times as far apart as columns: they count as \
-             equally far, and depths along rows and columns differ",
+            "{}: by the coordinates in the names, rows of views are {times:.2} times as far apart as columns. They \
+             count as equally far, and depths along rows and columns differ",
             folder.display()
         );
     }
@@ -58,7 +58,7 @@ pub(crate) fn read(folder: &Path, request: &Request) -> Result<Read, SceneError>
     views::ordered(folder, field, request, &stated, views.how, own, linear)
 }
 
-/// The grid of views that have one running number: a square, unless the pictures show another.
+/// Returns the grid of views that have one running number. It is a square, unless the pictures show another grid.
 fn rows_and_columns(
     folder: &Path,
     field: &LightField,
@@ -69,14 +69,14 @@ fn rows_and_columns(
     match shape(field) {
         Some(shown) if views.doubt.is_empty() && shown != views.grid => refuse(reason!(
             "grid-differs",
-            "{} views with a running number would be {rows} x {columns}, but their pictures change as in {} x {}: \
-             `grid = [rows, columns]` in lightfield.toml decides",
+            "{} views with a running number would be {rows} x {columns}, but their pictures change as in {} x {}. \
+             State `grid = [rows, columns]` in lightfield.toml",
             rows * columns,
             shown[0],
             shown[1]
         )),
         Some(shown) => {
-            views.how += &format!("; their pictures change as in {} x {}", shown[0], shown[1]);
+            views.how += &format!(", and their pictures change as in {} x {}", shown[0], shown[1]);
             Ok(shown)
         }
         None if views.doubt.is_empty() => Ok(views.grid),
@@ -84,7 +84,7 @@ fn rows_and_columns(
     }
 }
 
-/// What a folder holds, by names alone.
+/// The content of a folder, by names alone.
 pub(crate) struct Found {
     all: Vec<String>,
     pub stated: settings::Settings,
@@ -114,7 +114,7 @@ pub(crate) fn find(folder: &Path) -> Result<Found, SceneError> {
         if !(views.running && views.doubt.is_empty()) {
             let reason = reason!(
                 "serpentine",
-                "serpentine = true is for views with a running number that fill a grid: state the `grid`"
+                "serpentine = true needs views with a running number that fill a grid. State the `grid`"
             );
             return Err(SceneError::Settings { file: folder.join("lightfield.toml").display().to_string(), reason });
         }
@@ -124,13 +124,13 @@ pub(crate) fn find(folder: &Path) -> Result<Found, SceneError> {
     Ok(Found { all, stated, views })
 }
 
-/// The files of a folder, `before` which stands in front of their names.
+/// Lists the files of a folder, with the prefix `before` in front of their names.
 fn files(folder: &Path, before: &str) -> Result<Vec<names::Named>, SceneError> {
     let unreadable = |e: std::io::Error| SceneError::unreadable(folder, &e);
     let mut files: Vec<names::Named> = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let entry = entry.map_err(unreadable)?;
-        // Links count as what they lead to.
+        // A link counts as its target.
         let Some(name) = natural::name(&entry)? else { continue };
         if let Some(found) = fs::metadata(entry.path()).ok().filter(fs::Metadata::is_file) {
             files.push((format!("{before}{name}"), found.len()));
@@ -140,18 +140,18 @@ fn files(folder: &Path, before: &str) -> Result<Vec<names::Named>, SceneError> {
     Ok(files)
 }
 
-/// What a folder holds, by names and headers alone.
+/// The content of a folder, by names and headers alone.
 pub(crate) struct Listed {
     found: Found,
     paths: Vec<PathBuf>,
-    /// Rows and columns of every view.
+    /// Rows and columns of every view, in pixels.
     pub size: [usize; 2],
 }
 
-/// Finds the views without decoding any.
+/// Finds the views and reads only their headers.
 pub(crate) fn list(folder: &Path) -> Result<Listed, SceneError> {
     let found = find(folder)?;
-    // Headers first: a view of another size is found before anything is decoded.
+    // Headers come first, so that a view of another size is found before any decoding.
     let files = &found.views.files;
     let paths: Vec<_> = files.iter().map(|name| folder.join(name)).collect();
     let size = picture::size_of_all(&paths, |_| files[0].clone())?;

@@ -1,4 +1,4 @@
-//! A folder of light fields: the frames of a sequence.
+//! Finds the frames of a sequence in a video, or in a folder of pictures or light fields.
 
 use crate::light_field::natural::{files, is_picture, natural};
 use crate::read::names::{is_auxiliary, square};
@@ -8,11 +8,11 @@ use eyebox_base::reason;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The frames of what is a sequence by itself: of a video, those of a folder of pictures to which depth maps are given, or the light
-/// fields in a folder; none where it is one scene.
+/// Returns the frames of a source that is a sequence by itself. These are the frames of a video, the pictures of a
+/// folder if depth maps are given, or the light fields in a folder. A single scene returns `None`.
 ///
 /// # Errors
-/// Those of reading folders and videos; as [`frames`]; [`SceneError::Empty`] for a folder without pictures.
+/// The errors of reading folders and videos, and of [`frames`]. [`SceneError::Empty`] for a folder without pictures.
 pub fn sequence(source: &str, maps: &[PathBuf]) -> Result<Option<Vec<String>>, SceneError> {
     let path = Path::new(source);
     if path.is_dir() {
@@ -31,10 +31,10 @@ pub fn sequence(source: &str, maps: &[PathBuf]) -> Result<Option<Vec<String>>, S
     }
 }
 
-/// The pictures in a folder that are no maps, in the order of the numbers in their names.
+/// Returns the pictures in a folder that are not maps, in the order of the numbers in their names.
 fn pictures(folder: &Path) -> Result<Vec<String>, SceneError> {
     let mut found: Vec<String> = files(folder)?.into_iter().filter(|name| is_picture(name)).collect();
-    // A folder of maps alone, or one of pairs.
+    // The folder has maps only, or pairs of pictures and maps.
     if found.iter().any(|name| !is_auxiliary(name)) {
         found.retain(|name| !is_auxiliary(name));
     }
@@ -44,11 +44,11 @@ fn pictures(folder: &Path) -> Result<Vec<String>, SceneError> {
     Ok(found.into_iter().filter_map(|name| folder.join(name).to_str().map(str::to_owned)).collect())
 }
 
-/// The folders in a folder that has no views of its own, in the order of the numbers in their names; none where there are none, or
-/// it is a light field itself.
+/// Returns the folders in a folder that has no views of its own, in the order of the numbers in their names. It returns
+/// `None` if there are none, or if the folder is a light field itself.
 ///
 /// # Errors
-/// [`SceneError::Rows`] where they may as well be the rows of one light field; those of reading folders.
+/// [`SceneError::Rows`] if the folders may also be the rows of one light field, and the errors of reading folders.
 pub fn frames(folder: &Path) -> Result<Option<Vec<String>>, SceneError> {
     match folder::find(folder).map_err(|error| explain(folder, error)) {
         Err(SceneError::Empty { .. } | SceneError::Deeper { .. }) => {
@@ -69,7 +69,7 @@ fn folders(folder: &Path) -> Result<Vec<String>, SceneError> {
     Ok(found)
 }
 
-/// Refuses a folder whose first file is of a kind that holds views elsewhere, but is not read here.
+/// Refuses a folder whose first file is of a kind that other programs use for views, but that is not read in a folder.
 fn unread(folder: &Path) -> Option<SceneError> {
     let first = files(folder).ok()?.into_iter().next()?;
     let path = folder.join(first);
@@ -81,8 +81,9 @@ fn unread(folder: &Path) -> Option<SceneError> {
     may_be_view.then(|| FileError::of_all(folder, &path, found).into())
 }
 
-/// What is wrong with a folder without views: its folders may be the rows of one light field, with as many views each, in one row by
-/// their names. A running number can be a square as well, which is believed unless there are as many folders as views in each.
+/// Returns the error of a folder without views. Its folders may be the rows of one light field. Each then has the same
+/// number of views, in one row by their names. A running number can also be a square, which counts unless there are as
+/// many folders as views in each.
 pub(crate) fn explain(folder: &Path, error: SceneError) -> SceneError {
     if !matches!(error, SceneError::Empty { .. }) {
         return error;
@@ -93,7 +94,7 @@ pub(crate) fn explain(folder: &Path, error: SceneError) -> SceneError {
     if folder.join("zarr.json").exists() {
         let reason = reason!(
             "hologram-not-scene",
-            "a hologram, and no scene: that is a folder of views, a picture with a depth map, or builtin:NAME"
+            "it is a hologram and not a scene. Give a folder of views, a picture with a depth map, or builtin:NAME"
         );
         return SceneError::Corrupt { file: folder.display().to_string(), reason };
     }

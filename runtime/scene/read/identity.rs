@@ -1,7 +1,7 @@
-//! The digest of what loading a scene reads, by which a hologram recognizes its scene.
+//! Computes the digest of a scene's files, by which a hologram recognizes its scene.
 //!
-//! Contents are digested, not names or dates: a folder that was moved or renamed stays the same scene, and one view that
-//! changed makes it another. Files that are not read do not count.
+//! The digest covers contents and not names or dates. A folder that was moved or renamed therefore stays the same
+//! scene, and one changed view makes it another. Files that loading does not read do not count.
 
 use crate::formats::options::parts;
 use crate::read::source::{Source, ViewSource};
@@ -12,21 +12,21 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// What settles how the views of a folder are read.
+/// Files that determine how the views of a folder are read.
 const SETTINGS: [&str; 2] = ["lightfield.toml", "parameters.cfg"];
 
-/// Returns the digest of all files that loading a scene reads, its depth map aside; none for a built-in scene, whose name is
-/// all that there is to it.
+/// Returns the digest of all files that loading a scene reads, without its depth map. A built-in scene returns `None`,
+/// because its name identifies it completely.
 ///
 /// # Errors
-/// [`SceneError`] for a source that is not there or cannot be read.
+/// [`SceneError`] for a source that does not exist or cannot be read.
 pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
     let read = match Source::of(source)? {
         Source::BuiltIn(_) => return Ok(None),
         Source::Picture(path) => return digest_of_picture(path).map(Some),
         Source::Views(ViewSource::Folder(path)) => in_folder(path)?,
         Source::Views(ViewSource::Array(path, options) | ViewSource::Mosaic(path, _, options)) => {
-            // The settings of a folder that lie beside a file may be for others of its files.
+            // The settings of a folder may be for other files than this one.
             let beside = path.with_file_name(SETTINGS[0]);
             let stated = settings::beside(path, &options)? != settings::with(&options, Default::default());
             [path.into()].into_iter().chain(stated.then_some(beside)).collect()
@@ -42,14 +42,14 @@ pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
 /// [`SceneError`] for a file that cannot be read.
 pub fn digest_of_picture(path: &Path) -> Result<String, SceneError> {
     let Some((file, frame)) = video::named(path) else {
-        // What is stated of its values stands behind a question mark.
+        // Options about the values follow a question mark.
         return digest_of_file(path.to_str().map_or(path, |source| parts(source).0));
     };
     let (head, samples) = video::stored_parts(&file, frame.unwrap_or(0))?;
     Ok(digest_of_parts([head.as_bytes(), &samples]))
 }
 
-/// The path of a source that is no built-in scene, and the options behind its question mark.
+/// Returns the path of a source and the options after its question mark. A built-in scene returns `None`.
 pub fn path_and_options(source: &str) -> Option<(PathBuf, &str)> {
     if source.starts_with("builtin:") {
         return None;
@@ -58,7 +58,8 @@ pub fn path_and_options(source: &str) -> Option<(PathBuf, &str)> {
     Some((path.into(), options))
 }
 
-/// The files of a folder that loading it reads: the views in their order, then what says how they are read.
+/// Returns the files of a folder that loading reads. The views come first, in their order, and then the files that
+/// determine how they are read.
 fn in_folder(path: &Path) -> Result<Vec<PathBuf>, SceneError> {
     if let Some(stack) = stack::find(path)? {
         return Ok(stack.into_files(path.join(SETTINGS[0])));
@@ -78,7 +79,7 @@ fn digest_of_file(file: &Path) -> Result<String, SceneError> {
 }
 
 impl LightField {
-    /// Returns the digest of each color's views: what identifies a light field that was read from no file.
+    /// Returns the digest of the views of each color. They identify a light field that was not read from a file.
     pub fn digests(&self) -> BTreeMap<Color, String> {
         let of = |views: &Vec<Vec<f32>>| {
             let bytes = |view: &Vec<f32>| view.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
@@ -102,7 +103,7 @@ mod tests {
     use eyebox_base::files::{write_npy, write_png};
     use std::fs;
 
-    /// A folder of 2 x 2 views whose light differs from view to view, and from `seed` to `seed`.
+    /// Writes a folder of 2 x 2 views whose light differs from view to view, and from one `seed` to another.
     fn views(folder: &Path, seed: f32) {
         fs::create_dir_all(folder).unwrap();
         for i in 0..4 {
@@ -121,7 +122,7 @@ mod tests {
         let folder = here.path().join("views");
         views(&folder, 0.0);
         let before = of(&folder);
-        // Names and files that are not read do not count; contents, their order and their settings do.
+        // Names and files that are not read do not count. Contents, their order and their settings do.
         let renamed = here.path().join("other name");
         fs::rename(&folder, &renamed).unwrap();
         fs::write(renamed.join("README.txt"), "about the views").unwrap();

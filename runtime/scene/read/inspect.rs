@@ -1,4 +1,4 @@
-//! What a scene is, as it is read: for people who want to know before they compute.
+//! Describes a scene as it is read, for people who inspect it before they compute.
 
 use crate::light_field::resize::{Fit, Resize};
 use crate::read::source::Source;
@@ -7,72 +7,73 @@ use crate::{Order, OrderFound};
 use eyebox_optics::{Color, Display, Geometry, dioptres};
 use serde::Serialize;
 
-/// A scene, as it is read. Lengths in meters unless the name says otherwise.
+/// A scene as it is read. Lengths are in meters unless the name has another unit.
 #[derive(Debug, Clone, Serialize)]
 #[non_exhaustive]
 pub struct Inspection {
-    /// Its name.
+    /// Name of the scene.
     pub name: String,
     /// Rows and columns of views.
     pub grid: [usize; 2],
-    /// How they were found.
+    /// Description of how the grid of views was found.
     pub found_by: String,
-    /// Rows and columns of pixels of its own pictures; none where they are made for the display.
+    /// Rows and columns of pixels of the original pictures. It is `None` if the pictures are made for the display.
     pub own_size: Option<[usize; 2]>,
     /// Rows and columns of pixels on the display.
     pub size: [usize; 2],
-    /// How stored values become light.
+    /// Transfer function of the stored values.
     pub transfer: String,
     /// The meaning of the values of a picture's depth map, and the reason.
     pub depth_map: Option<String>,
     /// The order in which the views are read.
     pub order: Order,
-    /// The line with which other commands refuse it: its order, or its depths.
+    /// The message with which other commands refuse the scene, about its order, its depths or its views.
     pub doubt: Option<String>,
-    /// Whether the pictures confirm the order: none where they do not tell, or tell all but near from far.
+    /// True if the pictures confirm the order, and false if they contradict it. It is `None` if the pictures show no
+    /// order, or show everything but near and far.
     pub order_confirmed: Option<bool>,
-    /// Smallest and largest movement from column to column, and from row to row, pixels of the display, each measured by
-    /// itself; none where nothing moves, or nothing tells.
+    /// Smallest and largest movement from column to column, and from row to row, in pixels of the display. Each axis is
+    /// measured by itself. It is `None` if nothing moves, or if nothing can be measured.
     pub parallax_px: [Option<[f64; 2]>; 2],
-    /// Smallest and largest disparity, pixels of the display between neighboring views.
+    /// Smallest and largest disparity, in pixels of the display between neighboring views.
     pub disparity_px: [f64; 2],
-    /// Farthest and nearest depth, millimeters.
+    /// Farthest and nearest depth in millimeters.
     pub depth_mm: [f64; 2],
-    /// The same in diopters.
+    /// Farthest and nearest depth in diopters.
     pub depth_dioptres: [f64; 2],
-    /// Whether the scene states its depths; else they are measured.
+    /// True if the scene states its depths, and false if they are measured.
     pub depth_is_stated: bool,
-    /// Distance of neighboring views in the pupil plane, millimeters.
+    /// Distance of neighboring views in the pupil plane, in millimeters.
     pub view_pitch_mm: f64,
-    /// Pixels by which the nearest and the farthest content move against each other from view to view: beyond one, wide pupils
-    /// see ghosts.
+    /// Movement of the nearest content against the farthest from view to view, in pixels of the display. Beyond one
+    /// pixel, wide pupils see ghosts.
     pub aliasing_px: f64,
-    /// Views per axis that would keep it to one.
+    /// Views per axis that would keep `aliasing_px` to one pixel.
     pub views_without_aliasing: usize,
-    /// Light, per color.
+    /// The light of each color.
     pub exposure: Vec<Exposure>,
 }
 
-/// The light of one color, linear.
+/// The linear light of one color.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[non_exhaustive]
 pub struct Exposure {
-    /// The color.
+    /// The color of this light.
     pub color: Color,
-    /// The brightest value; 1 is full scale.
+    /// The brightest value, with 1 as full scale.
     pub brightest: f64,
-    /// Mean.
+    /// The mean value, with 1 as full scale.
     pub mean: f64,
     /// Share of the pixels that are black (below 1/4096 of full scale).
     pub black: f64,
-    /// Share of the pixels at full scale or beyond it.
+    /// Share of the pixels at or above full scale.
     pub clipped: f64,
 }
 
-/// Loads a scene whatever its order, and says what it is.
+/// Loads a scene in any order and describes it.
 ///
 /// # Errors
-/// Those of [`crate::load`], but for an order that the pictures contradict.
+/// The errors of [`crate::load`], without the error for an order that the pictures contradict.
 pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightField), SceneError> {
     request.check()?;
     crate::check_map(source, request)?;
@@ -80,7 +81,8 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     let has_views = matches!(named, Source::Views(_));
     let mut depth_map = None;
     let display = request.display;
-    // Views that are smaller than the display are looked at as they are: nothing is found in pixels that are made.
+    // Views that are smaller than the display are examined at their own size, because upscaled pixels have no new
+    // detail.
     let (mut own_display, mut scale) = (display.clone(), 1.0);
     if let (Source::Views(kept), Geometry::Relay) = (&named, display.geometry) {
         let [height, width] = kept.size()?;
@@ -149,10 +151,10 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
     Ok((inspection, field))
 }
 
-/// Pixels along the longer side of what views are compared in.
+/// Pixels along the longer side of the views that are compared.
 const COMPARED: usize = 96;
 
-/// What is said of one or two views that the others do not predict.
+/// Returns the message about one or two views that the others do not predict.
 fn odd_views(field: &LightField, display: &Display, depth: [f64; 2]) -> Result<Option<String>, SceneError> {
     let longer = field.height.max(field.width);
     if field.grid[0].max(field.grid[1]) < 3 || longer < 16 {
@@ -161,7 +163,7 @@ fn odd_views(field: &LightField, display: &Display, depth: [f64; 2]) -> Result<O
     let rate = COMPARED.min(longer) as f64 / longer as f64;
     let [height, width] = [field.height, field.width].map(|n| (n as f64 * rate).round().max(1.0) as usize);
     let small = field.only(field.colors[0]).fit(height, width, Fit::Stretch);
-    // Fewer pixels, by which content moves less.
+    // The copy has fewer pixels, so content moves by fewer pixels.
     let layers = Layers::new(&small, display, depth.map(|z| z * rate))?;
     Ok(layers.odd_views(&field.name).map(|odd| odd.to_string()))
 }
@@ -182,8 +184,8 @@ fn exposure(field: &LightField) -> Vec<Exposure> {
     light.map(one).collect()
 }
 
-/// All views beside each other as they are read, in at most `most` pixels along each axis: rows and columns of pixels, and one
-/// plane of linear light per color.
+/// Draws all views next to each other as they are read, in at most `most` pixels along each axis. Returns rows and
+/// columns of pixels, and one plane of linear light per color.
 pub fn contact_sheet(field: &LightField, most: usize) -> ([usize; 2], Vec<Vec<f32>>) {
     const GAP: usize = 2;
     let [rows, columns] = field.grid;

@@ -1,14 +1,15 @@
-//! What the axes of an array of views are. Other programs write them in other orders: such an array is refused with the line that
-//! turns it.
+//! Determines the axes of an array of views, and refuses the orders of other programs.
+//!
+//! The refusal has the NumPy call that rearranges the array.
 
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// Views along an axis, and pixels of a view, at most.
+/// Limits of the views along an axis, and of the pixels of a view.
 const MOST_VIEWS: usize = 64;
 const MOST_PIXELS: usize = 1 << 25;
-/// Fewest pixels along an axis of a view by which an order of axes is recognized.
+/// Fewest pixels along an axis of a view for which an order of axes is recognized.
 const FEWEST_PIXELS: usize = 8;
 
 /// Lengths of the axes of an array of views.
@@ -19,7 +20,8 @@ pub(crate) struct Layout {
     pub channels: usize,
 }
 
-/// Orders of five axes: which are rows and columns of views, rows and columns of pixels, and colors; the line that turns them.
+/// Orders of five axes, as rows and columns of views, rows and columns of pixels, and colors, with the call that
+/// rearranges them.
 const IN_COLOR: [([usize; 5], &str); 5] = [
     ([0, 1, 3, 4, 2], "numpy.moveaxis(views, 2, -1)"),
     ([3, 4, 0, 1, 2], "numpy.moveaxis(views, (3, 4), (0, 1))"),
@@ -27,23 +29,23 @@ const IN_COLOR: [([usize; 5], &str); 5] = [
     ([2, 3, 0, 1, 4], "numpy.moveaxis(views, (2, 3), (0, 1))"),
     ([1, 2, 3, 4, 0], "numpy.moveaxis(views, 0, -1)"),
 ];
-/// The same of four axes, without colors. What MATLAB wrote lists columns before rows once HDF5 was in between.
+/// The same for four axes, without colors. Data that MATLAB wrote has columns before rows after a passage through HDF5.
 const IN_GRAY: [([usize; 4], &str); 1] =
     [([2, 3, 0, 1], "numpy.moveaxis(views, (2, 3), (0, 1)), or numpy.transpose(views) if columns come before rows")];
 
 impl Layout {
-    /// Determines the layout of an array of this shape; `grid` is that of its views, if it is stated, `color` the axis of its colors, if
-    /// its contents show that, and `file` it.
+    /// Determines the layout of an array of this shape. `grid` is the stated grid of its views, `color` the axis of its
+    /// colors if its contents show that, and `file` its path.
     pub fn of(shape: &[usize], grid: Option<[usize; 2]>, color: Option<usize>, file: &Path) -> Result<Self, Reason> {
         let of_colors = |n: usize| matches!(n, 1 | 3 | 4);
         let fills = |n: usize| grid.is_some_and(|[rows, columns]| rows * columns == n);
-        // A stated grid that the first axes have says that they are views.
+        // A stated grid that matches the first axes shows that these axes are the views.
         let stated = grid.is_some_and(|grid| shape.starts_with(&grid)) || shape.first().is_some_and(|n| fills(*n));
         if let Some(turn) = turned(shape, color).filter(|_| !stated) {
             return Err(reason!(
                 "array-shape",
-                "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
-                 colors), as by {turn}"
+                "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of \
+                 pixels, colors). Rearrange the axes by {turn}"
             ));
         }
         let (found, size, channels) = match *shape {
@@ -54,11 +56,12 @@ impl Layout {
             [height, width, 3 | 4] | [height, width] if height >= FEWEST_PIXELS && width >= FEWEST_PIXELS => {
                 return Err(reason!(
                     "array-one-picture",
-                    "has the shape {shape:?}, which is one picture: an array holds views; save the picture as PNG, TIFF or EXR"
+                    "has the shape {shape:?}, which is one picture instead of views. Save the picture as PNG, TIFF or \
+                     EXR"
                 ));
             }
             [n, _, _, 3 | 4] | [n, _, _] => {
-                // The most even grid.
+                // The most even grid is the example.
                 let rows = (1..=MOST_VIEWS).rev().find(|rows| rows * rows <= n && n.is_multiple_of(*rows)).unwrap_or(1);
                 let example = format!("{rows}x{}", n / rows);
                 return Err(reason!(
@@ -72,8 +75,8 @@ impl Layout {
             _ => {
                 return Err(reason!(
                     "array-shape",
-                    "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of pixels, \
-                     colors), as (9, 9, 512, 512, 3), without the last where they are gray"
+                    "has the shape {shape:?}: views are (rows of views, columns of views, rows of pixels, columns of \
+                     pixels, colors), as (9, 9, 512, 512, 3), without the last axis if they are gray"
                 ));
             }
         };
@@ -93,14 +96,15 @@ impl Layout {
             let most = MOST_PIXELS >> 20;
             return Err(reason!(
                 "array-size",
-                "has the shape {shape:?}: at most {MOST_VIEWS} x {MOST_VIEWS} views of {most} Mpx are read, and one pixel at least"
+                "has the shape {shape:?}, but an array may have {MOST_VIEWS} x {MOST_VIEWS} views of {most} Mpx at \
+                 most, and one pixel at least"
             ));
         }
         Ok(Self { grid: found, size, channels })
     }
 }
 
-/// Whether these may be views: fewer of them along each axis than they have pixels.
+/// Returns true if these may be views, which are fewer along each axis than their pixels.
 fn plausible(grid: [usize; 2], size: [usize; 2], channels: usize) -> bool {
     matches!(channels, 1 | 3 | 4)
         && grid.iter().all(|n| (1..=MOST_VIEWS).contains(n))
@@ -108,7 +112,7 @@ fn plausible(grid: [usize; 2], size: [usize; 2], channels: usize) -> bool {
         && grid.iter().max() < size.iter().min()
 }
 
-/// Orders of five axes that are not read and may be those of this shape; none if they may be in order.
+/// Returns the unsupported orders of five axes that this shape may have. It returns none if the axes may be in order.
 fn orders(shape: &[usize]) -> Vec<([usize; 5], &'static str)> {
     let fits = |order: &[usize; 5]| {
         let [u, v, h, w, c] = order.map(|i| shape[i]);
@@ -120,18 +124,19 @@ fn orders(shape: &[usize]) -> Vec<([usize; 5], &'static str)> {
     IN_COLOR.into_iter().filter(|(order, _)| fits(order)).collect()
 }
 
-/// Whether the shape leaves open which axis counts colors.
+/// Returns true if the shape leaves open which axis counts colors.
 pub(crate) fn needs_contents(shape: &[usize]) -> bool {
     orders(shape).len() > 1
 }
 
-/// Differences of stored values that are none, as a share of the largest.
+/// Differences of stored values up to this share of the largest value count as equal.
 const SAME: f32 = 1.0 / 64.0;
-/// An axis is that of the colors if it is unlike an axis of views by as much more than any other (logarithms of ratios).
+/// The axis of the colors must be unlike an axis of views by this much more than any other axis (logarithms of ratios).
 const CLEARLY: f64 = 1.2;
 
-/// The axis of the colors, of which the shape leaves several open, by the values in C order; none if they do not show it. From view to
-/// view a picture differs along both axes of the grid alike: where content moves. From color to color it differs everywhere, or nowhere.
+/// Finds the axis of the colors among several that the shape allows, from the values in C order. It returns `None` if
+/// the values do not show it. From view to view, a picture differs along both axes of the grid alike, at moving
+/// content. From color to color, it differs everywhere or nowhere.
 pub(crate) fn color_axis(shape: &[usize], values: &[f32]) -> Option<usize> {
     let orders = orders(shape);
     let is_of_views = |axis: &usize| orders.iter().all(|(order, _)| order[..2].contains(axis));
@@ -159,7 +164,7 @@ pub(crate) fn color_axis(shape: &[usize], values: &[f32]) -> Option<usize> {
     }
 }
 
-/// The line that turns axes of an order that is not read; none where they may be in order.
+/// Returns the call that rearranges axes of an unsupported order. It returns `None` if the axes may be in order.
 fn turned(shape: &[usize], color: Option<usize>) -> Option<String> {
     if shape.len() == 5 {
         let orders = orders(shape);
@@ -173,10 +178,10 @@ fn turned(shape: &[usize], color: Option<usize>) -> Option<String> {
     turned_in_gray(shape).map(str::to_owned)
 }
 
-/// The same without colors, or of views one after the other.
+/// The same without colors, or for views one after the other.
 fn turned_in_gray(shape: &[usize]) -> Option<&'static str> {
     match *shape {
-        // Colors last, or first, of views one after the other.
+        // Colors are last, or first, in views one after the other.
         [_, h, w, 3 | 4] if h >= FEWEST_PIXELS && w >= FEWEST_PIXELS => None,
         [n, c @ (3 | 4), h, w] if n > c && h >= FEWEST_PIXELS && w >= FEWEST_PIXELS && n < h.min(w) => {
             Some("numpy.moveaxis(views, 1, -1), with ?grid=ROWSxCOLUMNS behind the name")
@@ -199,7 +204,8 @@ fn turned_in_gray(shape: &[usize]) -> Option<&'static str> {
 mod tests {
     use super::*;
 
-    /// Values of an array (rows of views, columns, rows of pixels, columns, colors) of a scene whose content moves by a pixel.
+    /// Values of an array (rows of views, columns, rows of pixels, columns, colors) of a scene whose content moves from
+    /// view to view.
     fn views(u: usize, v: usize, h: usize, w: usize, c: usize) -> f32 {
         let (y, x) = (h + u, w + 2 * v);
         let bump = |a: usize, b: usize| (((y / 4 * 7 + x / 4 * 13 + a) % b) as f32) / b as f32;
@@ -234,7 +240,7 @@ mod tests {
             }
             let flat = vec![0.5; shape.iter().product()];
             assert_eq!(color_axis(&shape, &flat), None);
-            // Both are named if contents show nothing.
+            // The message has both calls if the contents show nothing.
             let both = turned(&shape, None).unwrap();
             assert_eq!(both.matches("numpy.").count(), 2, "{both}");
             assert_eq!(turned(&shape, Some(color)).unwrap().matches("numpy.").count(), 1);

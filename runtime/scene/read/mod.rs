@@ -1,4 +1,4 @@
-//! Reads scenes: folders, arrays, pictures of many views and focal stacks, with the order and positions of their cameras.
+//! Reads folders, arrays, pictures of many views and focal stacks, with the order and positions of their cameras.
 
 pub(crate) mod admit;
 pub(crate) mod array;

@@ -1,4 +1,4 @@
-//! Light fields in one picture: views beside each other, or the pixels under each lens of an array of them.
+//! Reads light fields from one picture, as tiles or as the pixels under each lens.
 
 use crate::formats::options::{Options, Tiling};
 use crate::formats::tone::Reading;
@@ -16,11 +16,12 @@ use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::path::Path;
 
-/// Pixels of a view are square if its sides differ from the aspect in the quilt's name by no more than this share: sides
-/// are whole pixels, and some quilts leave a few out.
+/// Pixels of a view are square if its sides differ from the aspect ratio in the quilt's name by no more than this
+/// share. Sides are whole pixels, and some quilts leave a few pixels out.
 const SQUARE: f64 = 0.02;
 
-/// What the picture's name, its options and the file beside it state. The name of a quilt says where its cameras stand.
+/// Returns the settings from the picture's name, its options and the settings file in its folder. The name of a quilt
+/// gives the positions of its cameras.
 fn stated(file: &Path, options: &Options) -> Result<(Settings, Option<Quilt>), SceneError> {
     let stated = settings::beside(file, options)?;
     match Quilt::of(file).filter(|_| options.tiling != Some(Tiling::Lenslets)) {
@@ -29,10 +30,10 @@ fn stated(file: &Path, options: &Options) -> Result<(Settings, Option<Quilt>), S
     }
 }
 
-/// What the file beside a quilt states, with what its name does.
+/// Combines the settings file of a quilt with the settings in its name.
 ///
 /// # Errors
-/// [`SceneError::Settings`] if both contradict each other.
+/// [`SceneError::Settings`] if they contradict each other.
 fn of_quilt(quilt: Quilt, file: &Path, stated: Settings) -> Result<Settings, SceneError> {
     let [rows, columns] = quilt.grid;
     let count = rows * columns;
@@ -40,8 +41,8 @@ fn of_quilt(quilt: Quilt, file: &Path, stated: Settings) -> Result<Settings, Sce
     if other || stated.positions.is_some() {
         let reason = reason!(
             "quilt-arrangement",
-            "the name says that it is a quilt, one row of {count} cameras in {rows} x {columns} tiles, and another \
-             arrangement is stated: leave that out, or rename the file"
+            "by its name it is a quilt, one row of {count} cameras in {rows} x {columns} tiles, but another \
+             arrangement is stated. Leave that out, or rename the file"
         );
         return Err(SceneError::Settings { file: file.display().to_string(), reason });
     }
@@ -49,13 +50,13 @@ fn of_quilt(quilt: Quilt, file: &Path, stated: Settings) -> Result<Settings, Sce
     Ok(Settings { grid: None, tiles: Some(quilt.grid), first, ..stated })
 }
 
-/// The grid of tiles that is stated.
+/// Returns the stated grid of tiles.
 fn tiles(stated: &Settings) -> Option<[usize; 2]> {
     let lines = stated.positions.as_ref().filter(|positions| matches!(positions, Positions::Lines(_)));
     stated.tiles.or(stated.grid).or(lines.map(Positions::grid))
 }
 
-/// Rows and columns of each view.
+/// Returns rows and columns of each view.
 pub(crate) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[usize; 2], SceneError> {
     let (stated, quilt) = stated(file, options)?;
     let whole = picture::size(file, picture::MANY)?;
@@ -66,18 +67,18 @@ pub(crate) fn size(file: &Path, tiling: Tiling, options: &Options) -> Result<[us
     Ok(square(parts(file, whole, grid, quilt.is_some())?, quilt))
 }
 
-/// Rows and columns of square pixels of a view.
+/// Returns rows and columns of square pixels of a view.
 fn square([height, width]: [usize; 2], quilt: Option<Quilt>) -> [usize; 2] {
     let aspect = width as f64 / height as f64;
     match quilt.and_then(|quilt| quilt.aspect) {
-        // No detail is lost: one of the sides grows.
+        // One of the sides grows, so no detail is lost.
         Some(a) if a > aspect * (1.0 + SQUARE) => [height, (height as f64 * a).round() as usize],
         Some(a) if a < aspect * (1.0 - SQUARE) => [(width as f64 / a).round() as usize, width],
         _ => [height, width],
     }
 }
 
-/// Reads the views of a picture, its grid stated or found.
+/// Reads the views of a picture whose grid is stated or found.
 pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Request) -> Result<Read, SceneError> {
     let (stated, quilt) = stated(file, options)?;
     let whole = picture::size(file, picture::MANY)?;
@@ -88,7 +89,7 @@ pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Req
         (None, _) => find(file, &planes[0], whole, tiling)?,
     };
     let tile = parts(file, whole, grid, quilt.is_some())?;
-    // A quilt begins at the bottom left: lines that are no whole views are left over at the top and on the right.
+    // A quilt begins at the bottom left, so lines that do not fill a whole view remain at the top and on the right.
     let top = if quilt.is_some() { whole[0] - grid[0] * tile[0] } else { 0 };
     let own = square(tile, quilt);
     let squared = (own != tile).then(|| Resize::new(tile, own, Fit::Stretch));
@@ -104,13 +105,13 @@ pub(crate) fn read(file: &Path, tiling: Tiling, options: &Options, request: &Req
     let fitted: Vec<_> = (0..grid[0] * grid[1]).into_par_iter().map(one).collect();
     let field = frame.field(file, grid, fitted, request, &stated, stated.disparity);
     let how = match tiling {
-        Tiling::Views => format!("views beside each other in one picture, {found}"),
+        Tiling::Views => format!("views next to each other in one picture, {found}"),
         Tiling::Lenslets => format!("pixels under each lens in one picture, {found}"),
     };
     views::ordered(file, field, request, &stated, how, own, holds_light(file))
 }
 
-/// Planes of linear light of the whole picture.
+/// Returns planes of linear light of the whole picture.
 fn decoded(
     file: &Path,
     colors: &[Color],
@@ -126,7 +127,7 @@ fn decoded(
     Ok(planes)
 }
 
-/// Rows and columns of each view of a picture. A quilt may have lines left over.
+/// Returns rows and columns of each view of a picture. A quilt may have remaining lines.
 fn parts(file: &Path, whole: [usize; 2], grid: [usize; 2], is_quilt: bool) -> Result<[usize; 2], SceneError> {
     let size = [0, 1].map(|i| whole[i] / grid[i]);
     let is_whole = (0..2).all(|i| whole[i].is_multiple_of(grid[i]));
@@ -146,10 +147,11 @@ fn not_whole(whole: [usize; 2], grid: [usize; 2]) -> String {
     )
 }
 
-/// Rows and columns of views that a picture clearly shows, and by what.
+/// Returns rows and columns of views that a picture clearly shows, and the evidence.
 ///
 /// # Errors
-/// [`SceneError::NotAGrid`] with what states them; [`SceneError::Corrupt`] where they are not whole.
+/// [`SceneError::NotAGrid`] with the statement that decides the grid. [`SceneError::Corrupt`] if the views are not
+/// whole pixels.
 fn find(
     file: &Path,
     plane: &[f32],
@@ -170,21 +172,22 @@ fn find(
         GridEvidence::Either([a, b], [c, d]) => {
             let reason = reason!(
                 "mosaic-two-grids",
-                "the picture may be {a} x {b} views or {c} x {d}: state which, as in {name}?{lenslets}grid={c}x{d}"
+                "the picture may be {a} x {b} views or {c} x {d}. State one of them, as in \
+                 {name}?{lenslets}grid={c}x{d}"
             );
             Err(SceneError::NotAGrid { folder: name, reason })
         }
         GridEvidence::Nothing => {
             let reason = reason!(
                 "mosaic-no-grid",
-                "nothing in the picture shows how many there are: state it, as in {name}?{lenslets}grid=9x9"
+                "nothing in the picture shows how many there are. State the grid, as in {name}?{lenslets}grid=9x9"
             );
             Err(SceneError::NotAGrid { folder: name, reason })
         }
     }
 }
 
-/// One view of the picture.
+/// Cuts out one view of the picture.
 fn cut(plane: &[f32], width: usize, grid: [usize; 2], own: [usize; 2], at: [usize; 2], tiling: Tiling) -> Vec<f32> {
     let mut view = Vec::with_capacity(own[0] * own[1]);
     for y in 0..own[0] {

@@ -1,37 +1,38 @@
-//! How many views a picture of many shows: seams between views and pixels under lenses are where neighboring lines differ, and a
-//! picture of views repeats.
+//! Finds how many views a picture of many views has.
+//!
+//! Neighboring lines differ at seams between views and between the pixels under lenses, and a picture of views repeats.
 
 use crate::formats::options::Tiling;
 use crate::read::repeats::Lines;
 use rayon::prelude::*;
 
-/// Views along an axis, at most, and pixels of one, at least, where nothing states how many there are.
+/// Most views along an axis, and fewest pixels of a view, if nothing states the number of views.
 const MOST_VIEWS: usize = 64;
 const LEAST_PIXELS: usize = 8;
-/// Where one view ends and the next begins, neighboring lines differ by as many times what they differ by beside it.
+/// At a seam between views, neighboring lines differ by at least this many times the differences near the seam.
 const SEAM: f64 = 1.5;
-/// From lens to lens neighboring lines differ by as many times the most that they differ by under one.
+/// From lens to lens, neighboring lines differ by at least this many times the largest difference under one lens.
 const LENS: f64 = 1.15;
-/// Lines beside a seam that it is compared with, on each side.
+/// Lines on each side with which a seam is compared.
 const BESIDE: usize = 4;
-/// From view to view a picture differs by at most this share of what it does from half a view to the next.
+/// From view to view, a picture differs by at most this share of its difference over half a view.
 const ALIKE: f64 = 0.8;
 
-/// What a picture shows of its grid: rows and columns.
+/// The evidence of a picture about its grid, in rows and columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum GridEvidence {
-    /// Where neighboring lines differ.
+    /// Neighboring lines differ at the ends of views.
     Seams([usize; 2]),
-    /// How often it repeats, without a seam.
+    /// The picture repeats without seams.
     Repeats([usize; 2]),
-    /// The same, but its lines are no whole views.
+    /// The picture repeats without seams, but its lines do not divide into whole views.
     Parts([usize; 2]),
-    /// It repeats along one axis, and perhaps along the other: the grids that it may be.
+    /// The picture repeats along one axis, and perhaps along the other. These are the possible grids.
     Either([usize; 2], [usize; 2]),
     Nothing,
 }
 
-/// Looks for the views of a picture of `height` x `width` values of linear light.
+/// Finds the views of a picture of `height` x `width` values of linear light.
 pub(crate) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) -> GridEvidence {
     let root: Vec<f32> = plane.par_iter().map(|v| v.max(0.0).sqrt()).collect();
     let [rows, columns] = steps(&root, [height, width]);
@@ -45,16 +46,16 @@ pub(crate) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) 
     let counts = [0, 1].map(|i| {
         let n = axes[i].1;
         let times = lines[i].times(MOST_VIEWS.min(n / LEAST_PIXELS));
-        // Of nine views that are no whole pixels, three times three may be.
+        // If nine views are not whole pixels, three times three views may be.
         match (seams[i], times) {
             (Some(seams), Some(times)) if !n.is_multiple_of(times) && times.is_multiple_of(seams) => Some(times),
             (seams, times) => seams.or(times),
         }
     });
-    // One row or one column of views is as good; none is not.
+    // One row or one column of views is a valid grid, and no view along either axis is not.
     let grid = counts.map(|count| count.unwrap_or(1));
     let doubtful = |i: usize| lines[i].doubtful(MOST_VIEWS.min(axes[i].1 / LEAST_PIXELS));
-    // One row is no row of many if their pictures differ so much that it is not sure.
+    // A single row is doubtful if the pictures of several rows differ so much that the repetition is not certain.
     let perhaps = match counts {
         [None, Some(columns)] => doubtful(0).map(|rows| [rows, columns]),
         [Some(rows), None] => doubtful(1).map(|columns| [rows, columns]),
@@ -71,7 +72,7 @@ pub(crate) fn shown(plane: &[f32], [height, width]: [usize; 2], tiling: Tiling) 
     }
 }
 
-/// How much each row differs from the one before it, and each column.
+/// Returns the difference of each row from the one before it, and of each column.
 fn steps(root: &[f32], [height, width]: [usize; 2]) -> [Vec<f64>; 2] {
     let apart = |a: f32, b: f32| f64::from((a - b).abs());
     let down = |y: usize| {
@@ -86,11 +87,11 @@ fn steps(root: &[f32], [height, width]: [usize; 2]) -> [Vec<f64>; 2] {
     [rows, columns]
 }
 
-/// Views beside each other along an axis of `n` lines, of which neighbors differ by `steps`: as many as there are seams at every end of
-/// one.
+/// Returns the number of views next to each other along an axis of `n` lines, whose neighbors differ by `steps`. It is
+/// the largest number with seams at the ends of the views.
 fn beside(steps: &[f64], n: usize) -> Option<usize> {
     let seam = |at: usize| {
-        // The step to line `at` is the one before it.
+        // The step to line `at` has the index before it.
         let step = at - 1;
         let around = (step.saturating_sub(BESIDE)..(step + BESIDE + 1).min(steps.len())).filter(|i| *i != step);
         let mut around: Vec<f64> = around.map(|i| steps[i]).collect();
@@ -107,7 +108,7 @@ fn beside(steps: &[f64], n: usize) -> Option<usize> {
     })
 }
 
-/// Pixels under a lens along an axis: the period with which neighboring lines differ most.
+/// Returns the pixels under a lens along an axis, which are the period with which neighboring lines differ most.
 fn under(steps: &[f64], n: usize) -> Option<usize> {
     let clear = |period: usize| {
         let mut means = vec![(0.0, 0u32); period];

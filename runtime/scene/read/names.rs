@@ -1,8 +1,8 @@
-//! Which files of a folder are the views, and where each stands in the grid.
+//! Finds the views among the files of a folder, and their places in the grid.
 //!
-//! Names that differ in their numbers alone are a *family*. Every number of its names may be the row, the column, a running
-//! number or a coordinate: what fills a grid without holes and doubles counts. What fits in two ways, or in none, is refused
-//! with what was found.
+//! Names that differ only in their numbers are a *family*. Each number of its names may be the row, the column, a
+//! running number or a coordinate. The meaning that fills a grid without gaps and duplicates counts. If two meanings
+//! fit, or none, the refusal states what was found.
 
 use crate::SceneError;
 use crate::light_field::natural::{self, is_picture};
@@ -14,18 +14,18 @@ use std::{cmp::Ordering, collections::BTreeMap, path::Path};
 /// A file name and its size in bytes.
 pub(crate) type Named = (String, u64);
 
-/// The views of a folder: file names in row-major order.
+/// The views of a folder, with their file names in row-major order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Arrangement {
     pub grid: [usize; 2],
     pub files: Vec<String>,
-    /// How they were found, for people.
+    /// Description of how the views were found, for people.
     pub how: String,
-    /// Whether their order is that of one running number: then the pictures have a say.
+    /// True if one running number gives the order. The pictures then also count.
     pub running: bool,
-    /// What is said where such a number makes no square and the pictures show no grid.
+    /// Message for a running number that makes no square, if the pictures show no grid either.
     pub doubt: String,
-    /// Distance of neighboring rows over that of columns, where the names hold coordinates.
+    /// Distance of neighboring rows over the distance of neighboring columns, if the names have coordinates.
     pub proportion: Option<f64>,
 }
 
@@ -34,7 +34,7 @@ pub(crate) fn is_auxiliary(name: &str) -> bool {
     name.starts_with("gt_") || ["thumb", "depth", "disp", "mask", "normal", "preview"].iter().any(|w| name.contains(w))
 }
 
-/// Whether `name` is what `pattern` means, in which `*` stands for anything.
+/// Returns true if `name` matches `pattern`, in which `*` matches any text.
 pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     match pattern.split_once('*') {
         None => pattern == name,
@@ -45,28 +45,28 @@ pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     }
 }
 
-/// Names that differ in their numbers alone.
+/// Names that differ only in their numbers.
 struct Family<'a> {
     names: Vec<Name<'a>>,
     bytes: u64,
 }
 
-/// One way to read a family's numbers.
+/// One interpretation of the numbers of a family.
 struct Reading {
-    /// The numbers (from 0) that are row and column, or the running number alone.
+    /// The indices (from 0) of the numbers that are row and column, or of the running number alone.
     fields: Vec<usize>,
-    /// Their values, one a line of the grid.
+    /// The values of each of these numbers, one per line of the grid.
     lines: Vec<Vec<f64>>,
-    /// For each name, the line of each.
+    /// For each name, the line of each of these numbers.
     at: Vec<Vec<usize>>,
-    /// Smaller is more likely: consecutive numbers, whole numbers, coordinates.
+    /// Smaller values are more likely: 0 consecutive numbers, 1 whole numbers, 2 coordinates.
     kind: u8,
 }
 
-/// Finds the views among `names`; `stated` is a grid (rows, columns) and `files` a pattern that a file beside them states.
+/// Finds the views among `names`. A settings file may state a grid `stated` (rows, columns) and a pattern `files`.
 ///
 /// # Errors
-/// [`SceneError::Empty`], [`SceneError::NotAGrid`], [`SceneError::MissingView`].
+/// [`SceneError::Empty`], [`SceneError::NotAGrid`] or [`SceneError::MissingView`].
 pub(crate) fn arrange(
     folder: &Path,
     names: &[Named],
@@ -78,7 +78,7 @@ pub(crate) fn arrange(
     if pictures.is_empty() && files.is_some() {
         return Err(not_a_grid(reason!("no-such-pictures", "no picture is called {}", files.unwrap_or_default())));
     }
-    // Numbers with sign and point first; where they make no grid, digits alone.
+    // Numbers with sign and decimal point come first. If they make no grid, digits alone count.
     let mut first = None;
     for signed in [true, false] {
         match family(&pictures, signed).map(|family| family.map(|f| f.arrange(folder, stated))) {
@@ -91,7 +91,7 @@ pub(crate) fn arrange(
     Err(first.unwrap_or(SceneError::Empty { folder: folder.display().to_string() }))
 }
 
-/// The pictures that may be views.
+/// Returns the pictures that may be views.
 fn pictures<'a>(names: &'a [Named], files: Option<&str>) -> Vec<&'a Named> {
     let wanted = |(name, _): &&Named| is_picture(name) && files.is_none_or(|pattern| matches(pattern, name));
     let mut pictures: Vec<&Named> = names.iter().filter(wanted).collect();
@@ -101,10 +101,10 @@ fn pictures<'a>(names: &'a [Named], files: Option<&str>) -> Vec<&'a Named> {
     pictures
 }
 
-/// All pictures among `names` in the order of the numbers in their names, of which there must be `count`.
+/// Returns the pictures among `names` in the order of the numbers in their names. There must be `count` of them.
 ///
 /// # Errors
-/// [`SceneError::NotAGrid`].
+/// [`SceneError::NotAGrid`] for another number of pictures.
 pub(crate) fn in_order(
     folder: &Path,
     names: &[Named],
@@ -115,14 +115,14 @@ pub(crate) fn in_order(
     if files.len() != count {
         let reason = reason!(
             "positions-count",
-            "positions_mm has {count} positions, but there are {} pictures: give one for each, in the order of the numbers in \
-             their names",
+            "positions_mm has {count} positions, but there are {} pictures, so give one for each, in the order of the \
+             numbers in their names",
             files.len()
         );
         return Err(SceneError::NotAGrid { folder: folder.display().to_string(), reason });
     }
     files.sort_by_cached_key(|name| natural::natural(name));
-    // Numbers below zero come first, the largest of them at the very front.
+    // Numbers below zero come first, and the largest magnitude at the very front.
     let mut read: Vec<Name> = files.iter().filter_map(|name| Name::read(name, true)).collect();
     numbers::take_signs(&mut read);
     let are_alike = read.len() == count && read.iter().all(|name| name.texts == read[0].texts);
@@ -139,7 +139,7 @@ pub(crate) fn in_order(
     })
 }
 
-/// The largest family; refused where others are as large, or where most pictures belong to none.
+/// Returns the largest family. It is refused if most pictures belong to other families or to none.
 fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>, Reason> {
     let mut families: BTreeMap<String, BTreeMap<String, Family>> = BTreeMap::new();
     let (mut read, bytes): (Vec<Name>, Vec<u64>) =
@@ -153,7 +153,7 @@ fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>
         family.names.push(read);
         family.bytes = family.bytes.saturating_add(bytes);
     }
-    // The same views as PNG and as JPEG: the larger files are the better ones.
+    // If the same views exist as PNG and as JPEG, the larger files are better.
     let best = |ends: BTreeMap<String, Family<'a>>| ends.into_values().max_by_key(|f| (f.names.len(), f.bytes));
     let mut families: Vec<Family> = families.into_values().filter_map(best).collect();
     families.sort_by_key(|f| std::cmp::Reverse(f.names.len()));
@@ -167,8 +167,8 @@ fn family<'a>(pictures: &[&'a Named], signed: bool) -> Result<Option<Family<'a>>
         let pattern = if start.is_empty() { "PATTERN*".into() } else { format!("{start}*") };
         return Err(reason!(
             "several-names",
-            "{} pictures are named in several ways, {count} like {one}, others like {second}: \
-             `files = \"{pattern}\"` in lightfield.toml says which are the views; if all are views, rename them, as in view_0_0.png",
+            "{} pictures are named in several ways, {count} like {one}, others like {second}. Select the views by \
+             `files = \"{pattern}\"` in lightfield.toml. If all are views, rename them, as in view_0_0.png",
             count + others
         ));
     }
@@ -183,7 +183,8 @@ impl Family<'_> {
             .filter(|&k| self.names.iter().any(|n| n.numbers[k].value != self.names[0].numbers[k].value))
             .collect();
         let mut pairs = self.pairs(&changing);
-        // Most views of a grid without doubles first, then the likeliest numbers, then the first of them.
+        // The order is the fullest grid without duplicates, then the most likely kind of numbers, then the first
+        // numbers.
         pairs.sort_by(|a, b| b.fill(count).total_cmp(&a.fill(count)).then(a.kind.cmp(&b.kind)));
         let fits = |r: &&Reading| r.fill(count) == 1.0 && stated.is_none_or(|g| g == r.grid());
         if let Some(pair) = pairs.iter().find(fits) {
@@ -217,17 +218,17 @@ impl Family<'_> {
         Err(not_a_grid(self.why_not(&changing)))
     }
 
-    /// Why numbers without a reading make no grid.
+    /// Returns the reason why numbers without an interpretation make no grid.
     fn why_not(&self, changing: &[usize]) -> Reason {
         let count = self.names.len();
         let [first, last] = [&self.names[0], &self.names[count - 1]].map(|n| n.name);
-        let says = |pattern: &str| format!("`files = \"{pattern}\"` in lightfield.toml says which are the views");
+        let says = |pattern: &str| format!("Select the views by `files = \"{pattern}\"` in lightfield.toml");
         for (i, one) in self.names.iter().enumerate() {
             if let Some(other) = self.names[..i].iter().find(|other| one.same(other)) {
                 return reason!("same-number", "{} and {} have the same number", other.name, one.name);
             }
         }
-        // Several light fields in one folder?
+        // The folder may have several light fields.
         let sets = |&k: &usize| {
             let mut sets: BTreeMap<u64, usize> = BTreeMap::new();
             self.names.iter().for_each(|n| *sets.entry(n.numbers[k].value.to_bits()).or_default() += 1);
@@ -236,17 +237,17 @@ impl Family<'_> {
         };
         if let Some((k, (sets, size))) = changing.iter().find_map(|k| Some((*k, sets(k)?))) {
             let says = says(&self.names[0].with_same(k, changing));
-            return reason!("several-sets", "{count} pictures ({first} to {last}) are {sets} sets of {size}: {says}");
+            return reason!("several-sets", "{count} pictures ({first} to {last}) are {sets} sets of {size}. {says}");
         }
         reason!(
             "no-grid",
-            "the numbers in the names of {count} pictures ({first} to {last}) fill none, neither as row and column nor as a \
-             running number: {}, `grid` their rows and columns",
+            "the numbers in the names of {count} pictures ({first} to {last}) fill no grid, neither as row and column \
+             nor as a running number. {}, and state their rows and columns by `grid`",
             says("PATTERN*")
         )
     }
 
-    /// Readings as row and column, in the order of the numbers; without doubles.
+    /// Returns the interpretations as row and column without duplicates, in the order of the numbers.
     fn pairs(&self, changing: &[usize]) -> Vec<Reading> {
         let mut found = Vec::new();
         for (i, &row) in changing.iter().enumerate() {
@@ -259,7 +260,7 @@ impl Family<'_> {
                 found.extend(self.reading(fields));
             }
         }
-        // One row, or one column: a number that never changes beside one that does.
+        // This is one row or one column, with a number that never changes next to one that changes.
         if let [only] = changing[..] {
             let same = |k: usize| {
                 let (a, b) = (&self.names[0].numbers[k], &self.names[0].numbers[only]);
@@ -279,11 +280,11 @@ impl Family<'_> {
         found.into_iter().next()
     }
 
-    /// The lines of these numbers; none where two names would stand in one place.
+    /// Returns the lines of these numbers. It returns `None` if two names would have the same place.
     fn reading(&self, fields: Vec<usize>) -> Option<Reading> {
         let values = |&k: &usize| self.names.iter().map(|n| n.numbers[k].value).collect::<Vec<_>>();
         let whole = fields.iter().all(|&k| self.names.iter().all(|n| n.numbers[k].whole));
-        // Coordinates scatter around the lines of a grid, not along a row.
+        // Coordinates scatter around the lines of a grid, but not along a row.
         let exact = whole || fields.len() == 1;
         let (lines, places): (Vec<_>, Vec<_>) = fields.iter().map(|k| numbers::lines(&values(k), exact)).unzip();
         let at: Vec<Vec<usize>> =
@@ -311,7 +312,7 @@ impl Family<'_> {
         SceneError::MissingView { file, rows, columns }
     }
 
-    /// A grid by row and column; lines may skip numbers, but evenly.
+    /// Makes a grid by row and column. Its lines may skip numbers, but only evenly.
     fn grid(
         &self,
         folder: &Path,
@@ -320,7 +321,7 @@ impl Family<'_> {
         changing: &[usize],
     ) -> Result<Arrangement, SceneError> {
         let grid = pair.grid();
-        // A grid that is stated takes the lines as evenly spaced, whatever their numbers are.
+        // A stated grid takes the lines as evenly spaced, whatever their numbers are.
         for k in 0..if stated.is_some() { 0 } else { 2 } {
             if numbers::is_uneven(&pair.lines[k], pair.kind < 2) {
                 let [y, x] = [0, 1].map(|k| pair.lines[k].clone());
@@ -339,8 +340,8 @@ impl Family<'_> {
                 folder: folder.display().to_string(),
                 reason: reason!(
                     "grid-or-sequence",
-                    "{} x {} views, or {few} light fields of {side} x {side}: `grid` in lightfield.toml says the one, \
-                     `files = \"PATTERN*\"` the other",
+                    "{} x {} views, or {few} light fields of {side} x {side}. State `grid` in lightfield.toml for the \
+                     views, or `files = \"PATTERN*\"` for one of the light fields",
                     grid[0],
                     grid[1]
                 ),
@@ -357,15 +358,15 @@ impl Family<'_> {
         Ok(Arrangement { grid, files: self.in_order(pair), how, proportion, ..Arrangement::default() })
     }
 
-    /// The names in the order of their places.
+    /// Returns the names in the order of their places.
     fn in_order(&self, reading: &Reading) -> Vec<String> {
         let mut order: Vec<usize> = (0..self.names.len()).collect();
         order.sort_by_key(|&i| &reading.at[i]);
         order.into_iter().map(|i| self.names[i].name.to_owned()).collect()
     }
 
-    /// Distance of rows over that of columns by the coordinates in the names: a number that changes with the row alone, and
-    /// one that changes with the column alone, not whole both.
+    /// Returns the distance of rows over the distance of columns, by the coordinates in the names. One number must
+    /// change with the row alone and another with the column alone, and neither may be whole everywhere.
     fn proportion(&self, pair: &Reading, changing: &[usize]) -> Option<f64> {
         let pitch = |axis: usize, k: usize| {
             let values: Vec<f64> = self.names.iter().map(|n| n.numbers[k].value).collect();
@@ -382,7 +383,7 @@ impl Family<'_> {
         Some(rows? / columns?)
     }
 
-    /// One row of cameras by the coordinates in the names.
+    /// Makes one row of cameras by the coordinates in the names.
     fn row(&self, folder: &Path, row: &Reading, stated: Option<[usize; 2]>) -> Result<Arrangement, SceneError> {
         let files = self.in_order(row);
         let (count, numbers) = (files.len(), &row.lines[0]);
@@ -442,8 +443,9 @@ impl Family<'_> {
         let name = |n: f64| self.names[0].with(&running.fields, &[n], &self.names);
         let before = if first >= step { format!("{} or ", name(first - step)) } else { String::new() };
         let doubt = format!(
-            "{count} views ({ends}) are not a square; {side} x {side} would be {}: is {before}{} missing? \
-             (a lightfield.toml can state `grid = [rows, columns]`, or `focus_mm` and `aperture_mm` of a focal stack)",
+            "{count} views ({ends}) are not a square, and {side} x {side} would be {}. If {before}{} is missing, add \
+             it. Otherwise state `grid = [rows, columns]` in lightfield.toml, or `focus_mm` and `aperture_mm` of a \
+             focal stack",
             side * side,
             name(last + step)
         );
@@ -457,18 +459,19 @@ impl Reading {
         [self.lines[0].len(), self.lines[1].len()]
     }
 
-    /// Share of the grid that is there.
+    /// Returns the share of the places in the grid that have a view.
     fn fill(&self, count: usize) -> f64 {
         count as f64 / self.lines.iter().map(|l| l.len() as f64).product::<f64>()
     }
 }
 
-/// The refusal of views in a row whose numbers are not evenly spaced.
+/// Refuses views in a row whose numbers are not evenly spaced.
 fn uneven(count: usize, ends: &str, numbers: &[f64]) -> Reason {
     reason!(
         "uneven",
-        "the numbers of {count} views ({ends}) are not evenly spaced: state `grid = [rows, columns]` in lightfield.toml if the \
-         views are, or `positions_mm = {numbers:?}` if the numbers are positions in millimeters of cameras in a row"
+        "the numbers of {count} views ({ends}) are not evenly spaced. State `grid = [rows, columns]` in \
+         lightfield.toml if the views are, or `positions_mm = {numbers:?}` if the numbers are positions in \
+         millimeters of cameras in a row"
     )
 }
 

@@ -74,7 +74,7 @@ fn what_is_missing_is_named() {
     assert_eq!(ErrorData::of(&found(&twice).unwrap_err()).code, "not-a-grid/same-number");
 }
 
-/// A minus between a letter and a number is a sign beside names that have none there, and else separates.
+/// A minus between a letter and a number is a sign if other names have none there. Otherwise it separates.
 #[test]
 fn signs_behind_letters_are_read() {
     let at = [-20, -10, 0, 10, 20];
@@ -88,7 +88,7 @@ fn signs_behind_letters_are_read() {
         assert_eq!(placed(&names), ([rows, 5], names));
     }
     assert_eq!(placed(&grid_of(1, 4, |_, c| format!("view-{c}.png"))).1[0], "view-0.png");
-    // Cameras in the order of their numbers, as positions are.
+    // Cameras are in the order of their numbers, like positions.
     let names = ["x-8.png", "x-6.png", "x1.png", "x3.png", "x10.png"].map(String::from);
     let named: Vec<Named> = names.iter().rev().map(|name| (name.clone(), 1)).collect();
     assert_eq!(in_order(Path::new("f"), &named, 5, None).unwrap().files, names);

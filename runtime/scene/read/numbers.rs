@@ -1,38 +1,39 @@
-//! The numbers in a file's name, and the lines of a grid that such numbers fall into.
+//! Reads the numbers in file names, and groups them into the lines of a grid.
 
 use std::collections::BTreeMap;
 
-/// A number as a name has it.
+/// A number as it is in a name.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Number {
     pub value: f64,
-    /// Digits before the point, without the sign.
+    /// Digits before the decimal point, without the sign.
     pub digits: usize,
-    /// Whether a plus stands before it.
+    /// True if a plus sign precedes it.
     pub plus: bool,
-    /// Whether it has no point.
+    /// True if it has no decimal point.
     pub whole: bool,
-    /// Its letters in the name.
+    /// Byte range of the number in the name.
     pub place: std::ops::Range<usize>,
 }
 
-/// A file's name: numbers, and the text around them.
+/// A file name, split into its numbers and the text around them.
 #[derive(Debug, Clone)]
 pub(crate) struct Name<'a> {
     pub name: &'a str,
-    /// One more than there are numbers.
+    /// The texts around the numbers, one more than there are numbers.
     pub texts: Vec<String>,
     pub numbers: Vec<Number>,
-    /// What follows the last point, in small letters.
+    /// The file extension in lower case.
     pub end: String,
 }
 
-/// Numbers of a name beyond this make no grid.
+/// Names with more numbers than this are not views.
 const NUMBERS: usize = 12;
 
 impl<'a> Name<'a> {
-    /// Reads the numbers of a name: runs of digits, or, where `signed`, with a point between digits and a sign that follows
-    /// no digit, nor a letter unless there is a point. None where there is no number, or one too long to be one.
+    /// Reads the numbers of a name, which are runs of digits. If `signed` is true, a number may have a decimal point
+    /// between digits, and a sign that does not follow a digit. The sign may follow a letter only if the number has a
+    /// decimal point. Returns `None` if there is no number, or if one is too long.
     pub fn read(name: &'a str, signed: bool) -> Option<Self> {
         let (stem, end) = name.rsplit_once('.')?;
         let bytes = stem.as_bytes();
@@ -42,7 +43,7 @@ impl<'a> Name<'a> {
         while i < bytes.len() {
             let alone = i == 0 || !(bytes[i - 1].is_ascii_alphanumeric() || bytes[i - 1] >= 0x80);
             let after = behind_digits(i + 1);
-            // Behind a letter only before a number with a point: view-3 is 3, y-4.5 is -4.5.
+            // A sign follows a letter only before a number with a decimal point: view-3 is 3, y-4.5 is -4.5.
             let decimal = bytes.get(after) == Some(&b'.') && digit(after + 1) && i > 0 && !digit(i - 1);
             let sign = signed && matches!(bytes[i], b'-' | b'+') && digit(i + 1) && (alone || decimal);
             if !sign && !digit(i) {
@@ -56,7 +57,7 @@ impl<'a> Name<'a> {
             if point {
                 i = behind_digits(i + 1);
             }
-            // Beyond this, whole numbers of float64 are not told apart.
+            // Above this number of digits, float64 does not distinguish whole numbers.
             if digits > 15 || numbers.len() == NUMBERS {
                 return None;
             }
@@ -74,12 +75,13 @@ impl<'a> Name<'a> {
         (!numbers.is_empty()).then(|| Self { name, texts, numbers, end: end.to_ascii_lowercase() })
     }
 
-    /// Whether the numbers are all the same.
+    /// Returns true if the numbers of both names are all equal.
     pub fn same(&self, other: &Self) -> bool {
         self.numbers.iter().zip(&other.numbers).all(|(a, b)| a.value == b.value)
     }
 
-    /// A pattern for the names that have the same number `k`, whatever those of the others that are `changing`.
+    /// Returns a pattern for the names that have the same number `k`, with any values of the other numbers that are
+    /// `changing`.
     pub fn with_same(&self, k: usize, changing: &[usize]) -> String {
         let mut pattern = String::new();
         for (i, number) in self.numbers[..=k].iter().enumerate() {
@@ -90,7 +92,8 @@ impl<'a> Name<'a> {
         pattern + &self.name[self.numbers[k].place.end..][..self.texts[k + 1].len()] + if is_last { ".*" } else { "*" }
     }
 
-    /// The name with these values for these numbers, as `family` writes them; a star for others that change.
+    /// Returns the name with these values for these numbers, written in the format of `family`. Other numbers that
+    /// change become a star.
     pub fn with(&self, fields: &[usize], values: &[f64], family: &[Name]) -> String {
         let mut name = self.texts[0].clone();
         for (k, number) in self.numbers.iter().enumerate() {
@@ -110,8 +113,8 @@ impl<'a> Name<'a> {
     }
 }
 
-/// Takes a minus or plus between a letter and a number for its sign if other names have another or none in that place: beside x10,
-/// x-20 is -20. Where every name has the same, it separates.
+/// Treats a minus or plus between a letter and a number as its sign if other names have another sign or none in that
+/// place. Next to x10, x-20 is -20. If every name has the same character, it separates.
 pub(crate) fn take_signs(names: &mut [Name]) {
     const SIGNS: [char; 2] = ['-', '+'];
     let is_after_letter = |text: &str| text.strip_suffix(SIGNS).is_some_and(|rest| rest.ends_with(char::is_alphabetic));
@@ -141,7 +144,8 @@ pub(crate) fn take_signs(names: &mut [Name]) {
     }
 }
 
-/// Whether the words before two numbers say that the first is the column: x and y, c and r, column and row, u and v, s and t.
+/// Returns true if the words before two numbers show that the first is the column: x and y, c and r, column and row, u
+/// and v, s and t.
 pub(crate) fn is_column_first(name: &Name, first: usize, second: usize) -> bool {
     let word = |k: usize| {
         let text = name.texts[k].trim_end_matches(|c: char| !c.is_alphabetic()).to_lowercase();
@@ -152,8 +156,8 @@ pub(crate) fn is_column_first(name: &Name, first: usize, second: usize) -> bool 
     pairs.contains(&(word(first).as_str(), word(second).as_str()))
 }
 
-/// The different values in ascending order, and for each value which of them it is. Coordinates that are measured scatter
-/// around their line: what lies closer than a third of the widest distance is one.
+/// Returns the distinct values in ascending order, and for each value its index among them. Measured coordinates
+/// scatter around their line, so values that are closer than a third of the widest distance are one line.
 pub(crate) fn lines(values: &[f64], whole: bool) -> (Vec<f64>, Vec<usize>) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -172,8 +176,8 @@ pub(crate) fn lines(values: &[f64], whole: bool) -> (Vec<f64>, Vec<usize>) {
     (groups.iter().map(|g| g.iter().sum::<f64>() / g.len() as f64).collect(), at)
 }
 
-/// The step between whole numbers in ascending order: the largest that divides all differences. None if there are
-/// fewer than two.
+/// Returns the step between whole numbers in ascending order, which is the largest number that divides all differences.
+/// It returns `None` if there are fewer than two numbers.
 pub(crate) fn stride(numbers: &[f64]) -> Option<f64> {
     let divisor = |mut a: u64, mut b: u64| {
         while b > 0 {
@@ -185,7 +189,8 @@ pub(crate) fn stride(numbers: &[f64]) -> Option<f64> {
     (step >= 1.0 && numbers.len() > 1).then_some(step)
 }
 
-/// Whether values in ascending order lie apart by no common step: as many are missing as are there.
+/// Returns true if values in ascending order have no common step, which means that at least half of the values would be
+/// missing.
 pub(crate) fn is_uneven(lines: &[f64], whole: bool) -> bool {
     let least = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
     let step = if whole { stride(lines).unwrap_or(1.0) } else { least };
@@ -196,7 +201,7 @@ pub(crate) fn is_uneven(lines: &[f64], whole: bool) -> bool {
     all >= 2.0 * lines.len() as f64
 }
 
-/// The first value that is missing among evenly spaced ones; coordinates are even within half a step.
+/// Returns the first missing value among evenly spaced ones. Coordinates may deviate by half a step.
 pub(crate) fn gap(lines: &[f64], whole: bool) -> Option<f64> {
     let least = lines.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
     let step = if whole { stride(lines).unwrap_or(least) } else { least };

@@ -1,37 +1,38 @@
-//! What the pictures show of the order of the views, and what follows from it.
+//! Determines the order of the views from the pictures, and checks the stated order.
 
 use crate::synthesis::parallax::Parallax;
 use crate::{Order, SceneError};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// What the pictures say of the order.
+/// The order of the views that the pictures show.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum OrderFound {
-    /// It is that of the names, as far as the pictures tell.
+    /// The order of the names, as far as the pictures show it.
     AsNamed,
-    /// It is that of the names or its opposite along both axes, which exchanges near and far: too little covers anything.
+    /// The order of the names or its opposite along both axes, which exchanges near and far. Too little content covers
+    /// other content.
     AsNamedOrReversed,
-    /// They show nothing: nothing moves, or too little.
+    /// The pictures show nothing, because nothing or too little moves.
     Unknown,
-    /// It is another.
+    /// The pictures show another order.
     Other {
-        /// What would read the views right; two where the pictures leave it open.
+        /// The orders that would read the views correctly, two if the pictures leave it open.
         orders: Vec<Order>,
-        /// What is seen, for people.
+        /// The evidence, for people.
         reason: Reason,
     },
 }
 
-/// From what the views show.
+/// Determines the order from the parallax of the views.
 pub(crate) fn judge(found: &Parallax) -> OrderFound {
     let Some(transposed) = found.transposed else { return OrderFound::Unknown };
     let disagree = found.disagree == Some(true);
-    // The axis that the comparison turned is the one the names call rows.
+    // The comparison turned the axis that the names call rows.
     let turned = |rows: bool| Order { transpose: transposed, flip_rows: rows, flip_columns: !rows };
     let both = |flip: bool| Order { transpose: transposed, flip_rows: flip, flip_columns: flip };
-    // Views of one axis alone have nothing that could disagree.
+    // Views along one axis alone cannot disagree.
     let untold = found.disagree.is_none() && found.apart.iter().all(|a| a.is_finite());
     if untold && !transposed {
         return OrderFound::Unknown;
@@ -51,19 +52,19 @@ pub(crate) fn judge(found: &Parallax) -> OrderFound {
         seen.push("from column to column content moves along the pictures' columns of pixels, not along their rows");
     }
     if disagree {
-        seen.push("columns and rows of views contradict each other: along one of them near content moves as far content should");
+        seen.push("columns and rows of views contradict each other, because along one of them near moves like far");
     } else if found.near_covers == Some(false) {
-        seen.push("what moves as far content should covers what moves as near content should");
+        seen.push("content that moves like far content covers content that moves like near content");
     }
-    OrderFound::Other { orders, reason: Reason::new("moves-otherwise", seen.join("; ")) }
+    OrderFound::Other { orders, reason: Reason::new("moves-otherwise", seen.join(", and ")) }
 }
 
-/// Pixels by which what is measured may lie outside of what is stated, and by which it clearly does.
+/// Pixels by which the measured range may be outside the stated range, and pixels by which it clearly is outside.
 const WITHIN: f64 = 0.25;
 const OUTSIDE: f64 = 1.0;
 
-/// Where what covers what tells nothing, from disparities: the opposite order turns the `measured` ones round, and the `stated` ones
-/// may have room for one of both alone.
+/// Determines the order from disparities if occlusion shows nothing. The opposite order reverses the sign of the
+/// `measured` disparities, and the `stated` range may include only one of the two.
 pub(crate) fn by_depths(stated: [f64; 2], measured: [f64; 2]) -> OrderFound {
     let outside = |[low, high]: [f64; 2]| (stated[0] - low).max(high - stated[1]);
     match (outside(measured), outside([-measured[1], -measured[0]])) {
@@ -72,27 +73,30 @@ pub(crate) fn by_depths(stated: [f64; 2], measured: [f64; 2]) -> OrderFound {
             orders: vec![Order { transpose: false, flip_rows: true, flip_columns: true }],
             reason: reason!(
                 "near-moves-as-far",
-                "what should be near by the depths that are stated moves as far content does, and the other way round"
+                "content that is near by the stated depths moves like far content, and far content moves like near \
+                 content"
             ),
         },
         _ => OrderFound::AsNamedOrReversed,
     }
 }
 
-/// Says what the pictures do not tell of an order that nothing states.
+/// Logs what the pictures do not show about an order that nothing states.
 pub(crate) fn say(folder: &str, found: &OrderFound) {
     match found {
         OrderFound::AsNamed | OrderFound::Other { .. } => {}
         OrderFound::AsNamedOrReversed => tracing::info!(
-            "{folder}: the pictures do not tell near from far: the views stand as named (state the order flip-rows,flip-columns if not)"
+            "{folder}: near and far look the same in the pictures, so the names count (state the order \
+             flip-rows,flip-columns if wrong)"
         ),
         OrderFound::Unknown => {
-            tracing::info!("{folder}: the pictures do not tell the order: as named (state the order if not)")
+            tracing::info!("{folder}: the pictures do not show the order, so the names count (state it if wrong)")
         }
     }
 }
 
-/// Refuses views whose pictures clearly show another order than that in which they come: `in_a_folder`, or in an array.
+/// Refuses views whose pictures clearly show an order other than their present one. `in_a_folder` is false for an
+/// array.
 pub(crate) fn check(scene: &str, found: &OrderFound, in_a_folder: bool) -> Result<(), SceneError> {
     let OrderFound::Other { orders, reason } = found else { return Ok(()) };
     let flags = orders.iter().map(|o| format!("`order` {o}")).collect::<Vec<_>>().join(" or ");
@@ -100,12 +104,12 @@ pub(crate) fn check(scene: &str, found: &OrderFound, in_a_folder: bool) -> Resul
     Err(SceneError::Order { folder: scene.into(), reason: reason.clone(), flags, keys })
 }
 
-/// What the pictures say of the order that is stated, or in which they come. A stated one stays: a warning says where the pictures
-/// contradict it.
+/// Returns the order that the pictures show, against the stated order or the order in which the views come. A stated
+/// order stays, and a warning states the contradiction in the pictures.
 pub(crate) fn found(name: &str, parallax: Option<&Parallax>, is_stated: bool) -> OrderFound {
     match parallax.map_or(OrderFound::Unknown, judge) {
         OrderFound::Other { reason, .. } if is_stated => {
-            tracing::warn!("{name}: the order of the views is as stated, though in it {reason}");
+            tracing::warn!("{name}: the pictures contradict the stated order of the views, because {reason}");
             OrderFound::Unknown
         }
         found => found,

@@ -1,7 +1,8 @@
-//! Views of cameras that stand anywhere: closer views on a grid are made of them.
+//! Makes views on a grid from cameras at any positions.
 //!
-//! How far content moves per meter is measured by patches of the view in the middle, each found again in the views around it. Fourier
-//! disparity layers (OPTICS 14) explain all views at their positions, and show the views of a grid that lies between them.
+//! Patches of the central view are found again in the views around it, which measures how far content moves per meter.
+//! Fourier disparity layers (OPTICS 14) explain all views at their positions, and give the views of a grid between
+//! them.
 
 use crate::depth::neighbors::{Found, Patches};
 use crate::light_field::cameras::Positions;
@@ -11,37 +12,39 @@ use eyebox_base::memory;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// Views along an axis that are made: at least, and at most.
+/// Smallest and largest number of views along an axis.
 const VIEWS: [usize; 2] = [3, 9];
-/// Patches that decide, at least, and those that agree at an end of the depths.
+/// Fewest patches that decide, and fewest that must agree at an end of the depths.
 const LEAST: usize = 8;
 const ENDS: usize = 2;
-/// Views around the one in the middle that patches are sought in, and the nearest of them, by which their movement is measured.
+/// Views around the central one in which patches are searched, and the nearest of them, which measure the movement.
 const AROUND: usize = 24;
 const NEAREST: usize = 8;
-/// The movement of a patch is explained by its camera's position if it leaves no larger share of its squares, or pixels.
+/// The position of a camera explains the movement of a patch if it leaves at most this share of the squared movement,
+/// or at most this error in pixels.
 const EXPLAINED: f64 = 0.1;
 const PIXELS: f64 = 0.75;
 /// Positions are right if they explain this share of the patches that move.
 const RIGHT: f64 = 0.6;
-/// A patch moves as other positions say if these leave no larger share of what the stated ones leave, which is more than as many pixels.
+/// A patch moves as other positions predict if their residual is at most this share of the stated positions' residual.
+/// The stated residual must exceed this number of pixels.
 const CLEARLY: [f64; 2] = [0.5, 0.25];
-/// A view that is left out should be shown so well, dB.
+/// Lowest accuracy of the layers for a view that is left out, dB.
 const ENOUGH: f64 = 25.0;
 
 /// Views on a grid, and how they were made.
 pub(crate) struct Resampled {
     pub field: LightField,
     pub how: String,
-    /// What the pictures show against the positions.
+    /// The contradiction between the pictures and the positions.
     pub cameras: Option<CamerasFound>,
 }
 
-/// Makes the views of a grid of those that stand at `positions`, whose pictures have `own` rows and columns.
+/// Makes the views of a grid from views at `positions`, whose pictures have `own` rows and columns.
 ///
 /// # Errors
-/// [`SceneError::Settings`] if there are more or fewer views; [`SceneError::Depth`] if depths are neither stated nor measured;
-/// [`SceneError::Memory`].
+/// [`SceneError::Settings`] for another number of views. [`SceneError::Depth`] if depths are neither stated nor
+/// measured. [`SceneError::Memory`] if there is not enough memory.
 pub(crate) fn resampled(
     place: &Path,
     field: LightField,
@@ -54,12 +57,12 @@ pub(crate) fn resampled(
     if all.len() != count {
         let reason = reason!(
             "positions-count",
-            "positions_mm has {} positions, but there are {count} views: give one for each",
+            "positions_mm has {} positions, but there are {count} views, so give one for each",
             all.len()
         );
         return Err(SceneError::Settings { file: place.display().to_string(), reason });
     }
-    // Around the middle of all.
+    // The origin is the center of all positions.
     let ends = |k: usize| all.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
     let [x, y] = [0, 1].map(ends);
     let all: Vec<[f64; 2]> = all.iter().map(|p| [p[0] - 0.5 * (x[0] + x[1]), p[1] - 0.5 * (y[0] + y[1])]).collect();
@@ -70,7 +73,7 @@ pub(crate) fn resampled(
     let misplaced = measured.explained < RIGHT || measured.otherwise;
     let cameras = misplaced.then_some(CamerasFound::Misplaced((100.0 * measured.explained) as u8));
     if cameras.is_some() {
-        let how = format!("; {count} cameras at positions of their own, which the pictures contradict");
+        let how = format!(", {count} cameras at positions of their own, which the pictures contradict");
         return Ok(Resampled { field, how, cameras });
     }
     let depth = match request.depth.or(field.depth) {
@@ -84,7 +87,7 @@ pub(crate) fn resampled(
     let eyebox = display.eyebox_min();
     let spans = spans.map(|span| span.min(eyebox));
     let longer = spans[0].max(spans[1]);
-    // In pixels of the pictures as they are: what an enlarged picture shows is no finer.
+    // The movement is in pixels of the original pictures, because an enlarged picture shows no finer detail.
     let larger = (field.height as f64 / own[0] as f64).min(field.width as f64 / own[1] as f64).max(1.0);
     let moved = longer * (depth[1] - depth[0]) / per_pixel / larger;
     let n = (moved.ceil() as usize).clamp(VIEWS[0], VIEWS[1]);
@@ -98,49 +101,50 @@ pub(crate) fn resampled(
     let planes = (0..field.colors.len()).map(|color| layers.views(color, &places)).collect();
     let shown = layers.residual_between();
     let how = format!(
-        "; {count} cameras at positions of their own, of which {} Fourier disparity layers make {} x {} views; a view left out is \
-         shown to {shown:.1} dB",
+        ", {count} cameras at positions of their own, from which {} Fourier disparity layers make {} x {} views. They \
+         predict a view that is left out with {shown:.1} dB",
         layers.count(),
         grid.rows,
         grid.columns
     );
     if shown < ENOUGH {
         tracing::warn!(
-            "{}: the other views show one that is left out to {shown:.1} dB only: positions_mm or the depths may be wrong, or cameras \
-             stand too far apart",
+            "{}: the other views predict one that is left out with {shown:.1} dB only. Check positions_mm and the \
+             depths, or place cameras closer to each other",
             place.display()
         );
     }
     Ok(Resampled { field: field.with_made(grid, planes, depth), how, cameras })
 }
 
-/// What patches show.
+/// The result of the comparison of patches.
 struct Rates {
-    /// Smallest and largest movement per meter, pixels of the light field.
+    /// Smallest and largest movement per meter, in pixels of the light field.
     range: Option<[f64; 2]>,
-    /// Share of the patches that move as the positions say, 1 where nothing moves.
+    /// Share of the patches that move as the positions predict. It is 1 if nothing moves.
     explained: f64,
-    /// Whether mirrored or exchanged axes explain the movements clearly better.
+    /// True if mirrored or exchanged axes explain the movements clearly better.
     otherwise: bool,
-    /// Per cent of the patches that are found again.
+    /// Percentage of the patches that are found again.
     percent: u8,
 }
 
-/// A camera's place beside the one in the middle, meters, and by how many pixels a patch moves there.
+/// The position of a camera relative to the central one in meters, and the movement of a patch there in pixels.
 type Move = ([f64; 2], [f64; 2]);
 
-/// The movement per meter that fits best, and the squares that it leaves. Content that is near moves against the camera.
+/// Returns the movement per meter that fits best, and the sum of squares of its residual. Near content moves against
+/// the camera.
 fn fitted(moves: &[Move]) -> (f64, f64) {
     let squares: f64 = moves.iter().map(|(q, _)| q[0] * q[0] + q[1] * q[1]).sum();
     let rate = -moves.iter().map(|(q, m)| q[0] * m[0] + q[1] * m[1]).sum::<f64>() / squares.max(1e-18);
     (rate, moves.iter().map(|(q, m)| (m[0] + rate * q[0]).powi(2) + (m[1] + rate * q[1]).powi(2)).sum())
 }
 
-/// Positions as they would be if an axis were mirrored, both were exchanged, or both. All of them reversed are the same, near and far
-/// exchanged.
+/// Positions with one axis mirrored, with both axes exchanged, or both. If both axes are reversed, only near and far
+/// are exchanged.
 const OTHERWISE: [fn([f64; 2]) -> [f64; 2]; 3] = [|[x, y]| [x, -y], |[x, y]| [y, x], |[x, y]| [y, -x]];
 
-/// Patches whose movements these positions explain clearly better than the stated ones do, and the other way round.
+/// Counts patches whose movements these positions explain clearly better than the stated ones, and the opposite.
 fn votes(patches: &[Vec<Move>], otherwise: fn([f64; 2]) -> [f64; 2]) -> [usize; 2] {
     let vote = |moves: &Vec<Move>| {
         let other: Vec<Move> = moves.iter().map(|(q, m)| (otherwise(*q), *m)).collect();
@@ -152,7 +156,7 @@ fn votes(patches: &[Vec<Move>], otherwise: fn([f64; 2]) -> [f64; 2]) -> [usize; 
     patches.iter().map(vote).fold([0, 0], |sum, vote| [sum[0] + vote[0], sum[1] + vote[1]])
 }
 
-/// Movements of the patches of the view in the middle.
+/// Measures the movements of the patches of the central view.
 fn rates(field: &LightField, all: &[[f64; 2]]) -> Rates {
     let nothing = Rates { range: None, explained: 1.0, otherwise: false, percent: 0 };
     let far = |p: &[f64; 2], q: &[f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);

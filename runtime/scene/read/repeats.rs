@@ -1,27 +1,28 @@
-//! How often a picture repeats along an axis, as one of many views does.
+//! Counts how often a picture repeats along an axis, as a picture of many views does.
 
 use rayon::prelude::*;
 
-/// Parts of a line.
+/// Number of parts of a line.
 const ACROSS: usize = 64;
-/// Parts of a view along the axis: coarser than what differs from view to view.
+/// Number of parts of a view along the axis. They are coarser than the differences from view to view.
 const ALONG: usize = 8;
-/// What repeats differs from one time to the next by at most this share of what it does half as far apart.
+/// A repetition differs from one period to the next by at most this share of the difference over half a period.
 const REPEATS: f64 = 0.3;
-/// What differs by at most this share may repeat, if it does so far less than one time more or less does.
+/// A difference of at most this share may be a repetition, if it is clearly smaller than with one view more or one view
+/// fewer.
 const MAY_REPEAT: f64 = 0.5;
 const CLEARLY: f64 = 0.6;
-/// Means that differ by less show nothing; full scale is 1.
+/// Means with smaller differences than this count as flat. Full scale is 1.
 const FLAT: f64 = 1e-3;
 
-/// Means of parts of a picture's lines, added up from its first line on.
+/// Cumulative sums of the means of parts of a picture's lines, from its first line on.
 pub(crate) struct Lines {
     sums: Vec<f64>,
     across: usize,
 }
 
 impl Lines {
-    /// Those of a plane of `height` x `width` values: its rows for axis 0, its columns for 1.
+    /// Returns the sums of a plane of `height` x `width` values, of its rows for axis 0 and of its columns for axis 1.
     pub(crate) fn of(plane: &[f32], [height, width]: [usize; 2], axis: usize) -> Self {
         let (n, long) = if axis == 0 { (height, width) } else { (width, height) };
         let across = ACROSS.min(long);
@@ -43,8 +44,8 @@ impl Lines {
         Self { sums, across }
     }
 
-    /// How much the picture differs from view to view if it is `count` of them, over how much it does half a view apart: far below 1 where
-    /// it is. Nothing is told by one that is flat, or too small.
+    /// Returns the difference of the picture from view to view if it has `count` views, over the difference at half a
+    /// view. It is far below 1 if the picture has this number of views, and infinite for a flat or too small picture.
     pub(crate) fn unlike(&self, count: usize) -> f64 {
         let (lines, parts) = (self.sums.len() / self.across - 1, count * ALONG);
         if count < 2 || lines < parts {
@@ -65,14 +66,15 @@ impl Lines {
         if half > FLAT { apart(ALONG) / half } else { f64::INFINITY }
     }
 
-    /// How often the picture repeats, at most `most` times; none where it does not.
+    /// Returns how often the picture repeats, at most `most` times. It returns `None` if it does not repeat.
     pub(crate) fn times(&self, most: usize) -> Option<usize> {
         let unlike: Vec<f64> = (0..=most + 1).map(|count| self.unlike(count)).collect();
-        // What repeats nine times does so three times as well; ten times it does less than nine and more than eleven.
+        // A picture that repeats nine times also repeats three times. At nine it differs less than at eight and at ten.
         (2..=most).rev().find(|&i| unlike[i] < REPEATS && unlike[i] <= unlike[i - 1].min(unlike[i + 1]))
     }
 
-    /// How often the picture may repeat, at most `most` times, though too much differs to be sure; none if nothing suggests it.
+    /// Returns how often the picture may repeat, at most `most` times, if large differences make the repetition
+    /// uncertain. It returns `None` if nothing suggests a repetition.
     pub(crate) fn doubtful(&self, most: usize) -> Option<usize> {
         let unlike: Vec<f64> = (0..=most + 1).map(|count| self.unlike(count)).collect();
         let is_clear = |&i: &usize| unlike[i] <= CLEARLY * unlike[i - 1].min(unlike[i + 1]);

@@ -1,5 +1,6 @@
-//! What a folder says about its views: `lightfield.toml`, or the `parameters.cfg` of the 4D Light Field Benchmark, or
-//! a ground-truth disparity map.
+//! Reads the settings of a folder of views from `lightfield.toml` or `parameters.cfg`.
+//!
+//! `parameters.cfg` and the ground-truth disparity map come from the 4D Light Field Benchmark.
 
 use crate::formats::options::Options;
 use crate::light_field::cameras::{FirstTile, Positions, PositionsToml};
@@ -11,75 +12,77 @@ use eyebox_optics::{check_usual_aperture, check_usual_depths, check_usual_view_p
 use serde::Deserialize;
 use std::path::Path;
 
-/// What is known of a folder's views; lengths in meters and in pixels at the views' own resolution.
+/// The stated facts about a folder's views. Lengths are in meters, and disparities in pixels of the original views.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Settings {
     pub grid: Option<[usize; 2]>,
     /// A pattern for the names of the views.
     pub files: Option<String>,
-    /// Whether every second row of a running number runs backwards, where it says so.
+    /// True if every second row of a running number runs backwards, if that is stated.
     pub serpentine: Option<bool>,
-    /// How the views really stand, where it says so.
+    /// The true order of the views, if it is stated.
     pub order: Option<Order>,
     pub view_pitch: Option<f64>,
     pub disparity: Option<[f64; 2]>,
     pub depth: Option<[f64; 2]>,
     pub tone: Tone,
-    /// Rows and columns of views in the middle that are kept.
+    /// Rows and columns of the views to use, in the middle of the grid.
     pub keep: Option<[usize; 2]>,
-    /// Rows and columns of the tiles in which one row of cameras is laid out,
+    /// Rows and columns of the tiles in which one row of cameras is laid out.
     pub tiles: Option<[usize; 2]>,
-    /// and the tile of the leftmost camera.
+    /// The tile of the leftmost camera.
     pub first: Option<FirstTile>,
-    /// Positions of the cameras.
+    /// Positions of the cameras in the pupil plane, in meters.
     pub positions: Option<Positions>,
-    /// Of a focal stack, the depth at which each picture is sharp,
+    /// Depth at which each picture of a focal stack is sharp, in meters.
     pub focus: Option<Vec<f64>>,
-    /// and the diameter of the aperture.
+    /// Diameter of the aperture of a focal stack, in meters.
     pub aperture: Option<f64>,
 }
 
-/// `lightfield.toml`: lengths in millimeters, otherwise as in [`Settings`].
+/// The contents of `lightfield.toml`, with lengths in millimeters and otherwise as in [`Settings`].
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Toml {
     /// Rows and columns of views.
     grid: Option<[usize; 2]>,
-    /// Which pictures are the views; `*` is anything; with a `/`, in the folders of the folder.
+    /// A pattern for the names of the views, in which `*` matches any text. If it has a `/`, it matches files in the
+    /// folders of the folder.
     files: Option<String>,
-    /// Whether every second row of running numbers runs backwards.
+    /// True if every second row of running numbers runs backwards.
     serpentine: Option<bool>,
-    /// Whether rows and columns of views change places.
+    /// True if rows and columns of views are exchanged.
     transpose: Option<bool>,
-    /// Whether the first row of views is the lowest.
+    /// True if the first row of views is the lowest.
     flip_rows: Option<bool>,
-    /// Whether the first column of views is the one farthest right.
+    /// True if the first column of views is the rightmost.
     flip_columns: Option<bool>,
-    /// Distance of neighbouring views in the plane of the pupil, millimeters.
+    /// Distance of neighboring views in the pupil plane, in millimeters.
     view_pitch_mm: Option<f64>,
-    /// Least and largest disparity between neighbouring views, pixels; positive is nearer.
+    /// Smallest and largest disparity between neighboring views, in pixels. Positive is nearer.
     disparity: Option<[f64; 2]>,
-    /// Least and largest depth, millimeters; positive is nearer.
+    /// Smallest and largest depth in millimeters. Positive is nearer.
     depth_mm: Option<[f64; 2]>,
-    /// How pixels stand for light: linear, or as pictures have it.
+    /// Transfer function of the stored values.
     transfer: Option<Transfer>,
     /// The stored value of white.
     full_scale: Option<f32>,
-    /// Rows and columns of views in the middle that are kept.
+    /// Rows and columns of the views to use, in the middle of the grid.
     keep: Option<[usize; 2]>,
     /// Rows and columns of the tiles in which one row of cameras is laid out.
     tiles: Option<[usize; 2]>,
     /// The tile of the leftmost camera.
     first: Option<FirstTile>,
-    /// Positions of the cameras in the pupil plane, millimeters.
+    /// Positions of the cameras in the pupil plane, in millimeters.
     positions_mm: Option<PositionsToml>,
-    /// Of a focal stack, the depth at which each picture is sharp, millimeters.
+    /// Depth at which each picture of a focal stack is sharp, in millimeters.
     focus_mm: Option<Vec<f64>>,
-    /// Of a focal stack, the diameter of the aperture, millimeters.
+    /// Diameter of the aperture of a focal stack, in millimeters.
     aperture_mm: Option<f64>,
 }
 
-/// Reads `lightfield.toml` if there is one, else `parameters.cfg`, else nothing. `names` are the folder's files.
+/// Reads `lightfield.toml` if it exists, otherwise `parameters.cfg` if that exists. `names` are the files of the
+/// folder.
 pub(crate) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneError> {
     type Parse = fn(&str) -> Result<Settings, Reason>;
     for (name, parse) in [("lightfield.toml", from_toml as Parse), ("parameters.cfg", from_cfg)] {
@@ -92,8 +95,8 @@ pub(crate) fn read(folder: &Path, names: &[String]) -> Result<Settings, SceneErr
     Ok(Settings::default())
 }
 
-/// What `lightfield.toml` beside a file of many views says of it, and what stands behind its name, which wins. One that names
-/// other `files` is of these.
+/// Returns the settings of a file of many views, from the `lightfield.toml` in its folder and the options after its
+/// name. The options take precedence. A `lightfield.toml` whose `files` exclude the file does not count.
 pub(crate) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneError> {
     const NAME: &str = "lightfield.toml";
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -104,20 +107,20 @@ pub(crate) fn beside(file: &Path, options: &Options) -> Result<Settings, SceneEr
     Ok(with(options, stated))
 }
 
-/// Settings, where what stands behind the name of a file wins.
+/// Returns the settings with the options after the name of a file, which take precedence.
 pub(crate) fn with(options: &Options, stated: Settings) -> Settings {
     let Tone { transfer, full_scale } = options.tone;
     let tone = Tone { transfer: transfer.or(stated.tone.transfer), full_scale: full_scale.or(stated.tone.full_scale) };
     Settings { grid: options.grid.or(stated.grid), tone, ..stated }
 }
 
-/// Whether a file is a map of true disparities, by its name.
+/// Returns true if a file is a map of true disparities, by its name.
 pub(crate) fn is_ground_truth(name: &str) -> bool {
     name.starts_with("gt_disp") && name.ends_with(".pfm")
 }
 
-/// The disparity range of a `gt_disp*.pfm` beside views of `size`, the `lowres` one first. A map of another size tells
-/// nothing about the views' pixels and is passed over.
+/// Returns the disparity range of a `gt_disp*.pfm` in the folder of views of `size`, with the `lowres` map first. A map
+/// of another size is ignored, because it does not describe the pixels of the views.
 pub(crate) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) -> Result<Option<[f64; 2]>, SceneError> {
     let mut maps: Vec<&String> = names.iter().filter(|name| is_ground_truth(name)).collect();
     maps.sort_by_key(|n| (!n.contains("lowres"), n.as_str()));
@@ -136,7 +139,7 @@ pub(crate) fn ground_truth(folder: &Path, names: &[String], size: [usize; 2]) ->
     Ok(None)
 }
 
-/// The most pictures of a focal stack.
+/// The largest number of pictures in a focal stack.
 const MOST_FOCUSED: usize = 64;
 
 fn focus(depths: Option<Vec<f64>>) -> Result<Option<Vec<f64>>, Reason> {
@@ -144,11 +147,11 @@ fn focus(depths: Option<Vec<f64>>) -> Result<Option<Vec<f64>>, Reason> {
     if !(2..=MOST_FOCUSED).contains(&depths.len()) || depths.iter().any(|z| !z.is_finite() || z.abs() > 1e6) {
         return Err(reason!(
             "focus-count",
-            "focus_mm is {depths:?}: it must be 2 to {MOST_FOCUSED} depths, one for each picture"
+            "focus_mm is {depths:?}, but it must be 2 to {MOST_FOCUSED} depths, one for each picture"
         ));
     }
     if depths.iter().enumerate().any(|(i, z)| depths[..i].contains(z)) {
-        return Err(reason!("focus-same", "focus_mm is {depths:?}: every picture must have another depth"));
+        return Err(reason!("focus-same", "focus_mm is {depths:?}, but each picture must have a depth of its own"));
     }
     let depths: Vec<f64> = depths.into_iter().map(|z| z * 1e-3).collect();
     let ends = depths.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| [a.min(*z), b.max(*z)]);
@@ -165,22 +168,22 @@ fn aperture(diameter: Option<f64>) -> Result<Option<f64>, Reason> {
 fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, Reason> {
     match value {
         Some([a, b]) if !(a.is_finite() && b.is_finite() && a <= b) => {
-            Err(reason!("range", "{key} is [{a}, {b}]: it must be two finite numbers, the smaller first"))
+            Err(reason!("range", "{key} is [{a}, {b}], but it must be two finite numbers, the smaller first"))
         }
         _ => Ok(value.map(|r| r.map(|v| v * unit))),
     }
 }
 
-/// The tiles that are stated, if nothing that is stated beside them contradicts them.
+/// Returns the stated tiles. Refuses other statements that contradict them.
 fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, Reason> {
     if let (Some(_), Some(_)) = (&read.positions_mm, read.tiles.or(read.grid)) {
         return Err(reason!(
             "positions-and-grid",
-            "positions_mm says where each camera stands: leave out `grid` and `tiles`"
+            "positions_mm has the position of each camera. Leave out `grid` and `tiles`"
         ));
     }
     if read.positions_mm.is_some() && (read.view_pitch_mm.is_some() || read.disparity.is_some()) {
-        let reason = "positions_mm says how far apart cameras stand: leave out `view_pitch_mm` and `disparity`";
+        let reason = "positions_mm has the distances of the cameras. Leave out `view_pitch_mm` and `disparity`";
         return Err(Reason::new("positions-and-pitch", reason));
     }
     let Some([rows, columns]) = read.tiles else { return Ok(None) };
@@ -188,7 +191,7 @@ fn cameras(read: &Toml) -> Result<Option<[usize; 2]>, Reason> {
     if count.is_none() || read.grid.is_some_and(|grid| Some(grid) != count.map(|count| [1, count])) {
         return Err(reason!(
             "tiles",
-            "tiles is [{rows}, {columns}]: it must be rows and columns of the tiles of one row of cameras, \
+            "tiles is [{rows}, {columns}], but it must be rows and columns of the tiles of one row of cameras, \
              without another `grid`"
         ));
     }
@@ -199,19 +202,19 @@ fn from_toml(text: &str) -> Result<Settings, Reason> {
     let read: Toml = eyebox_base::files::read::toml(text)?;
     if let Some(pitch) = read.view_pitch_mm {
         if !(pitch.is_finite() && pitch > 0.0) {
-            return Err(reason!("view-pitch", "view_pitch_mm is {pitch}: it must be positive"));
+            return Err(reason!("view-pitch", "view_pitch_mm is {pitch}, but it must be positive"));
         }
         check_usual_view_pitch(pitch * 1e-3).map_err(|e| reason!("view-pitch", "view_pitch_mm: {e}"))?;
     }
     if let Some([rows, columns]) = read.grid
         && (rows == 0 || columns == 0)
     {
-        return Err(reason!("grid", "grid is [{rows}, {columns}]: it must be rows and columns of at least 1"));
+        return Err(reason!("grid", "grid is [{rows}, {columns}], but it must be rows and columns of at least 1"));
     }
     if let Some(white) = read.full_scale.filter(|v| !(v.is_finite() && *v > 0.0)) {
         return Err(reason!(
             "full-scale",
-            "full_scale is {white}: it must be a positive number, the stored value of white"
+            "full_scale is {white}, but it must be a positive number, the stored value of white"
         ));
     }
     let depth = range("depth_mm", read.depth_mm, 1e-3)?;
@@ -241,7 +244,8 @@ fn from_toml(text: &str) -> Result<Settings, Reason> {
     })
 }
 
-/// The benchmark's file says much about its cameras; what matters here is the number of views and the disparities.
+/// Reads the benchmark's file. It describes its cameras in detail, and only the number of views and the disparities are
+/// needed here.
 fn from_cfg(text: &str) -> Result<Settings, Reason> {
     let number = |key: &str| -> Result<Option<f64>, Reason> {
         for (i, line) in text.lines().enumerate() {
@@ -251,7 +255,7 @@ fn from_cfg(text: &str) -> Result<Settings, Reason> {
                 let read = value.parse::<f64>().ok().filter(|v| v.is_finite());
                 return read
                     .map(Some)
-                    .ok_or_else(|| reason!("number", "line {}: {key} is {value:?}: it must be a number", i + 1));
+                    .ok_or_else(|| reason!("number", "line {}: {key} is {value:?}, but it must be a number", i + 1));
             }
         }
         Ok(None)
@@ -261,7 +265,7 @@ fn from_cfg(text: &str) -> Result<Settings, Reason> {
         Some(counts) if counts.iter().any(|&n| n.fract() != 0.0 || !(1.0..=65536.0).contains(&n)) => {
             return Err(reason!(
                 "cameras-count",
-                "num_cams_y, num_cams_x are {counts:?}: they must be whole numbers of at least 1"
+                "num_cams_y, num_cams_x are {counts:?}, but they must be whole numbers of at least 1"
             ));
         }
         counts => counts.map(|c| c.map(|n| n as usize)),
@@ -298,7 +302,7 @@ mod tests {
         }
     }
 
-    /// Millimeters as people write meters and micrometers.
+    /// Lengths in millimeters are given in meters or micrometers by mistake.
     #[test]
     fn lengths_in_another_unit_are_refused_with_what_is_probably_meant() {
         let cases = [

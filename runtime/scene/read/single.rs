@@ -1,4 +1,4 @@
-//! A single picture with a depth or disparity map.
+//! Reprojects a single picture with a depth or disparity map.
 
 use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
@@ -14,36 +14,37 @@ use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// A picture with its depths before a display, ready to be seen from anywhere in the eyebox.
+/// A picture with its depths in front of a display, for views from anywhere in the eyebox.
 pub struct Reprojection {
     name: String,
     /// The meaning of the values of the picture and of its map, in words.
     read_as: [String; 2],
     relief: Relief,
-    /// Lays the letterbox around a finished view.
+    /// Adds the letterbox around a finished view.
     place: Resize,
     size: [usize; 2],
-    /// Along each axis, over the eyebox.
+    /// Number of views along each axis over the eyebox.
     views: usize,
     cell: f64,
-    /// Smallest and largest disparity, pixels from one cell to the next.
+    /// Smallest and largest disparity, in pixels from one cell to the next.
     ends: [f64; 2],
     per_pixel: f64,
 }
 
 impl Reprojection {
-    /// The picture and its map ([`Request::depth_map`]) at the display's size.
+    /// Reads the picture and its map ([`Request::depth_map`]) and scales them to the size of the display.
     ///
     /// # Errors
-    /// [`SceneError::NoDepthMap`], [`SceneError::Ambiguous`], [`SceneError::Size`] when the map is not the picture's, [`SceneError::Request`] when the
-    /// depths displace content too far, and those of reading the files.
+    /// [`SceneError::NoDepthMap`] and [`SceneError::Ambiguous`]. [`SceneError::Size`] if the map and the picture have
+    /// different sizes. [`SceneError::Request`] if the depths displace content too far. The errors of reading the
+    /// files.
     pub fn new(path: &Path, request: &Request) -> Result<Self, SceneError> {
         request.check()?;
-        // Views are made where they are asked for: none stand too far apart.
+        // Views are made at the requested places, so none are too far apart.
         Self::with_reach(path, &Request { more_views: false, ..*request }, |views| views / 2.0)
     }
 
-    /// To be seen from no farther than `reach` cells from the middle, of so many views.
+    /// Prepares the picture for views at most `reach` cells from the middle, as a function of the number of views.
     fn with_reach(path: &Path, request: &Request, reach: impl Fn(f64) -> f64) -> Result<Self, SceneError> {
         let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
         let reversed = request.depth.is_some_and(|[a, b]| a > b);
@@ -51,7 +52,7 @@ impl Reprojection {
             return Err(SceneError::Request {
                 what: "the depth range (mm)",
                 value: format!("{:?}, nearest first", request.depth.unwrap_or_default().map(|z| z * 1e3)),
-                must: "farthest first where large or bright values are near",
+                must: "farthest first if large or bright values are near",
             });
         }
         let map = map::read(map_path, Stated { near: request.near, depth: request.depth })?;
@@ -74,7 +75,7 @@ impl Reprojection {
             tracing::info!("{}: {}", map_path.display(), map.read_as);
         }
         let display = request.display;
-        // The picture at its size on the display, without the letterbox: that is laid around the finished views.
+        // The picture has its size on the display without the letterbox, which is added around the finished views.
         let (rows, columns) = display.picture_size();
         let scale = (rows as f64 / map.height as f64).min(columns as f64 / map.width as f64);
         let [height, width] = [map.height, map.width].map(|n| ((n as f64 * scale).round() as usize).max(1));
@@ -101,11 +102,11 @@ impl Reprojection {
                 value: format!("{parallax:.1}"),
                 must: match map.meaning {
                     Meaning::Disparity => {
-                        "at most a quarter of the picture: disparities of cameras that are far apart need the depth range that they \
-                         are scaled to, as in `depth`=-3..3"
+                        "at most a quarter of the picture. Disparities of cameras that are far apart need the depth \
+                         range that they are scaled to, as in `depth`=-3..3"
                     }
                     Meaning::Relative(_) => {
-                        "at most a quarter of the picture: take a smaller depth range, or fewer or closer views"
+                        "at most a quarter of the picture. Take a smaller depth range, or fewer or closer views"
                     }
                 },
             });
@@ -124,27 +125,28 @@ impl Reprojection {
         })
     }
 
-    /// The meaning of the values of the picture and of its map, in words.
+    /// Returns the meaning of the values of the picture and of its map, in words.
     pub fn read_as(&self) -> &[String; 2] {
         &self.read_as
     }
 
-    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
+    /// Returns the pixels by which content at an end of the depths moves over `metres` meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres / self.cell * self.ends[0].abs().max(self.ends[1].abs())
     }
 
-    /// Farthest and nearest depth, meters.
+    /// Returns the farthest and the nearest depth in meters.
     pub fn depth(&self) -> [f64; 2] {
         self.ends.map(|d| d * self.per_pixel)
     }
 
-    /// Bytes that it holds.
+    /// Returns the bytes of memory in use.
     pub fn bytes(&self) -> u64 {
         self.relief.bytes()
     }
 
-    /// Views in one color from these places (x, y) of the pupil plane, meters: (row, column) of the display's picture.
+    /// Returns views in one color from these places (x, y) of the pupil plane in meters, as (row, column) of the
+    /// display's picture.
     pub fn views(&self, color: Color, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
             let view = self.relief.view((x / self.cell) as f32, (y / self.cell) as f32);
@@ -154,7 +156,7 @@ impl Reprojection {
     }
 }
 
-/// Reads the picture and its map and reprojects it to `views` x `views` at the display's size.
+/// Reads the picture and its map and reprojects it to `views` x `views` views at the size of the display.
 pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneError> {
     let from = Reprojection::with_reach(path, request, |views| (views - 1.0) / 2.0)?;
     let n = from.views;
@@ -181,11 +183,11 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
     })
 }
 
-/// Most that views which nobody asked for may take, bytes.
+/// Most bytes for views beyond the requested number.
 const MEMORY: u64 = 2 << 30;
 
-/// Views along each axis of which neighbors part by no more than a pixel over this range of depths (meters), as far as memory
-/// allows; no fewer than are asked for. Says how many.
+/// Returns the views along each axis with which content moves at most one pixel between neighbors over this range of
+/// depths (meters), as far as memory allows. It is never below the requested number, and a log line has the number.
 fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
     let display = request.display;
     let over_eyebox = display.eyebox_min() / (display.focal_length * display.picture_pixel());
@@ -194,18 +196,17 @@ fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize 
         return request.views;
     }
     let (height, width) = display.picture_size();
-    // As `Request::check` counts them.
+    // `Request::check` counts the same way.
     let one = memory::bytes_of(&[request.colors.len() + 2, height, width], 4).max(1);
     let most = MEMORY.min(memory::available().unwrap_or(MEMORY) / 2);
     let fit = ((most / one) as f64).sqrt() as usize;
     let views = needed.min(fit).min(64).max(request.views);
-    let why =
-        if views < needed { "as many as a share of the memory holds" } else { "neighbors part by a pixel at most" };
-    tracing::info!("{}: {views} x {views} views: {why} (`views` takes another number)", path.display());
+    let why = if views < needed { "the limits allow no more" } else { "content then moves a pixel at most" };
+    tracing::info!("{}: {views} x {views} views, because {why} (state `views` for another number)", path.display());
     views
 }
 
-/// Disparities at the picture's size on the display, and their smallest and largest.
+/// Returns the disparities at the size of the picture on the display, and their smallest and largest.
 fn disparities(
     map: &Map,
     size: [usize; 2],
@@ -217,7 +218,7 @@ fn disparities(
 ) -> (Vec<f32>, [f64; 2]) {
     let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
     let [low, high] = map.range.unwrap_or_else(|| ends(&map.values)).map(f64::from);
-    // value -> disparity: first + (value - low) * gain
+    // A value becomes the disparity first + (value - low) * gain.
     let (first, gain) = if let Meaning::Relative(near) = map.meaning {
         let [far, nearest] = range;
         let ends = if near.is_larger() { [far, nearest] } else { [nearest, far] };
@@ -226,7 +227,7 @@ fn disparities(
     } else {
         (low * scale, scale)
     };
-    // What opens more than a pixel and a half in the outermost view is an edge, and is not smoothed over.
+    // A step that opens more than 1.5 pixels in the outermost view is an edge, and is not smoothed.
     let apart =
         if gain == 0.0 { f64::INFINITY } else { (1.5 / (reach.max(0.5) * gain.abs())).min(f64::from(f32::MAX)) };
     let resized = map::resized(&map.values, [map.height, map.width], size, apart as f32);

@@ -1,4 +1,4 @@
-//! What a source is, by its text: a built-in scene, a folder, or a file, with options behind a question mark.
+//! Determines the kind of a source from its text, which is a built-in scene, a folder or a file with options.
 
 use crate::formats::options::{Options, Tiling, parts};
 use crate::formats::{picture, video};
@@ -11,28 +11,28 @@ use eyebox_base::files::{FileError, FileKind, Wanted};
 use eyebox_base::reason;
 use std::path::Path;
 
-/// What a source names. What is a file or folder is there.
+/// A source that names a scene. Its file or folder exists.
 pub(crate) enum Source<'a> {
     /// The name of a built-in scene, with its settings.
     BuiltIn(&'a str),
-    /// Views that are kept.
+    /// Views that are stored in files.
     Views(ViewSource<'a>),
     /// A picture of one view, or a frame of a video.
     Picture(&'a Path),
 }
 
-/// Where views are kept.
+/// The storage of views.
 pub(crate) enum ViewSource<'a> {
-    /// In a folder, a file each.
+    /// A folder with one file per view.
     Folder(&'a Path),
-    /// In one array.
+    /// One array with all views.
     Array(&'a Path, Options),
-    /// In one picture.
+    /// One picture with all views.
     Mosaic(&'a Path, Tiling, Options),
 }
 
 impl ViewSource<'_> {
-    /// Rows and columns of a view's own pixels, from names and headers alone where these say enough.
+    /// Returns rows and columns of a view's own pixels, from names and headers alone if these are sufficient.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         match self {
             Self::Folder(path) => match stack::find(path)? {
@@ -44,7 +44,7 @@ impl ViewSource<'_> {
         }
     }
 
-    /// Reads them in whatever order.
+    /// Reads the views in any order.
     pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
         match self {
             Self::Folder(path) => match stack::find(path)? {
@@ -58,10 +58,10 @@ impl ViewSource<'_> {
 }
 
 impl<'a> Source<'a> {
-    /// Of this text.
+    /// Determines the source of this text.
     ///
     /// # Errors
-    /// [`SceneError::NotFound`]; [`SceneError::Kind`] for a file of no kind that is read; [`SceneError::Options`].
+    /// [`SceneError::NotFound`]. [`SceneError::Kind`] for an unsupported kind of file. [`SceneError::Options`].
     pub fn of(source: &'a str) -> Result<Self, SceneError> {
         if let Some(name) = source.strip_prefix("builtin:") {
             return Ok(Self::BuiltIn(name));
@@ -83,7 +83,7 @@ impl<'a> Source<'a> {
         }
         let wrong = |reason: Reason| SceneError::Options { scene: source.into(), reason };
         if path.is_dir() {
-            let says = "a folder takes none: its lightfield.toml says how it is read";
+            let says = "a folder takes no options, because its lightfield.toml has the settings";
             return if query.is_empty() {
                 Ok(Self::Views(ViewSource::Folder(path)))
             } else {
@@ -91,14 +91,14 @@ impl<'a> Source<'a> {
             };
         }
         let kind = FileKind::of(path).map_err(|e| SceneError::unreadable(path, &e))?;
-        // A damaged archive of arrays is an archive as any other.
+        // A damaged archive of arrays counts as a plain archive.
         let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
         let is_array = matches!(kind, FileKind::Npy | FileKind::Npz) || (kind == FileKind::Zip && is_npz);
         if !is_array && !kind.is_picture() {
             return Err(FileError::of_kind(path, kind, Wanted::Scene).into());
         }
         if kind == FileKind::Gif {
-            // A still one has a size, an animation is refused.
+            // A still GIF has a size, and an animation is refused.
             picture::size(path, picture::ONE)?;
         }
         let options = Options::parse(query, is_array).map_err(wrong)?;
@@ -106,9 +106,9 @@ impl<'a> Source<'a> {
             _ if is_array => Self::Views(ViewSource::Array(path, options)),
             None if query.is_empty() && Quilt::of(path).is_none() => Self::Picture(path),
             None if Quilt::of(path).is_some() => Self::Views(ViewSource::Mosaic(path, Tiling::Views, options)),
-            // A grid alone is one of views beside each other.
+            // A grid alone means views next to each other.
             None if options.grid.is_some() => Self::Views(ViewSource::Mosaic(path, Tiling::Views, options)),
-            // The picture reads what is stated about its values.
+            // The picture reads the statements about its values.
             None => Self::Picture(Path::new(source)),
             Some(tiling) => Self::Views(ViewSource::Mosaic(path, tiling, options)),
         })

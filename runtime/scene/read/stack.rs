@@ -1,7 +1,8 @@
-//! Focal stacks: pictures through one aperture, each focused at a depth of its own.
+//! Reads focal stacks, which are pictures through one aperture with different focus.
 //!
-//! What an eye sees of them is no mean of neighboring pictures: its pupil is another, and looks from elsewhere. Layers that explain all
-//! pictures (OPTICS 14) show the scene from any place within the aperture, so views are made of them, as of any light field.
+//! The image that an eye sees is not a mean of neighboring pictures, because its pupil has another size and position.
+//! Layers that explain all pictures (OPTICS 14) give the scene from any place within the aperture. The views are then
+//! used as in any light field.
 
 use crate::formats::tone::Reading;
 use crate::light_field::light::FullScale;
@@ -16,25 +17,25 @@ use eyebox_base::reason;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Views along an axis that are made: at least, and at most.
+/// Smallest and largest number of views along an axis.
 const VIEWS: [usize; 2] = [3, 9];
-/// Pictures that are left out should be shown so well, dB.
+/// Lowest accuracy of the layers for a picture that is left out, dB.
 const ENOUGH: f64 = 30.0;
 
-/// A folder that states itself to be a focal stack.
+/// A folder whose settings state a focal stack.
 pub(crate) struct Found {
     stated: Settings,
-    /// In the order of their numbers.
+    /// The pictures in the order of their numbers.
     paths: Vec<PathBuf>,
-    /// The depth at which each is focused, and the diameter of the aperture, meters.
+    /// The depth at which each picture is focused, and the diameter of the aperture, in meters.
     focus: Vec<f64>,
     aperture: f64,
 }
 
-/// What a folder states of a focal stack; none where it states none.
+/// Returns the focal stack that a folder states. It returns `None` if the folder states none.
 ///
 /// # Errors
-/// [`SceneError::Settings`] where distances and pictures do not belong to each other, or nothing states the aperture.
+/// [`SceneError::Settings`] if the numbers of distances and pictures differ, or if nothing states the aperture.
 pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
     const NAME: &str = "lightfield.toml";
     let file = folder.join(NAME);
@@ -68,7 +69,8 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
     if pictures.len() != focus.len() {
         return wrong(reason!(
             "focus-count",
-            "focus_mm has {} depths, and the folder {} pictures: one for each, in the order of the numbers in their names",
+            "focus_mm has {} depths, but the folder has {} pictures. Give one for each, in the order of the numbers \
+             in their names",
             focus.len(),
             pictures.len()
         ));
@@ -78,17 +80,17 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
 }
 
 impl Found {
-    /// The files that it is read from, the one with its settings first.
+    /// Returns the files of the stack, with its settings file first.
     pub fn into_files(self, settings: PathBuf) -> Vec<PathBuf> {
         [settings].into_iter().chain(self.paths).collect()
     }
 
-    /// Rows and columns of the pictures, which have one size.
+    /// Returns rows and columns of the pictures, which have one size.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         picture::size_of_all(&self.paths, |first| first.display().to_string())
     }
 
-    /// Reads the pictures and makes views of them.
+    /// Reads the pictures and makes views from them.
     pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
         let (own, display) = (self.size()?, request.display);
         let frame = Frame::new(own, VIEWS[1] * VIEWS[1] + self.paths.len(), request)?;
@@ -97,7 +99,7 @@ impl Found {
         let pictures = self.paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
         reading.judge(folder, FullScale::Folder)?;
         let count = pictures.len();
-        // As a row of views, so that depths are those on the display.
+        // The pictures form a row of views, so that depths are in the scale of the display.
         let field = frame.field(folder, [1, count], pictures, request, &self.stated, None);
         let focus = self.focus.iter().map(|z| frame.scale([*z; 2])[0]).collect();
         let stack = Stack { focus, aperture: self.aperture };
@@ -113,14 +115,14 @@ impl Found {
         let left_out = layers.residual().into_iter().fold(f64::INFINITY, f64::min);
         if left_out < ENOUGH {
             tracing::warn!(
-                "{}: layers show a picture that they were not told of to {left_out:.1} dB: aperture_mm or focus_mm may be wrong, or the \
-                 pictures stand askew",
+                "{}: the layers predict a picture that is left out with {left_out:.1} dB only. Check aperture_mm and \
+                 focus_mm, and align the pictures",
                 folder.display()
             );
         }
         let how = format!(
-            "a focal stack of {count} pictures through {:.4} mm, of which {} Fourier disparity layers make views; a picture left out is shown \
-             to {left_out:.1} dB",
+            "a focal stack of {count} pictures through {:.4} mm, from which {} Fourier disparity layers make views. \
+             They predict a picture that is left out with {left_out:.1} dB",
             self.aperture * 1e3,
             layers.count()
         );

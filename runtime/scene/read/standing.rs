@@ -1,46 +1,47 @@
-//! Whether the pictures show that cameras do not stand as views are read.
+//! Detects pictures that contradict the grid of cameras.
 //!
-//! From column to column of a grid content moves along the rows of pixels, from row to row along their columns, and twice as
-//! far to the second neighbor as to the first. Views of one row that is laid out in tiles, of cameras that are unevenly spaced,
-//! and of cameras that stand anywhere do not.
+//! In a grid, content moves along the rows of pixels from column to column of views, and along the columns of pixels
+//! from row to row. It moves twice as far to the second neighbor as to the first. Views of one row that is laid out in
+//! tiles, of cameras that are unevenly spaced, and of cameras at any positions do not move in this way.
 
 use crate::depth::neighbors::{Found, Patches, Small};
 use crate::light_field::cameras::{CamerasFound, FirstTile, Tiles};
 use crate::{LightField, Order};
 use rayon::prelude::*;
 
-/// Patches that decide, at least.
+/// Fewest patches that decide.
 const LEAST: usize = 8;
-/// Views are no neighbors if no larger share of their patches is found again.
+/// Views are not neighbors if at most this share of their patches is found again.
 const SEEN_AGAIN: f64 = 0.15;
-/// A patch moved if it did so by this many pixels of the small copies.
+/// A patch has moved if its movement is at least this number of pixels of the small copies.
 const MOVED: f64 = 0.4;
-/// It moved along an axis if it moved across it by no more pixels, and by no larger share.
+/// A patch has moved along an axis if its movement across the axis is at most this number of pixels, plus this share of
+/// the movement along it.
 const ACROSS: [f64; 2] = [0.3, 0.2];
-/// Too small a share of the patches that move along an axis.
+/// A grid is contradicted if less than this share of the patches moves along an axis.
 const FEW: f64 = 0.5;
-/// The variance of a patch that differs by more times is that of another focus.
+/// A patch has another focus if its variance differs by more than this factor.
 const CONTRAST: f32 = 2.0;
 /// Neighbors on each side whose spacing is compared.
 const SPACED: isize = 3;
-/// Spacings of one row that differ by as many times are uneven.
+/// Spacings of one row are uneven if they differ by more than this factor.
 const UNEVEN: f64 = 1.7;
-/// Pixels of the small copies by which a patch moves at least whose camera's position is measured.
+/// Least movement of a patch that measures the positions of cameras, in pixels of the small copies.
 const SPREAD: f64 = 2.0;
-/// Movements that are explained by a spacing leave no larger share of their squares.
+/// A spacing explains movements if it leaves at most this share of their squares.
 const EXPLAINED: f64 = 0.1;
 
-/// An arrangement in tiles explains this share of the movements.
+/// An arrangement in tiles must explain at least this share of the movements.
 const MOST: f64 = 0.7;
 
-/// Whether a movement is along x (0) or y (1).
+/// Returns true if a movement is along x (0) or y (1).
 fn along(axis: usize, by: &[f64; 2]) -> bool {
     by[1 - axis].abs() <= ACROSS[0] + ACROSS[1] * by[axis].abs()
 }
 
-/// A view, and its patches of the central one.
+/// A view with the positions of the central view's patches in it.
 struct ComparedView {
-    /// Steps from the central view, rows and columns.
+    /// Rows and columns from the central view.
     at: [isize; 2],
     small: Small,
     found: Vec<Found>,
@@ -48,9 +49,10 @@ struct ComparedView {
 
 /// Views of the central row, or of the central column.
 struct Line {
-    /// Steps from the central view, and the view.
+    /// Steps from the central view, with the view.
     views: Vec<(isize, ComparedView)>,
-    /// For each of them, the patches that moved across x, across y, and that are alike along it all the same, in the opposite view or here.
+    /// For each axis and view, marks the patches that moved across the axis, but are alike along it in this view or in
+    /// the opposite one.
     covered: [Vec<Vec<bool>>; 2],
 }
 
@@ -72,7 +74,8 @@ impl Line {
         Self { views, covered }
     }
 
-    /// Movements, and whether they are along x (0) or y (1), or are none: what one view covers may be alike in the opposite one.
+    /// Returns the movements, each with true if it is along x (0) or y (1), or if there is none. Content that one view
+    /// covers may be alike in the opposite view.
     fn movements(&self, axis: usize) -> impl Iterator<Item = ([f64; 2], bool)> {
         let of_view = move |((_, seen), covered): (&'_ (isize, ComparedView), &'_ Vec<bool>)| {
             let moved = |(found, covered): (&Found, &bool)| match found {
@@ -88,13 +91,14 @@ impl Line {
         self.movements(0).count()
     }
 
-    /// Share of the movements that are along x (0) or y (1), and how many there are.
+    /// Returns the share of the movements that are along x (0) or y (1), and the number of movements.
     fn along(&self, axis: usize) -> (f64, usize) {
         let count = self.count();
         (self.movements(axis).filter(|(_, along)| *along).count() as f64 / count.max(1) as f64, count)
     }
 
-    /// Share of the patches that are found again in the nearest views, and how many patches are or are not.
+    /// Returns the share of the patches that are found again in the nearest views, and the number of patches that were
+    /// searched with a result.
     fn again(&self) -> (f64, usize) {
         let nearest = self.views.iter().map(|(step, _)| step.unsigned_abs()).min().unwrap_or(0);
         let near = || {
@@ -106,13 +110,14 @@ impl Line {
         (seen as f64 / all.max(1) as f64, all)
     }
 
-    /// Positions of the cameras, the mean spacing is 1, by what moves along an axis; none where that does not tell.
+    /// Returns the positions of the cameras with a mean spacing of 1, from the movement along an axis. It returns
+    /// `None` if the movement does not show them.
     fn positions(&self, axis: usize) -> Option<Vec<f64>> {
         let steps: Vec<f64> = self.views.iter().map(|(step, _)| *step as f64).collect();
         if steps.len() < 2 {
             return None;
         }
-        // Patches that are found in all views, and movements of each.
+        // Movements of the patches that are found in all views.
         let patches: Vec<Vec<f64>> = (0..self.views[0].1.found.len())
             .filter_map(|p| {
                 let by = |found: &Found| match found {
@@ -153,17 +158,18 @@ impl Line {
     }
 }
 
-/// What the pictures show against the grid in which views are read, unless that is `stated` as the order in which they come.
+/// Returns the contradiction between the pictures and the grid of the views. A `stated` order as-named turns it into a
+/// warning.
 pub(crate) fn refused(field: &LightField, stated: Option<Order>) -> Option<CamerasFound> {
     let found = contradicted(field)?;
     if stated == Some(Order::default()) {
-        tracing::warn!("{}: the views are a grid as stated, though {found}", field.name);
+        tracing::warn!("{}: the views are read as the stated grid, although {found}", field.name);
         return None;
     }
     Some(found)
 }
 
-/// What the pictures show against the grid in which views are read; none where they do not contradict it.
+/// Returns the contradiction between the pictures and the grid of the views. It returns `None` if they agree.
 pub(crate) fn contradicted(field: &LightField) -> Option<CamerasFound> {
     let [rows, columns] = field.grid;
     if rows * columns < 2 {
@@ -184,13 +190,13 @@ pub(crate) fn contradicted(field: &LightField) -> Option<CamerasFound> {
     if in_one_place(field, &patches, &lines) {
         return Some(CamerasFound::OnePlace);
     }
-    // As named, or transposed: the order is another question.
+    // The grid may be as named or transposed, because the order is checked elsewhere.
     let share = |axes: [usize; 2]| {
         let [a, b] = [0, 1].map(|i| lines[i].along(axes[i]));
         ((a.0 * a.1 as f64 + b.0 * b.1 as f64) / (a.1 + b.1).max(1) as f64, [a, b])
     };
     let [named, transposed] = [share([0, 1]), share([1, 0])];
-    // Rows that move alone along the columns' axis are no transposed grid: that moves along both axes alike.
+    // Rows that move only along the axis of the columns are not a transposed grid, which moves along both axes.
     let both = lines.iter().all(|line| line.views.is_empty() || line.count() >= LEAST);
     let (axes, all) = if named.0 >= transposed.0 || !both { ([0, 1], named) } else { ([1, 0], transposed) };
     let poor = all.1.iter().filter(|(share, count)| *count >= LEAST && *share < FEW).map(|(share, _)| *share);
@@ -207,7 +213,7 @@ pub(crate) fn contradicted(field: &LightField) -> Option<CamerasFound> {
     [(0, axes[0]), (1, axes[1])].into_iter().find_map(uneven)
 }
 
-/// Whether nothing moves to the nearest views, and contrast changes from place to place to one of the outermost.
+/// Returns true if nothing moves to the nearest views and contrast changes locally to one of the outermost views.
 fn in_one_place(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> bool {
     let [rows, columns] = field.grid;
     let far = |(by, _): &([f64; 2], bool)| by[0].hypot(by[1]) >= 1.0;
@@ -222,7 +228,7 @@ fn in_one_place(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> boo
     changed(0) || changed(rows * columns - 1)
 }
 
-/// The view so many rows and columns from the central one, and its patches of that.
+/// Returns the view at these rows and columns from the central one, with the patches of the central view in it.
 fn seen(field: &LightField, patches: &Patches, at: [isize; 2]) -> Option<ComparedView> {
     let [rows, columns] = field.grid;
     let place = |n: usize, step: isize| (n / 2).checked_add_signed(step).filter(|i| *i < n);
@@ -232,7 +238,8 @@ fn seen(field: &LightField, patches: &Patches, at: [isize; 2]) -> Option<Compare
     (at != [0, 0]).then_some(ComparedView { at, small, found })
 }
 
-/// The nearest views of a line of `n` around that at `middle`; the farthest where nothing moves to the nearest.
+/// Returns the nearest views of a line of `n` around the view at `middle`, or the farthest if nothing moves to the
+/// nearest.
 fn line(field: &LightField, patches: &Patches, n: usize, middle: usize, at: impl Fn(isize) -> [isize; 2]) -> Line {
     let found = |step: isize| Some((step, seen(field, patches, at(step))?));
     let near = Line::of(patches, (-SPACED..=SPACED).filter_map(found).collect());
@@ -243,13 +250,14 @@ fn line(field: &LightField, patches: &Patches, n: usize, middle: usize, at: impl
     Line::of(patches, far.into_iter().filter_map(found).collect())
 }
 
-/// One row of cameras in tiles, if content moves along x from column to column and from row to row, as far as it does there.
+/// Finds one row of cameras in tiles. Its content moves along x both from column to column and from row to row, by the
+/// distance that the tiles predict.
 fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Option<Tiles> {
     let [rows, columns] = field.grid;
     if rows < 2 || columns < 2 {
         return None;
     }
-    // Rows of tiles that run backwards differ from others beside the central column, and most at the ends of the rows.
+    // Rows of tiles that run backwards differ from others next to the central column, and most at the ends of the rows.
     let ends = [-((columns / 2) as isize), -1, 1, (columns - 1 - columns / 2) as isize];
     let beside: Vec<Option<ComparedView>> = [-1, 1]
         .into_iter()
@@ -258,7 +266,7 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
         .collect();
     let views: Vec<&ComparedView> =
         lines.iter().flat_map(|line| &line.views).map(|(_, seen)| seen).chain(beside.iter().flatten()).collect();
-    // The share of the movements that some movement from camera to camera of their patch explains.
+    // For each patch, one movement per camera is fitted. The result is the share of the movements that these explain.
     let explained = |tiles: &Tiles| {
         let mut camera = vec![0.0; rows * columns];
         tiles.order().into_iter().enumerate().for_each(|(k, tile)| camera[tile] = k as f64);
@@ -283,7 +291,7 @@ fn row_in_tiles(field: &LightField, patches: &Patches, lines: &[Line; 2]) -> Opt
         }
         right as f64 / count.max(1) as f64
     };
-    // The row from right to left is the same row, near and far exchanged: what covers what tells, once it is read.
+    // A row from right to left looks the same with near and far exchanged. After it is read, occlusion decides.
     let plain = [FirstTile::BottomLeft, FirstTile::TopLeft].map(|first| (first, false));
     let serpentine = FirstTile::ALL.map(|first| (first, true));
     let mut best: Option<(f64, Tiles)> = None;

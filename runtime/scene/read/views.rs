@@ -1,4 +1,4 @@
-//! What is common to all ways in which views are kept: they are fitted to the display, and their order is asked of them.
+//! Fits views from any source to the display, and checks their order.
 
 use crate::depth::range::Measured;
 use crate::light_field::cameras::Tiles;
@@ -13,35 +13,35 @@ use eyebox_base::memory;
 use eyebox_base::reason;
 use std::path::Path;
 
-/// A light field as it was read, and how.
+/// A light field as it was read, with the way in which it was read.
 pub(crate) struct Read {
     pub field: LightField,
-    /// How the views' places were found.
+    /// Description of how the places of the views were found.
     pub how: String,
-    /// The order that is stated, or that of the names.
+    /// The stated order, or the order of the names.
     pub order: Order,
-    /// Whether it is stated.
+    /// True if the order is stated.
     pub order_stated: bool,
-    /// What the pictures say of it.
+    /// The order that the pictures show.
     pub order_found: OrderFound,
     pub parallax: Option<Parallax>,
-    /// What the pictures show of cameras that do not stand as the views are read.
+    /// The contradiction between the pictures and the positions of the cameras.
     pub cameras: Option<CamerasFound>,
-    /// Rows and columns of the pictures as they are.
+    /// Rows and columns of the original pictures.
     pub size: [usize; 2],
-    /// How their values become light.
+    /// Transfer function of the stored values.
     pub transfer: String,
 }
 
-/// How pictures of one size come to that of the display.
+/// The conversion of pictures of one size to the size of the display.
 pub(crate) struct Frame {
-    /// Rows and columns on the display.
+    /// Rows and columns of pixels on the display.
     size: [usize; 2],
     resize: Option<Resize>,
 }
 
 impl Frame {
-    /// Of so many pictures of these rows and columns.
+    /// Prepares the conversion of `count` pictures with `own` rows and columns.
     pub fn new(own: [usize; 2], count: usize, request: &Request) -> Result<Self, SceneError> {
         let (height, width) = request.display.picture_size();
         let counts = [count, request.colors.len(), height, width];
@@ -52,7 +52,7 @@ impl Frame {
         Ok(Self { size, resize })
     }
 
-    /// The planes of one picture.
+    /// Converts the planes of one picture to the size of the display.
     pub fn fit(&self, planes: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
         match &self.resize {
             Some(resize) => planes.iter().map(|plane| resize.apply(plane)).collect(),
@@ -60,12 +60,14 @@ impl Frame {
         }
     }
 
-    /// What is measured in pixels of the pictures as they are, or follows from it, on the display.
+    /// Converts a range in pixels of the original pictures to the display. Depths that follow from such pixels scale in
+    /// the same way.
     pub fn scale(&self, range: [f64; 2]) -> [f64; 2] {
         self.resize.as_ref().map_or(range, |resize| resize.scale_range(range))
     }
 
-    /// All views; `views` has the planes of each, `disparity` is one of the pictures as they are.
+    /// Builds the light field of all views. `views` has the planes of each, and `disparity` is in pixels of the
+    /// original pictures.
     pub fn field(
         &self,
         place: &Path,
@@ -92,11 +94,14 @@ impl Frame {
     }
 }
 
-/// Views in the order that is asked for or stated, or that in which they come; and what they say of it. `how` they were found,
-/// `own` their size as they are, `linear` what is linear where nothing is stated.
+/// Returns the views in the requested or stated order, or in the order in which they come, with the evidence of the
+/// pictures.
+///
+/// The argument `how` describes how they were found, and `own` is their original size. If nothing is stated, `linear`
+/// names the values that are linear.
 ///
 /// # Errors
-/// [`SceneError::Settings`] where as many as are to be kept are not in the middle.
+/// [`SceneError::Settings`] if the views to keep are not in the middle.
 pub(crate) fn ordered(
     place: &Path,
     field: LightField,
@@ -143,10 +148,10 @@ pub(crate) fn ordered(
     Ok(Read { field, how, order, order_stated, order_found, parallax, cameras, size: own, transfer })
 }
 
-/// Refuses views whose pictures contradict where they stand, or the order in which they come.
+/// Refuses views whose pictures contradict the positions of the cameras, or the order in which they come.
 ///
 /// # Errors
-/// [`SceneError::Cameras`], [`SceneError::Order`].
+/// [`SceneError::Cameras`] for the positions, or [`SceneError::Order`] for the order.
 pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
     match &read.cameras {
         Some(found) => Err(SceneError::Cameras { scene: name.into(), found: found.clone() }),
@@ -154,7 +159,8 @@ pub(crate) fn decide(name: &str, read: &Read) -> Result<(), SceneError> {
     }
 }
 
-/// The light field; where the pictures contradict the order in which the views come, and nothing else is stated, it is refused.
+/// Returns the light field. It is refused if the pictures contradict the order in which the views come and no order is
+/// stated.
 pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> {
     decide(name, &read)?;
     if !read.order_stated && read.field.grid != [1, 1] {
@@ -163,7 +169,7 @@ pub(crate) fn checked(name: &str, read: Read) -> Result<LightField, SceneError> 
     Ok(read.field)
 }
 
-/// Views in the tiles that are stated, as the one row of cameras that they are.
+/// Converts views in the stated tiles to one row of cameras.
 fn in_one_row(place: &Path, field: LightField, stated: &Settings, how: &mut String) -> Result<LightField, SceneError> {
     let wrong = |reason: Reason| Err(SceneError::Settings { file: place.display().to_string(), reason });
     let (grid, first) = match (stated.tiles, stated.first) {
@@ -191,14 +197,14 @@ fn in_one_row(place: &Path, field: LightField, stated: &Settings, how: &mut Stri
     Ok(field.reordered([1, count], &tiles.order()))
 }
 
-/// The rows and columns of views in the middle.
+/// Returns the stated number of rows and columns of views, in the middle.
 fn kept(place: &Path, field: LightField, keep: [usize; 2]) -> Result<LightField, SceneError> {
     let [rows, columns] = field.grid;
     let fits = |i: usize| (1..=field.grid[i]).contains(&keep[i]) && (field.grid[i] - keep[i]).is_multiple_of(2);
     if !(fits(0) && fits(1)) {
         let reason = reason!(
             "keep",
-            "keep is [{}, {}] of {rows} x {columns} views: it must leave out as many on both sides",
+            "keep is [{}, {}] of {rows} x {columns} views, but it must leave out the same number on both sides",
             keep[0],
             keep[1]
         );
@@ -207,7 +213,7 @@ fn kept(place: &Path, field: LightField, keep: [usize; 2]) -> Result<LightField,
     Ok(field.inner([(rows - keep[0]) / 2, (columns - keep[1]) / 2]))
 }
 
-/// The range of disparities that is stated, as such or as depths, pixels of the light field.
+/// Returns the range of disparities that is stated as such or as depths, in pixels of the light field.
 fn stated_disparity(field: &LightField, request: &Request) -> Option<[f64; 2]> {
     let cell = request.view_pitch.unwrap_or_else(|| field.cell(request.display));
     let per_pixel = request.display.focal_length * request.display.picture_pixel() / cell;

@@ -1,22 +1,22 @@
-//! Closer views than a scene has, where photographs need them.
+//! Makes closer views than a scene has, if target images need them.
 
 use crate::synthesis::layers::decibels;
 use crate::{DepthSource, Interpolator, Layers, LightField, MadeViews, SceneError, ViewGrid, ViewSynthesis};
 use eyebox_base::memory;
 use eyebox_optics::Display;
 
-/// Most views along an axis that are made.
+/// Largest number of views along an axis that are made.
 const MOST: usize = 9;
-/// How well layers must show a view between others, dB: 3 more than a good hologram does.
+/// Least accuracy of layers for a view between others, dB. It is 3 dB more than the accuracy of a good hologram.
 pub const ENOUGH: f64 = 36.0;
-/// By how much interpolation must show it better where they do not, dB.
+/// Least advantage of interpolation over layers if layers are not accurate enough, dB.
 const BETTER: f64 = 1.0;
 
 impl LightField {
-    /// The light field with the views that photographs on `display` are made of, as is asked.
+    /// Returns the light field with the views for target images on `display`, by the requested method.
     ///
     /// # Errors
-    /// [`SceneError`] where they do not fit the memory.
+    /// [`SceneError`] if they do not fit into memory, or if one or two views do not fit the others.
     pub fn with_views_for(self, display: &Display, asked: ViewSynthesis) -> Result<Self, SceneError> {
         let own = self.grid[0].max(self.grid[1]);
         let auto = asked == ViewSynthesis::Auto;
@@ -46,8 +46,9 @@ impl LightField {
                 Some([layers, between]) if between >= layers + BETTER => ViewSynthesis::Between,
                 _ => {
                     tracing::warn!(
-                        "{}: content moves by {aliasing:.1} pixels from view to view, and layers show views in between to {db:.1} dB \
-                         only: photographs are of cells, with ghosts; `photographs` layers or between makes closer views all the same",
+                        "{}: content moves by {aliasing:.1} pixels from view to view, and layers predict views in \
+                         between with {db:.1} dB only. Target images are sums of cells, with ghosts. State \
+                         `photographs` layers or between for closer views",
                         self.name
                     );
                     return Ok(self);
@@ -82,8 +83,8 @@ impl LightField {
         Ok(Self { made: Some(made), ..self.with_made(grid, planes, depth) })
     }
 
-    /// How well layers of every second view show those in between, and how well these are interpolated, dB of the brightest light;
-    /// none where there are none.
+    /// Returns the accuracy of layers of every second view for the views in between, and of interpolation, in dB of the
+    /// brightest light. It returns `None` if there are no views in between.
     fn held_back(&self, display: &Display, depth: [f64; 2]) -> Result<Option<[f64; 2]>, SceneError> {
         let [rows, columns] = self.grid;
         if rows.is_multiple_of(2) || columns.is_multiple_of(2) {

@@ -1,4 +1,4 @@
-//! Views of what a program gives instead of views: a picture with its depths, or pictures one before the other.
+//! Makes views from a picture with its depths, or from pictures one in front of the other.
 
 use crate::light_field::field::by_color;
 use crate::synthesis::reproject::relief;
@@ -6,26 +6,26 @@ use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use rayon::prelude::*;
 
-/// The most by which content may be displaced, as a share of the picture's shorter side.
+/// The largest displacement of content, as a share of the picture's shorter side.
 const MOST: f64 = 0.25;
 
-/// Where views of given pictures are seen from.
+/// The places from which views of given pictures are made.
 pub struct Places<'a> {
-    /// (x, y) beside the place that the pictures were made from, meters of the pupil plane.
+    /// Positions (x, y) relative to the place of the pictures, in meters of the pupil plane.
     pub places: &'a [[f64; 2]],
-    /// Pixels by which content moves for a meter of depth and a meter of the pupil plane: 1 / (f p).
+    /// Pixels by which content moves per meter of depth and per meter of the pupil plane, which is 1 / (f p).
     pub per_metre: f64,
     /// Rows and columns of every picture.
     pub size: [usize; 2],
 }
 
 impl Places<'_> {
-    /// How far away the farthest is along an axis, meters.
+    /// Returns the largest distance along an axis in meters.
     fn reach(&self) -> f64 {
         self.places.iter().flatten().fold(0.0, |far, v| v.abs().max(far))
     }
 
-    /// Refuses depths (meters) that displace content by more than a part of the picture, in words.
+    /// Refuses depths (meters) that displace content by more than a share of the picture, in words.
     fn check(&self, depths: impl Iterator<Item = f64>) -> Result<(), Reason> {
         let deepest = depths.fold(0.0, |far: f64, z| z.abs().max(far));
         let moved = deepest * self.per_metre * self.reach();
@@ -35,20 +35,22 @@ impl Places<'_> {
         }
         Err(reason!(
             "displacement",
-            "its depths displace content by {moved:.0} pixels from where the eye may be; {most:.0} at most"
+            "its depths displace content by {moved:.0} pixels at the farthest position of the eye, but at most \
+             {most:.0} are allowed"
         ))
     }
 }
 
-/// Views of a picture (a plane for each color, one to three) whose pixels lie at these depths, meters: (color, place).
+/// Returns views of a picture (one plane per color, one to three) whose pixels have these depths in meters, as (color,
+/// place).
 ///
 /// # Errors
-/// In words, for depths that displace content too far.
+/// The reason in words, for depths that displace content too far.
 pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, Reason> {
     from.check(depths.iter().map(|z| f64::from(*z)))?;
-    // Three colors tell together what is mixed of what.
+    // Three colors together show the mixture at edges.
     let three: Vec<Vec<f32>> = (0..3).map(|i| planes[i.min(planes.len() - 1)].to_vec()).collect();
-    // Disparities are for a millimeter of the pupil plane.
+    // Disparities are per millimeter of the pupil plane.
     let disparity: Vec<f32> = depths.iter().map(|z| (f64::from(*z) * from.per_metre * 1e-3) as f32).collect();
     let relief = relief(&three, &disparity, from.size, (from.reach() * 1e3) as f32);
     let views: Vec<Vec<Vec<f32>>> =
@@ -58,18 +60,18 @@ pub fn views_of_depths(planes: &[&[f32]], depths: &[f32], from: &Places<'_>) -> 
 
 /// A picture with opacity.
 pub struct Layer<'a> {
-    /// How deep it lies, meters.
+    /// Depth of the layer in meters.
     pub depth: f64,
-    /// A plane for each color, not multiplied by the opacity.
+    /// One plane per color, not multiplied by the opacity.
     pub planes: Vec<&'a [f32]>,
-    /// How much of what lies behind it covers.
+    /// Share of the content behind that the layer covers, per pixel.
     pub opacity: &'a [f32],
 }
 
-/// Views of layers, the farthest first: (color, place).
+/// Returns views of layers, which come with the farthest first, as (color, place).
 ///
 /// # Errors
-/// In words, for depths that displace content too far.
+/// The reason in words, for depths that displace content too far.
 pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Vec<Vec<f32>>>, Reason> {
     from.check(layers.iter().map(|layer| layer.depth))?;
     let colors = layers.first().map_or(0, |layer| layer.planes.len());
@@ -104,7 +106,7 @@ pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Ve
     Ok(by_color(from.places.par_iter().map(view).collect::<Vec<_>>(), colors))
 }
 
-/// The two samples around `at + shift` on an axis, each with its weight; none beyond the ends.
+/// Returns the two samples around `at + shift` on an axis, each with its weight. The weight is zero beyond the ends.
 fn between(at: usize, shift: f64, length: usize) -> [(usize, f32); 2] {
     let place = at as f64 + shift;
     let low = place.floor();
@@ -121,7 +123,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [24, 32];
 
-    /// A square around (row 12, column 16) on a gray ground.
+    /// Makes a square around (row 12, column 16) on a gray ground.
     fn square() -> Vec<f32> {
         let inside = |i: usize| (i / 32).abs_diff(12) <= 3 && (i % 32).abs_diff(16) <= 3;
         (0..24 * 32).map(|i| if inside(i) { 1.0 } else { 0.25 }).collect()
@@ -137,14 +139,14 @@ mod tests {
         at.map(|v| v / sum)
     }
 
-    /// A near square before a far ground, as depths and as layers: seen from the right and from below it moves to the left and
-    /// up (OPTICS 3), by as much in both.
+    /// A near square in front of a far ground is given as depths and as layers. Seen from the right and from below, it
+    /// moves to the left and up (OPTICS 3), equally far in both.
     #[test]
     fn depths_and_layers_show_the_same() {
         let picture = square();
         let near: Vec<f32> = picture.iter().map(|v| if *v > 0.6 { 2e-3 } else { 0.0 }).collect();
         let places = [[0.0, 0.0], [1e-3, 0.0], [0.0, 2e-3]];
-        // Two millimeters of depth and one of the pupil plane: 2 pixels.
+        // Two millimeters of depth and one of the pupil plane move content by 2 pixels.
         let from = Places { places: &places, per_metre: 1e6, size: SIZE };
         let depths = views_of_depths(&[&picture], &near, &from).unwrap();
         let (ground, full) = (vec![0.25f32; 24 * 32], vec![1.0f32; 24 * 32]);

@@ -1,9 +1,10 @@
-//! A light field seen from between its views, and from a little beyond them.
+//! Interpolates a light field between its views, and a little beyond them.
 //!
-//! Where views stand so far apart that content moves by pixels from one to the next, a photograph of them shows each edge
-//! as often as there are views. Here a view from any place is made of the four around it: each has disparities of its own
-//! (`depth`), along which a pixel's ray is followed until it meets the nearest surface that the view saw. What a view could
-//! not see, the others show; of several surfaces the nearest counts that is not looked through by more of them. What none saw is continued from the farther side.
+//! If content moves by pixels from one view to the next, a target image shows each edge once per view. Here a view from
+//! any place is made from the four views around it. Each has its own disparities (`depth`), along which the ray of a
+//! pixel is followed to the nearest surface in that view. The other views show what one view did not see. Of several
+//! surfaces, the nearest one counts that no larger share of the views look through. Content that no view saw is
+//! continued from the farther side.
 
 use crate::depth::central::{scratch, view_disparities};
 use crate::depth::map::between;
@@ -17,21 +18,22 @@ use std::sync::OnceLock;
 
 /// Pixels between the steps along a ray.
 const STEP: f32 = 0.5;
-/// A surface is met where it is off the ray by no more than this many pixels; else the ray passes behind it.
+/// A ray meets a surface that is at most this many pixels off the ray. Otherwise the ray passes behind it.
 const MET: f32 = 1.0;
 /// Disparities that differ by more than this belong to two surfaces.
 const TEAR: f32 = 0.7;
-/// Views of a smaller share are asked only where the others saw nothing.
+/// Views of a smaller share are used only if the others saw nothing.
 const LEAST: f32 = 0.02;
 
-/// Views of a light field and their disparities, compact.
+/// Views of a light field and their disparities, stored compactly.
 pub struct Interpolator {
     grid: ViewGrid,
     size: [usize; 2],
     planes: Vec<Stored>,
-    /// Smallest and largest disparity, pixels between neighboring views.
+    /// Smallest and largest disparity, in pixels between neighboring views.
     range: [f64; 2],
-    /// Of the views that were needed so far: (row, column), 65535 = the range's larger end.
+    /// The disparities of the views that were needed up to now, as (row, column), where 65535 is the larger end of the
+    /// range.
     disparities: Vec<OnceLock<Vec<u16>>>,
 }
 
@@ -39,7 +41,7 @@ pub struct Interpolator {
 struct Stored {
     /// Linear light of the value 65535.
     scale: f32,
-    /// (view, row, column).
+    /// The light as (view, row, column).
     views: Vec<u16>,
 }
 
@@ -54,17 +56,17 @@ impl Stored {
     }
 }
 
-/// A view that lends its light to another.
+/// A view that contributes light to another view.
 struct Lender<'a> {
     light: &'a [u16],
     disparities: &'a [u16],
-    /// Columns and rows of views from it to the other.
+    /// Columns and rows of views from this view to the other.
     away: [f32; 2],
     rays: Rays,
     share: f32,
 }
 
-/// What a ray meets.
+/// The surface that a ray meets.
 #[derive(Clone, Copy)]
 struct Met {
     disparity: f32,
@@ -73,14 +75,14 @@ struct Met {
 }
 
 impl Interpolator {
-    /// Of the colors of a light field before a display. Disparities are sought in the range that it states or that is found
-    /// (`LightField::disparities_sought`).
+    /// Prepares the colors of a light field for a display. Disparities are searched in the range that the light field
+    /// states or that is found (`LightField::disparities_sought`).
     pub fn new(field: LightField, display: &Display) -> Self {
         let cell = field.cell(display);
         let range = field.disparities_sought(display);
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell };
         let size = [field.height, field.width];
-        // What moves by more than a picture is seen by no two views.
+        // Content that moves by more than a picture is never visible in two views.
         let most = field.height.max(field.width) as f64;
         let range = range.map(|d| d.clamp(-most, most));
         let planes = field.planes.into_iter().map(Stored::new).collect();
@@ -88,38 +90,38 @@ impl Interpolator {
         Self { grid, size, planes, range, disparities }
     }
 
-    /// Adds the colors of the same light field that were loaded after the others: loaded one by one, they are in memory as
-    /// they came one at a time.
+    /// Adds the colors of the same light field that were loaded after the others. If colors are loaded one by one, only
+    /// one is in memory in its original form at a time.
     ///
     /// # Panics
-    /// If its views are others: the caller's mistake.
+    /// If its views have another shape, which is a mistake of the caller.
     pub fn add(&mut self, field: LightField) {
         let same = (field.grid, [field.height, field.width]) == ([self.grid.rows, self.grid.columns], self.size);
         assert!(same, "a light field of another size");
         self.planes.extend(field.planes.into_iter().map(Stored::new));
     }
 
-    /// Rows and columns of a view.
+    /// Returns the rows and columns of a view.
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
 
-    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
+    /// Returns the pixels by which content at an end of the depths moves over `metres` meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres / self.grid.cell * self.range[0].abs().max(self.range[1].abs())
     }
 
-    /// Bytes that it holds, with the disparities of all views, and while they are sought.
+    /// Returns the bytes in memory, including the disparities of all views and the working memory of their search.
     pub fn bytes(&self) -> u64 {
         let pixels = (self.size[0] * self.size[1]) as u64;
         let views = (self.grid.rows * self.grid.columns) as u64;
         2 * pixels * views * (self.planes.len() as u64 + 1) + scratch(self.size, self.range)
     }
 
-    /// Views of color `color` from these places (x, y) of the pupil plane, meters, in which the light field's own are those
-    /// of its [`ViewGrid`].
+    /// Returns views of color `color` from these places (x, y) of the pupil plane in meters. The light field's own
+    /// views are at the places of its [`ViewGrid`].
     pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
-        // Seeking disparities uses all cores for one view already.
+        // The search for the disparities of one view already uses all cores.
         for &(x, y) in places {
             for (view, ..) in self.around(x, y).into_iter().flatten() {
                 self.disparities_of(view);
@@ -128,12 +130,12 @@ impl Interpolator {
         places.par_iter().map(|&(x, y)| self.view(color, x, y)).collect()
     }
 
-    /// The four views around a place, or fewer at the edge of a grid that is one view wide: each with the columns and rows
-    /// from it to the place, and its share. Beyond the outermost views, theirs alone.
+    /// Returns the four views around a place, or fewer at the edge of a grid that is one view wide. Each has the
+    /// columns and rows from it to the place, and its share. Beyond the outermost views, only these count.
     fn around(&self, x: f64, y: f64) -> [Option<(usize, [f32; 2], f32)>; 4] {
         let axis = |at: f64, n: usize| {
             let at = at / self.grid.cell + (n - 1) as f64 / 2.0;
-            // What is off by rounding stands on the view.
+            // A place that is off by rounding counts as the place of the view.
             let at = if (at - at.round()).abs() < 1e-6 { at.round() } else { at };
             let first = at.floor().clamp(0.0, n.saturating_sub(2) as f64) as usize;
             [first, first + 1]
@@ -155,7 +157,8 @@ impl Interpolator {
         self.disparities[view].get_or_init(|| {
             let light = |view: usize| {
                 let mut sum = vec![0.0f32; self.size[0] * self.size[1]];
-                // In units of the brightest light: what differences weigh is the same for a scene of any brightness.
+                // The unit is the brightest light, so that differences have the same weight for a scene of
+                // any brightness.
                 let brightest = self.planes.iter().map(|p| p.scale).fold(0.0, f32::max);
                 for (color, plane) in self.planes.iter().enumerate() {
                     let unit = plane.scale / brightest / (65535.0 * self.planes.len() as f32);
@@ -176,7 +179,7 @@ impl Interpolator {
         let range = self.range.map(|v| v as f32);
         let lend = |(view, away, share): (usize, [f32; 2], f32)| {
             let length = away[0].hypot(away[1]);
-            // Far beyond the views a ray is followed in longer steps.
+            // Far beyond the views, a ray is followed in longer steps.
             let most = (4.0 * (self.size[0] + self.size[1]) as f32).min(MOST_STEPS);
             let count = (length * span / STEP).ceil().clamp(1.0, most);
             let rays =
@@ -200,8 +203,8 @@ impl Interpolator {
         image
     }
 
-    /// A row of a view and of its disparities: from all views of some share, or, where they saw nothing, from the others. `steps` is room
-    /// for where the rays through each meet something.
+    /// Computes a row of a view and of its disparities from all views with a large share. If these saw nothing, the
+    /// others count. `steps` is working memory for the steps at which the rays through each view meet a surface.
     fn row(&self, lenders: &[Lender], y: usize, steps: &mut [Vec<u16>; 4], [image, depth]: [&mut [f32]; 2], unit: f32) {
         let large = lenders.iter().take_while(|l| l.share >= LEAST).count().max(1);
         let follow = |steps: &mut [Vec<u16>], lenders: &[Lender]| {
@@ -229,7 +232,8 @@ impl Interpolator {
         }
     }
 
-    /// What is seen at a pixel, of what each view met: the nearest that is not looked through by more of them.
+    /// Returns the visible surface at a pixel among the surfaces that the views met. It is the nearest one that is not
+    /// contradicted by more views.
     fn nearest(&self, large: &[Lender], met: [Option<Met>; 4], x: usize, y: usize) -> Option<Met> {
         let mut limit = f32::INFINITY;
         let mut best = None::<(f32, Met)>;
@@ -246,7 +250,8 @@ impl Interpolator {
                 share += m.share;
             }
             let found = Met { disparity: depth / share, light: light / share, share };
-            // Who looks through a surface denies it; who looks at something before it knows nothing of it.
+            // A view that looks through a surface contradicts it. A view that sees something in front of it does not
+            // count.
             let denied: f32 = (large.iter())
                 .filter(|l| self.beyond(l, x, y, found.disparity).is_some_and(|d| d < found.disparity - TEAR))
                 .map(|l| l.share)
@@ -261,7 +266,7 @@ impl Interpolator {
         }
     }
 
-    /// What a view saw where a surface of this disparity would stand in it.
+    /// Returns the disparity that a view saw at the place of a surface of this disparity.
     fn beyond(&self, lender: &Lender, x: usize, y: usize, disparity: f32) -> Option<f32> {
         let [low, high] = self.range.map(|v| v as f32);
         let at = (x as f32 + disparity * lender.away[0], y as f32 + disparity * lender.away[1]);
@@ -269,7 +274,8 @@ impl Interpolator {
         Some(low + (high - low) / 65535.0 * f32::from(at))
     }
 
-    /// What a pixel's ray through a view meets at a step: the surface there, between the view's pixels.
+    /// Returns the surface that the ray of a pixel through a view meets at a step, interpolated between the pixels of
+    /// the view.
     fn met(&self, lender: &Lender, x: usize, y: usize, step: u16) -> Met {
         let (width, [low, high]) = (self.size[1], self.range.map(|v| v as f32));
         let scale = (high - low) / 65535.0;
@@ -284,7 +290,7 @@ impl Interpolator {
         Met { disparity, light: sample(self.size, lender.light, x, y), share: lender.share }
     }
 
-    /// What no view saw takes the light of the farther side along the way that content moves.
+    /// Fills content that no view saw with the light of the farther side, along the direction in which content moves.
     fn close(&self, image: &mut [f32], depth: &[f32], [u, v]: [f32; 2]) {
         let length = u.hypot(v).max(1e-6);
         let known = |q: usize| Some(depth[q]).filter(|d| !d.is_nan());
@@ -295,20 +301,21 @@ impl Interpolator {
     }
 }
 
-/// The whole number below, and the rest: without the call that `floor` is where processors of any age are built for.
+/// Splits a number into the whole number below and the rest. It avoids the function call that `floor` becomes in builds
+/// for old processors.
 fn split(x: f32) -> (i32, f32) {
     let whole = x as i32;
     let whole = if whole as f32 > x { whole.saturating_sub(1) } else { whole };
     (whole, x - whole as f32)
 }
 
-/// The row and column of the pixel at a place (x, y), where there is one.
+/// Returns the row and column of the pixel at a place (x, y), if there is one.
 fn pixel([height, width]: [usize; 2], (x, y): (f32, f32)) -> Option<(usize, usize)> {
     let (i, j) = (split(x + 0.5).0, split(y + 0.5).0);
     (i >= 0 && j >= 0 && i < width as i32 && j < height as i32).then_some((j as usize, i as usize))
 }
 
-/// Between four disparities of one surface; none where they are of two.
+/// Interpolates between four disparities of one surface. It returns `None` if they belong to two surfaces.
 fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, usize) -> f32) -> Option<f32> {
     let (x, y) = (x.clamp(0.0, (width - 1) as f32), y.clamp(0.0, (height - 1) as f32));
     let (i, j) = (x as usize, y as usize);
@@ -317,7 +324,7 @@ fn smooth([height, width]: [usize; 2], (x, y): (f32, f32), own: &impl Fn(usize, 
     between([own(j, i), own(j, right), own(below, i), own(below, right)], fx, fy, TEAR)
 }
 
-/// Catmull-Rom, never below zero.
+/// Samples light by Catmull-Rom, never below zero.
 fn sample([height, width]: [usize; 2], light: &[u16], x: f32, y: f32) -> f32 {
     let weights = |t: f32| {
         let (t2, t3) = (t * t, t * t * t);

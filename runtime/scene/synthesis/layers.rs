@@ -1,6 +1,7 @@
-//! A light field as Fourier disparity layers (OPTICS 14): a few pictures at depths of their own, of which any view is the sum
-//! of, each moved by its parallax. What no layers explain (what is hidden, what shines) shows in each view as the others
-//! predict it.
+//! Represents a light field by Fourier disparity layers (OPTICS 14).
+//!
+//! The layers are a few pictures at different depths. Any view is their sum, with each layer moved by its parallax.
+//! Hidden and shiny content, which layers cannot explain, appears in each view as the other views predict it.
 
 use crate::{LightField, SceneError, ViewGrid};
 use eyebox_base::memory;
@@ -12,55 +13,55 @@ use eyebox_kernels::{Complex32, Complex64, ZERO};
 use eyebox_optics::{Display, fast_size};
 use rayon::prelude::*;
 
-/// Pixels that content of neighboring layers parts by across the eyebox; up to twice as many where that saves layers.
+/// Pixels of movement across the eyebox between neighboring layers. It may be up to twice this number to save layers.
 const MAX_LAYER_STEP_PX: f64 = 0.7;
-/// Layers that are usual, at least and at most, and that are ever made.
+/// Smallest and largest usual number of layers, and the largest number ever.
 const USUAL: [f64; 2] = [4.0, 24.0];
 const MOST: f64 = 96.0;
-/// Pixels across the eyebox by which the range goes beyond what is stated, at least, and as a share of it.
+/// Pixels across the eyebox by which the range exceeds the stated range, as a minimum and as a share of the range.
 const BEYOND: [f64; 2] = [1.0, 0.05];
-/// Noise that is expected, and how much layers are quietened that views cannot tell apart.
+/// Expected noise, and the damping of layers that views cannot distinguish.
 const RIDGE: f64 = 0.05;
 const SMOOTH: f64 = 0.0005;
-/// The same noise of a focal stack, whose pictures are means over an aperture.
+/// Expected noise of a focal stack, whose pictures are means over an aperture.
 const STACK_RIDGE: f64 = 0.003;
-/// A view is odd that the others predict by so many dB less than the middle one of its like, alone where the next is better by as many,
-/// and of another exposure where that explains as many.
+/// A view is odd if its accuracy is this many dB below the median of similar views. It is odd alone if the next one is
+/// better by `NEXT` dB. It has another exposure if a gain explains `GAINS` dB.
 const OUTLIER_DB: f64 = 6.0;
 const NEXT: f64 = 3.0;
 const GAINS: f64 = 3.0;
-/// Pixels over which edges fade into each other, at least.
+/// Least number of pixels over which opposite edges fade into each other.
 const FADE: usize = 8;
 
 /// A light field in layers.
 pub struct Layers {
     size: [usize; 2],
-    /// Rows and columns of the grid that pictures are mirrored into.
+    /// Rows and columns of the grid into which pictures are mirrored.
     padded: [usize; 2],
     grid: ViewGrid,
-    /// Pixels by which each layer's content moves over a meter of the pupil plane.
+    /// Pixels by which the content of each layer moves per meter of the pupil plane.
     slopes: Vec<f64>,
-    /// Of each color: (layer, row, column), of the columns of frequencies from 0 up.
+    /// The spectra of each color as (layer, row, column), with the columns of frequencies from 0 up.
     planes: Vec<Vec<Complex32>>,
-    /// Of each view, over all colors: its products with itself, with what the others predict, and of that with itself.
+    /// Sums over all colors for each view of view², view x prediction and prediction².
     products: Vec<[f64; 3]>,
-    /// The brightest light.
+    /// The brightest light of any view.
     brightest: f64,
 }
 
-/// A focal stack before a display.
+/// A focal stack in front of a display.
 pub(crate) struct Stack {
-    /// The depth at which each picture is sharp, meters.
+    /// The depth at which each picture is sharp, in meters.
     pub focus: Vec<f64>,
-    /// The diameter of the aperture that saw them, meters.
+    /// The diameter of the aperture that saw the pictures, in meters.
     pub aperture: f64,
 }
 
 impl Layers {
-    /// Of the colors of a light field before a display, over these depths (farthest, nearest), meters.
+    /// Fits layers to the colors of a light field for a display, over these depths (farthest, nearest) in meters.
     ///
     /// # Errors
-    /// [`SceneError`] where they do not fit the memory.
+    /// [`SceneError`] if they do not fit into memory.
     pub fn new(field: &LightField, display: &Display, depth: [f64; 2]) -> Result<Self, SceneError> {
         let grid = ViewGrid { rows: field.grid[0], columns: field.grid[1], cell: field.cell(display) };
         let mut layers = Self::over(field, grid, display.eyebox_min(), display, depth)?;
@@ -68,7 +69,7 @@ impl Layers {
         Ok(layers)
     }
 
-    /// Of views at `positions` (x, y) of the pupil plane, meters, around its middle, which span `span`.
+    /// Fits layers to views at `positions` (x, y) of the pupil plane in meters, around its middle, which span `span`.
     pub(crate) fn at_positions(
         field: &LightField,
         positions: &[[f64; 2]],
@@ -92,7 +93,7 @@ impl Layers {
         Ok(layers)
     }
 
-    /// Of the pictures of a focal stack, which `field` has as a row of views; over these depths, meters.
+    /// Fits layers to the pictures of a focal stack, which `field` has as a row of views, over these depths in meters.
     pub(crate) fn of_stack(
         field: &LightField,
         stack: &Stack,
@@ -117,7 +118,7 @@ impl Layers {
         Ok(layers)
     }
 
-    /// None yet, of pictures like those of the field, for pupils within `eyebox`.
+    /// Prepares empty layers for pictures like the pictures of the field, for pupils within `eyebox`.
     fn over(
         field: &LightField,
         grid: ViewGrid,
@@ -151,17 +152,17 @@ impl Layers {
         self
     }
 
-    /// How many layers.
+    /// Returns the number of layers.
     pub fn count(&self) -> usize {
         self.slopes.len()
     }
 
-    /// Bytes that it holds.
+    /// Returns the bytes in memory.
     pub fn bytes(&self) -> u64 {
         8 * self.planes.iter().map(Vec::len).sum::<usize>() as u64
     }
 
-    /// Each view, row by row, as the others predict it: dB of the brightest light.
+    /// Returns the accuracy with which the others predict each view, row by row, in dB of the brightest light.
     pub fn residual(&self) -> Vec<f64> {
         self.products.iter().map(|[own, both, told]| self.db(own - 2.0 * both + told)).collect()
     }
@@ -170,10 +171,10 @@ impl Layers {
         decibels(error, self.size[0] * self.size[1] * self.planes.len().max(1), self.brightest)
     }
 
-    /// One or two views that do not fit the others, and the likely cause.
+    /// Returns the error for one or two views that do not fit the others, with the likely cause.
     pub(crate) fn odd_views(&self, scene: &str) -> Option<SceneError> {
         let all = self.residual();
-        // Those at the border, and at a corner, have fewer neighbors.
+        // Views at the border or at a corner have fewer neighbors, so they are compared among themselves.
         let sides = |v: usize| {
             let outer = |i: usize, n: usize| usize::from(i == 0 || i + 1 == n);
             outer(v / self.grid.columns, self.grid.rows) + outer(v % self.grid.columns, self.grid.columns)
@@ -188,7 +189,7 @@ impl Layers {
         let mut odd: Vec<usize> = (0..all.len()).filter(|v| short[*v] > OUTLIER_DB).collect();
         odd.sort_by(|a, b| short[*b].total_cmp(&short[*a]));
         let others = middle(*odd.first()?);
-        // Of few views one that is odd makes those beside it odd.
+        // With few views, one odd view makes its neighbors odd.
         let alone = odd.len() > 1 && short[odd[0]] > short[odd[1]] + NEXT;
         let odd = if alone { &odd[..1] } else { &odd[..] };
         let [own, both, told] = self.products[odd[0]];
@@ -196,18 +197,18 @@ impl Layers {
         let place = |v: &usize| format!("row {}, column {}", v / self.grid.columns + 1, v % self.grid.columns + 1);
         let (views, cause) = match odd {
             [one] if self.db(own - gain * both) > all[*one] + GAINS => {
-                let cause = format!("it is {gain:.2} times as bright, as of another exposure");
+                let cause = format!("it is {gain:.2} times as bright, which suggests another exposure");
                 (format!("the view of {} is", place(one)), cause)
             }
-            [one] => (format!("the view of {} is", place(one)), "it is moved, or of something else".into()),
+            [one] => (format!("the view of {} is", place(one)), "it is moved, or shows something else".into()),
             [a, b] => (format!("the views of {} and {} are", place(a), place(b)), "they seem exchanged".into()),
             _ => return None,
         };
         Some(SceneError::OddViews { scene: scene.into(), views, found: all[odd[0]], others, cause })
     }
 
-    /// The mean over the views that have neighbors on all sides, which is the error of views in between; over all views
-    /// where there is none.
+    /// Returns the mean over the views that have neighbors on all sides, which is the error of views in between. It is
+    /// the mean over all views if no view has such neighbors.
     pub fn residual_between(&self) -> f64 {
         let inner = |i: usize, n: usize| n < 3 || (i > 0 && i + 1 < n);
         let all = self.residual();
@@ -218,12 +219,12 @@ impl Layers {
         -10.0 * (sum / f64::max(count, 1.0)).log10()
     }
 
-    /// Pixels by which content at an end of the depths moves over so many meters of the pupil plane.
+    /// Returns the pixels by which content at an end of the depths moves over `metres` meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
         metres * self.slopes.iter().fold(0.0, |most: f64, s| most.max(s.abs()))
     }
 
-    /// Views of color `color` from these places (x, y) of the pupil plane, meters.
+    /// Returns views of color `color` from these places (x, y) of the pupil plane in meters.
     pub fn views(&self, color: usize, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let plans = Plans::default();
         let [height, width] = self.padded;
@@ -254,7 +255,7 @@ impl Layers {
         self.add_colors(field, |omega, views, found| regression.solve(omega, views, found));
     }
 
-    /// Adds a field's colors, of which `at` finds the layers at a frequency.
+    /// Adds the colors of a field. `at` finds the layers at a frequency.
     fn add_colors(&mut self, field: &LightField, at: impl Fn([f64; 2], &[Complex64], &mut Found) + Sync) {
         for views in &field.planes {
             let brightest = views.par_iter().flatten().copied().reduce(|| 0.0, f32::max);
@@ -264,7 +265,7 @@ impl Layers {
         }
     }
 
-    /// The layers of one color; adds to the views' products.
+    /// Returns the layers of one color, and adds to the products of the views.
     fn solve(
         &mut self,
         at: &(impl Fn([f64; 2], &[Complex64], &mut Found) + Sync),
@@ -323,7 +324,7 @@ impl Layers {
         layers
     }
 
-    /// The picture of half a spectrum, whose columns but the first are doubled.
+    /// Returns the picture of half a spectrum, whose columns are doubled except for the first one.
     fn image(&self, plans: &Plans, mut frame: Vec<Complex32>) -> Vec<f32> {
         let ([height, width], used) = (self.padded, Columns { first: 0, count: self.half() });
         plans.fft(&mut frame, height, width, Direction::Inverse, used, |_| {});
@@ -332,15 +333,15 @@ impl Layers {
     }
 }
 
-/// Squared errors over so many pixels, in dB of the brightest light.
+/// Converts squared errors over `pixels` pixels to dB of the brightest light.
 pub(crate) fn decibels(error: f64, pixels: usize, brightest: f64) -> f64 {
     -10.0 * (error / pixels as f64 / brightest.powi(2)).max(1e-12).log10()
 }
 
-/// A picture in the corner of a larger one that is periodic: beyond its edges it goes on as in a mirror, and one side fades
-/// into the other.
+/// Places a picture in the corner of a larger periodic one. Beyond its edges it continues as in a mirror, and one side
+/// fades into the other.
 fn mirrored(view: &[f32], [height, width]: [usize; 2], [high, wide]: [usize; 2]) -> Vec<Complex32> {
-    // Where a place of the larger one is taken from: two places, and the share of the first.
+    // Each place of the larger picture mixes two source places, with the share of the first one.
     let axis = |n: usize, all: usize| -> Vec<(usize, usize, f32)> {
         let place = |i: usize| {
             if i < n {

@@ -1,31 +1,31 @@
-//! Fewer views where fewer do: neighbors that show the same become one, and views that no pupil reaches are left out.
+//! Reduces the number of views by merging similar neighbors and removing views that no pupil reaches.
 
 use crate::{LightField, ViewGrid};
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 
 impl LightField {
-    /// Where the views stand when shown on `display`.
+    /// Returns the positions of the views on `display`.
     pub fn view_grid(&self, display: &Display) -> ViewGrid {
         ViewGrid { rows: self.grid[0], columns: self.grid[1], cell: self.cell(display) }
     }
 
-    /// How many views along an axis can become one: the divisors, above 1, of both sides of the grid without so many outer
-    /// rows and columns on each side, largest first.
+    /// Returns the numbers of views along an axis that can become one. They are the divisors, above 1, of both sides of
+    /// the grid without the `outer` rows and columns on each side, with the largest first.
     pub fn mergeable_without(&self, outer: [usize; 2]) -> Vec<usize> {
         let [rows, columns] = [0, 1].map(|i| self.grid[i] - 2 * outer[i]);
         (2..=rows.min(columns)).rev().filter(|k| rows.is_multiple_of(*k) && columns.is_multiple_of(*k)).collect()
     }
 
-    /// The light field in which each block of `count` x `count` views has become one, in the middle of the block: their
-    /// mean, after content at `depth` (meters) has been laid upon itself. Exact for content at that depth seen by an eye
-    /// that focuses there; off it, what a view shows moves by `(z - depth) q / f` within a block (OPTICS 3).
+    /// Merges each block of `count` x `count` views into one view in the middle of the block. It is their mean, after
+    /// content at `depth` (meters) has been aligned. The result is exact for content at that depth and an eye that
+    /// focuses there. At other depths, the content of a view moves by `(z - depth) q / f` within a block (OPTICS 3).
     ///
     /// `count` must divide both sides of the grid ([`mergeable_without`](Self::mergeable_without)).
     pub fn merged(&self, display: &Display, count: usize, depth: f64) -> Self {
         let grid = self.view_grid(display);
         let [rows, columns] = self.grid.map(|n| n / count.max(1));
-        // Content at `depth` stands moved by -(depth / f) q: moving view q by (depth / f) (q - middle) undoes it.
+        // Content at `depth` is moved by -(depth / f) q, and moving view q by (depth / f) (q - middle) cancels this.
         let pixels = depth / (display.focal_length * display.picture_pixel());
         let block = |views: &[Vec<f32>], r: usize, c: usize| {
             let members = (0..count * count).map(|i| (r * count + i / count) * self.grid[1] + c * count + i % count);
@@ -59,12 +59,12 @@ impl LightField {
         }
     }
 
-    /// Rows and columns of views, on each side, whose cells lie wholly outside the square of side `eyebox` (meters)
-    /// around the axis: no pupil that stays in it sees them. One view is always left.
+    /// Returns the rows and columns of views, on each side, whose cells are completely outside the square of side
+    /// `eyebox` (meters) around the axis. No pupil within the square sees them. At least one view always remains.
     pub fn unseen(&self, display: &Display, eyebox: f64) -> [usize; 2] {
         let cell = self.cell(display);
         self.grid.map(|n| {
-            // The inner edge of the k-th cell from outside lies at (n/2 - k - 1) cells from the axis.
+            // The inner edge of the k-th cell from outside is (n/2 - k - 1) cells from the axis.
             let outside = |k: usize| (n as f64 / 2.0 - k as f64 - 1.0) * cell >= eyebox / 2.0 * (1.0 - 1e-9);
             (0..(n - 1) / 2).take_while(|k| outside(*k)).count()
         })
@@ -78,13 +78,13 @@ impl LightField {
         Self { view_pitch: Some(self.cell(display)), ..self }.inner(outer)
     }
 
-    /// A copy in this color alone.
+    /// Returns a copy with this color alone.
     pub fn only(&self, color: Color) -> Self {
         let its = self.colors.iter().zip(&self.planes).filter(|(c, _)| **c == color);
         Self { name: self.name.clone(), colors: vec![color], planes: its.map(|(_, p)| p.clone()).collect(), ..*self }
     }
 
-    /// With these of its colors, in its order.
+    /// Keeps only these of its colors, in its own order.
     pub fn with_colors(self, colors: &[Color]) -> Self {
         let pairs = self.colors.into_iter().zip(self.planes).filter(|(color, _)| colors.contains(color));
         let (colors, planes) = pairs.unzip();
@@ -92,8 +92,8 @@ impl LightField {
     }
 }
 
-/// Adds `weight` times the view, its content moved down and right by so many pixels, bilinear and periodic: as the
-/// photograph moves it.
+/// Adds `weight` times the view, with its content moved down and right by these pixels. The movement is bilinear and
+/// periodic, as in a target image.
 fn add_moved(view: &[f32], [height, width]: [usize; 2], [down, right]: [f64; 2], weight: f32, sum: &mut [f32]) {
     let split = |moved: f64, n: usize| {
         let whole = moved.floor();
@@ -124,7 +124,7 @@ mod tests {
         (field, display)
     }
 
-    /// dB, of the brightest value.
+    /// Returns the accuracy in dB of the brightest value.
     fn likeness(one: &[f32], other: &[f32]) -> f64 {
         let peak = f64::from(one.iter().copied().fold(0.0, f32::max));
         let error = one.iter().zip(other).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / one.len() as f64;
@@ -141,10 +141,10 @@ mod tests {
         assert!(likeness(&field.planes[1][40], &one.planes[1][0]) > 100.0);
     }
 
-    /// At its own depth a plane is laid upon itself, whatever the sign; at any other it is smeared.
+    /// At its own depth a plane is aligned with itself, for either sign. At any other depth it is blurred.
     #[test]
     fn a_plane_elsewhere_is_one_view_at_its_depth_alone() {
-        // A depth at which neighboring views differ by whole pixels: nothing is interpolated.
+        // At this depth neighboring views differ by whole pixels, so that nothing is interpolated.
         for disparity in [-1.0, 1.0] {
             let (_, display) = plane(0.0);
             let depth = disparity * display.focal_length * display.pitch / (display.eyebox_min() / 9.0);
@@ -170,7 +170,7 @@ mod tests {
     fn views_that_no_pupil_reaches_are_left_out() {
         let (field, display) = plane(0.0);
         assert_eq!(field.unseen(&display, display.eyebox_min()), [0, 0]);
-        // With twice the pitch the grid spans twice the eyebox: of 9 views 5 touch it.
+        // With twice the pitch, the grid spans twice the eyebox, and 5 of 9 views touch it.
         let wide = LightField { view_pitch: Some(2.0 * field.cell(&display)), ..field };
         assert_eq!(wide.unseen(&display, display.eyebox_min()), [2, 2]);
         let (middle, cell) = (wide.planes[0][40].clone(), wide.cell(&display));

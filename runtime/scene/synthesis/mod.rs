@@ -1,4 +1,4 @@
-//! New views: by reprojection, between the views of a light field, from layers and from depth maps.
+//! Makes new views by reprojection, interpolation, Fourier disparity layers and depth maps.
 
 pub(crate) mod closer;
 #[cfg(target_os = "linux")]

@@ -1,9 +1,9 @@
-//! What the views of a grid show of their order: along which axis of the picture content moves from column to column and
-//! from row to row, whether both agree, and which content covers which.
+//! Measures the order of the views of a grid from the movement and the occlusion of content.
 //!
-//! Columns of views follow +x and rows +y, and what is near covers what is far (OPTICS 3). Transposed views move along the
-//! other axis; one reversed axis makes rows and columns contradict each other; two reversed axes exchange near and far,
-//! which only what is covered tells.
+//! The measurement gives the axis of the picture along which content moves from column to column and from row to row.
+//! It also shows whether both agree, and which content covers which. Columns of views follow +x and rows +y, and near
+//! content covers far content (OPTICS 3). Transposed views move along the other axis. One reversed axis makes rows and
+//! columns contradict each other. Two reversed axes exchange near and far, which only occlusion shows.
 
 use crate::depth::central::view_disparities;
 use crate::depth::sweep::Compared;
@@ -11,53 +11,54 @@ use crate::light_field::resize::{Fit, Resize};
 use crate::{LightField, ViewGrid};
 use rayon::prelude::*;
 
-/// Pixels along the longer side of what is first looked at, and at most.
+/// Pixels along the longer side of the first, small copies, and of the largest ones.
 const SMALL: usize = 96;
 const LARGE: usize = 384;
-/// Pixels by which content may move between the views that are compared, as a share of the longer side.
+/// Largest movement of content between the compared views, as a share of the longer side.
 const REACH: f64 = 0.125;
-/// Candidates a pixel.
+/// Candidates of movement per pixel.
 const FINE: usize = 2;
-/// Differences (square root of light, of the brightest) beyond this are occlusions.
+/// Larger differences than this (square root of light, of the brightest) are occlusions.
 const OUTLIER: f32 = 0.25;
-/// What 8 bits round off, square root of light: views that differ by less tell nothing.
+/// Rounding error of 8 bits, in square root of light. Views that differ by less show nothing.
 const ROUNDED: f32 = 5e-4;
-/// Movement (pixels) below which farther views are compared.
+/// Movement in pixels below which farther views are compared.
 const STILL_BELOW_PX: f64 = 2.5;
 
-/// The views of the central row and column, small: square root of light, of the brightest.
+/// Small copies of the views of the central row and column, in square root of light, of the brightest.
 struct Small {
     size: [usize; 2],
     center: Vec<f32>,
-    /// Steps from the central view along the grid's columns, then along its rows.
+    /// The views with their steps from the central view, along the grid's columns and then along its rows.
     arms: [Vec<(isize, Vec<f32>)>; 2],
-    /// Pixels of the light field a pixel of these.
+    /// Pixels of the light field per pixel of these copies.
     scale: f64,
 }
 
-/// What the views show of their order.
+/// The order that the views show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Parallax {
-    /// Whether content moves along the other axis of the picture than it should; none where nothing moves.
+    /// True if content moves along the other axis of the picture than it should. It is `None` if nothing moves.
     pub transposed: Option<bool>,
-    /// Whether columns and rows contradict each other: one of them runs backwards. None where it cannot be told.
+    /// True if columns and rows contradict each other, so that one of them runs backwards. It is `None` if the views do
+    /// not show it.
     pub disagree: Option<bool>,
-    /// Whether what moves as near content does covers the other, once they are no longer transposed and, where they
-    /// disagree, what the names call rows is reversed. None where nothing tells.
+    /// True if content that moves like near content covers the other. This holds after the views are no longer
+    /// transposed and, if columns and rows disagree, the named rows are reversed. It is `None` if nothing shows it.
     pub near_covers: Option<bool>,
-    /// Places where one surface comes to lie on another and it can be seen which: those where the one that moves as near
-    /// content does covers, of how many.
+    /// The number of places in which content that moves like near content covers, and the number of all places in which
+    /// one surface visibly comes to cover another.
     pub covers: [usize; 2],
-    /// Smallest and largest movement from column to column and from row to row, each as measured by itself, pixels of the
-    /// light field, positive where near content moves so; none along an axis of one view.
+    /// Smallest and largest movement from column to column and from row to row, in pixels of the light field. Each is
+    /// measured by itself and positive in the direction of near content. It is `None` along an axis of one view.
     pub movement: [Option<[f64; 2]>; 2],
-    /// How badly views agree where content is allowed to move, as a share of how badly without: columns and rows as they are;
-    /// with rows turned; and both transposed.
+    /// Difference of views in which content may move, as a share of the difference without movement. The four values
+    /// are for columns and rows as they are, with reversed rows, and both of these transposed.
     pub apart: [f64; 4],
 }
 
-/// Costs of movements: (candidate, pixel), mean over a small window.
+/// Costs of movements, (candidate, pixel), as means over a small window.
 type Volume = Vec<Vec<f32>>;
 
 impl Small {
@@ -88,7 +89,7 @@ impl Small {
         small
     }
 
-    /// Takes off the margins without light: what stands still there covers whatever moves under it.
+    /// Removes the margins without light, because their still content would cover all content that moves under it.
     fn crop(&mut self) {
         let [h, w] = self.size;
         let lit = |i: usize| {
@@ -99,7 +100,7 @@ impl Small {
         let columns: Vec<usize> = (0..w).filter(|x| (0..h).any(|y| lit(y * w + x))).collect();
         let inner = |lit: &[usize], n: usize| {
             let (first, last) = (lit.first().copied().unwrap_or(0), lit.last().map_or(0, |l| l + 1));
-            // Margins are smoothed into the picture.
+            // The resampling mixes margins into the picture.
             let first = if first > 0 { first + 2 } else { 0 };
             first..(if last < n { last.saturating_sub(2) } else { n }).max(first)
         };
@@ -112,14 +113,14 @@ impl Small {
         self.size = [rows.len(), columns.len()];
     }
 
-    /// How far views stand from the center along both axes of the grid, at most.
+    /// Returns the largest number of steps of a view from the center, along both axes of the grid.
     fn steps(&self) -> usize {
         self.arms.iter().flatten().map(|(d, _)| d.unsigned_abs()).max().unwrap_or(0)
     }
 
-    /// Costs of each movement of content between the views `step` apart along an axis of the grid, along the picture's
-    /// columns (x) or rows: a movement of m displaces it by -m; over the better of both sides, for what one does not see the
-    /// other does.
+    /// Returns the costs of each movement of content between views that are `step` apart along an axis of the grid. The
+    /// movement is along the picture's columns (x) or rows, and a movement of m displaces content by -m. The better of
+    /// both sides counts, because one side sees the content that the other does not see.
     fn costs(&self, axis: usize, x: bool, step: usize, most: usize) -> Option<Volume> {
         let views: Vec<_> = self.arms[axis].iter().filter(|(d, _)| d.unsigned_abs() == step).collect();
         if views.is_empty() {
@@ -140,13 +141,13 @@ impl Small {
         Some((0..=2 * most * FINE).into_par_iter().map(one).collect())
     }
 
-    /// How much the picture changes around each pixel: what tells movements apart.
+    /// Returns the change of the picture around each pixel, which makes movements distinguishable.
     fn detail(&self) -> Vec<f32> {
         let [h, w] = self.size;
         let at = |x: usize, y: usize| self.center[y.min(h - 1) * w + x.min(w - 1)];
         let one = |i: usize| {
             let (x, y) = (i % w, i / w);
-            // Both ways at once: an edge along an axis tells nothing along it.
+            // Both directions count together, because an edge along an axis shows no movement along it.
             let across = (at(x + 1, y) - at(x, y)).abs();
             let down = (at(x, y + 1) - at(x, y)).abs();
             across.min(down) + 0.1 * (across + down)
@@ -155,7 +156,8 @@ impl Small {
     }
 }
 
-/// What is seen so many pixels away along an axis, between two pixels; beyond the edge, the edge.
+/// Returns the view displaced by `away` pixels along an axis, interpolated between two pixels. Pixels beyond the edge
+/// repeat the edge.
 fn shifted(view: &[f32], [h, w]: [usize; 2], away: f32, x: bool) -> Vec<f32> {
     let (whole, part) = (away.floor() as i64, away - away.floor());
     let place = |i: usize, n: usize, more: i64| (i as i64 + whole + more).clamp(0, n as i64 - 1) as usize;
@@ -170,7 +172,7 @@ fn shifted(view: &[f32], [h, w]: [usize; 2], away: f32, x: bool) -> Vec<f32> {
     out
 }
 
-/// Mean over five neighbors along an axis; the edge counts as often as it takes.
+/// Returns the mean over five neighbors along an axis. Pixels beyond the edge repeat the edge.
 fn blur(values: &[f32], h: usize, w: usize, x: bool) -> Vec<f32> {
     let mut out = vec![0.0; values.len()];
     if x {
@@ -193,8 +195,8 @@ fn blur(values: &[f32], h: usize, w: usize, x: bool) -> Vec<f32> {
     out
 }
 
-/// The best movement of each pixel where both axes of the grid count, and its cost; `turned` takes that of the second with the
-/// other sign.
+/// Returns the best movement of each pixel over both axes of the grid, and its cost. If `turned` is true, the second
+/// axis counts with the opposite sign.
 fn best(first: Option<&Volume>, second: Option<&Volume>, turned: bool, pixels: usize) -> (Vec<usize>, Vec<f32>) {
     let count = first.or(second).map_or(0, Vec::len);
     let one = |p: usize| {
@@ -209,25 +211,25 @@ fn best(first: Option<&Volume>, second: Option<&Volume>, turned: bool, pixels: u
                 best = (k, cost);
             }
         }
-        // Where nothing tells movements apart, none.
+        // If nothing distinguishes movements, there is no movement.
         if cost(count / 2) <= best.1 + 1e-5 { (count / 2, best.1) } else { best }
     };
     (0..pixels).into_par_iter().map(one).unzip()
 }
 
-/// What views `step` apart show.
+/// The comparison of views that are `step` apart.
 struct Look {
-    /// How badly views agree, as a share of how badly they agree without movement: columns along x with rows along y, and with
-    /// rows turned; then transposed, both ways.
+    /// Difference of views, as a share of their difference without movement. The values are for columns along x with
+    /// rows along y, for the same with reversed rows, and for both of these transposed.
     apart: [f64; 4],
-    /// Movement of each pixel in the best order, pixels of the small picture over `step` views.
+    /// Movement of each pixel in the best order, in pixels of the small picture over `step` views.
     movement: Vec<f32>,
-    /// Its size where there is detail: nine tenths move by less.
+    /// Size of the movement at pixels with detail. Nine tenths move by less.
     moved: f64,
 }
 
 impl Look {
-    /// Looks for movements of no more than `most` pixels.
+    /// Searches movements of at most `most` pixels.
     fn at(small: &Small, step: usize, detail: &[f32], most: usize) -> Option<(Self, [Option<Volume>; 4])> {
         let [h, w] = small.size;
         let [cx, cy, rx, ry] =
@@ -251,7 +253,7 @@ impl Look {
     }
 }
 
-/// The value below which this share of the pixels with detail lies.
+/// Returns the value below which this share of the pixels with detail is.
 fn share(values: &[f32], detail: &[f32], of: impl Fn(f32) -> f32, share: f64) -> f32 {
     let mean = detail.iter().sum::<f32>() / detail.len().max(1) as f32;
     let mut kept: Vec<f32> = values.iter().zip(detail).filter(|(_, d)| **d > mean).map(|(v, _)| of(*v)).collect();
@@ -260,9 +262,10 @@ fn share(values: &[f32], detail: &[f32], of: impl Fn(f32) -> f32, share: f64) ->
 }
 
 impl Small {
-    /// In how many places two surfaces come to lie on each other and the one of larger movement is seen, and in how many either
-    /// is: a place is a square of [`PLACE`] pixels along one axis of views, by what most of its pixels in all views say. Only
-    /// pixels count that know their own movement from the other's, by `cost` of a movement at a pixel.
+    /// Returns the number of places in which two surfaces come to cover each other and the one of larger movement is
+    /// visible, and the number in which either is visible. A place is a square of [`PLACE`] pixels along one axis of
+    /// views, and the majority of its pixels in all views decides. A pixel counts only if `cost`, the cost of a
+    /// movement at a pixel, distinguishes its own movement from the other surface's.
     fn covering(
         &self,
         movement: &[f32],
@@ -279,7 +282,7 @@ impl Small {
             let sign = if axis == 1 && turned { -1.0 } else { 1.0 };
             for (d, view) in arms {
                 let times = sign * *d as f32 / step as f32;
-                // For each pixel of the view the claims of largest and smallest movement.
+                // For each pixel of the view, the candidates of largest and smallest movement.
                 let mut claims: Vec<Option<[(f32, f32, usize); 2]>> = vec![None; h * w];
                 for (p, (m, light)) in movement.iter().zip(&self.center).enumerate() {
                     let away = -m * times;
@@ -307,9 +310,10 @@ impl Small {
                         continue;
                     }
                     let (a, b) = ((seen - large.1).abs(), (seen - small.1).abs());
-                    // What is neither was covered by something else.
+                    // A light that is like neither was covered by other content.
                     if a.min(b) < 0.5 * light {
-                        // Halfway between where both stand in the central view: the same for either order.
+                        // The place is halfway between both positions in the central view, which is the same for either
+                        // order.
                         let [x, y] =
                             [large.2 % w + small.2 % w, large.2 / w + small.2 / w].map(|sum| sum / (2 * PLACE));
                         let place = &mut places[(2 * y + axis) * across + x];
@@ -322,11 +326,11 @@ impl Small {
         clear.fold([0, 0], |[near, all], [votes, _]| [near + usize::from(*votes > 0.0), all + 1])
     }
 
-    /// Movement of each pixel, sharp at edges, in the order that was found.
+    /// Returns the movement of each pixel in the found order, sharp at edges.
     fn sharp(&self, step: usize, most: f64, transposed: bool, turned: bool) -> Vec<f32> {
         let there =
             |axis: usize, d: isize| self.arms[axis].iter().find(|(at, _)| *at == d * step as isize).map(|(_, v)| v);
-        // A side without views says nothing: a copy of the central view in its place would say that nothing moves.
+        // A side without views is left out. A copy of the central view instead would show that nothing moves.
         let turn = |axis: usize| if turned && axis == 1 { -1 } else { 1 };
         let side = |axis: usize, d: isize| usize::from(there(axis, d * turn(axis)).is_some());
         let axes = if transposed { [0, 1] } else { [1, 0] };
@@ -347,37 +351,40 @@ impl Small {
     }
 }
 
-/// Views whose differences do not fall below this share where content may move show no movement.
+/// Views whose difference with movement does not fall below this share show no movement.
 const MOVES: f64 = 0.9;
-/// How much better one order must be than another.
+/// One order must be better than another by at least this factor.
 const CLEARLY: f64 = 1.25;
 const CLEARLY_REVERSED: f64 = 1.15;
-/// What covers is believed where so many places agree as, of a fair coin, one in forty throws of all of them would, on either
-/// side: standard deviations. A light field that is refused by such a chance costs a flag.
+/// Occlusion counts if the number of agreeing places deviates from chance by this number of standard deviations. A fair
+/// coin does so, on either side, in one of forty cases. A light field that is refused by such a chance needs one
+/// option.
 const SIGNIFICANT: f64 = 2.0;
-/// Pixels along each side of a place; its pixels agree by as much.
+/// Pixels along each side of a place, and the share by which its pixels must agree.
 const PLACE: usize = 6;
 const CLEAR: f32 = 0.2;
-/// A pixel knows its own movement from another that costs as much more.
+/// A pixel distinguishes its own movement from another one that costs at least this much more.
 const KNOWS: f32 = 0.01;
 
-/// Whether, of `all` places, so many or so few are `near` that it is no accident; none where it may be one.
+/// Returns true if significantly more than half of `all` places are `near`, and false if significantly fewer are. It
+/// returns `None` if chance may explain the number.
 fn significant([near, all]: [usize; 2]) -> Option<bool> {
     let beyond = near.abs_diff(all - near).saturating_sub(1) as f64;
     (all > 0 && beyond >= SIGNIFICANT * (all as f64).sqrt()).then_some(2 * near > all)
 }
 
 impl Parallax {
-    /// Looks at the views of the central row and column: neighbors first, farther ones where too little moves, in more pixels
-    /// where too little still moves.
+    /// Compares the views of the central row and column. It begins with neighbors and takes farther views if too little
+    /// moves, then more pixels if still too little moves.
     pub(crate) fn of(field: &LightField) -> Option<Self> {
         let longest = field.height.max(field.width);
         if field.grid == [1, 1] || longest < 16 {
             return None;
         }
-        // (pixels, views apart, pixels of movement sought).
+        // These are the pixels of the copies, the steps between views, and the largest movement in pixels.
         let (mut pixels, mut step, mut most) = (longest.min(SMALL), 1, None::<f64>);
-        // Farther views may stand along one axis alone, as of 3 x 9 views. Then what nearer ones showed of both axes counts.
+        // Farther views may exist along one axis only, as in 3 x 9 views. The result of nearer ones for both axes
+        // counts then.
         let mut of_both = None;
         loop {
             let small = Small::new(field, pixels);
@@ -419,12 +426,12 @@ impl Look {
         self.apart.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether views along both axes of the grid were compared.
+    /// Returns true if views along both axes of the grid were compared.
     fn sees_both(&self) -> bool {
         self.apart.iter().all(|a| a.is_finite())
     }
 
-    /// Whether the views are transposed, and whether columns and rows disagree, as far as it is clear.
+    /// Returns whether the views are transposed, and whether columns and rows disagree, if that is clear.
     fn verdict(apart: &[f64; 4]) -> [Option<bool>; 2] {
         let [as_named, turned, crossed, both] = *apart;
         let pairs = [as_named.min(turned), crossed.min(both)];

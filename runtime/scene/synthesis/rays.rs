@@ -1,48 +1,48 @@
-//! Rays of a row of pixels, followed together through a view from near to far until each meets what the view saw.
+//! Follows the rays of a row of pixels through a view, together and from near to far.
 //!
-//! At one disparity all pixels of a row look at neighboring pixels of the view: what is compared is a run of its disparities with two
-//! bounds, many pixels at once.
+//! Each ray ends at the first surface that the view saw. At one disparity, all pixels of a row correspond to
+//! neighboring pixels of the view. A run of its disparities is therefore compared with two bounds, many pixels at once.
 
 use eyebox_kernels::simd;
 
 /// The step of a ray that meets nothing.
 pub(crate) const NONE: u16 = u16::MAX;
-/// Most steps along a ray.
+/// The largest number of steps along a ray.
 pub(crate) const MOST_STEPS: f32 = 65_000.0;
-/// Steps after which it is looked whether any ray goes on.
+/// Steps after which rays that all ended are detected.
 const ROUND: usize = 16;
 
-/// Where rays are at a step, from their pixel, and what they meet there.
+/// The position of rays at a step relative to their pixels, and the disparities that they meet there.
 #[derive(Clone, Copy)]
 struct Along {
     step: u16,
-    /// Rows and columns of the view.
+    /// Rows of the view from the pixel to the ray. `right` has its columns.
     down: i32,
     right: i32,
-    /// The smallest disparity that is met, and how much larger it may be, as they are stored.
+    /// The smallest disparity that is met, and the size of the range above it, in stored values.
     least: u16,
     span: u16,
 }
 
-/// How rays go through a view.
+/// The path of rays through a view.
 pub(crate) struct RayDirection {
-    /// Columns and rows for each pixel of disparity,
+    /// Columns and rows of the view per pixel of disparity.
     pub away: [f32; 2],
-    /// the disparities of the stored values 0 and 65535,
+    /// The disparities of the stored values 0 and 65535.
     pub range: [f32; 2],
-    /// from one step to the next,
+    /// The difference of disparity from one step to the next.
     pub step: f32,
-    /// how many steps there are behind the first, which is at the largest,
+    /// The number of steps after the first one, which is at the largest disparity.
     pub count: usize,
-    /// and by how much more than at a step a disparity may be that is met there.
+    /// The largest difference by which a disparity may exceed a step's and still be met there.
     pub met: f32,
 }
 
 /// Rays through a view, step by step.
 pub(crate) struct Rays {
-    /// Where each step is, rows and columns from a ray's pixel.
+    /// The position of each step as rows and columns from a ray's pixel.
     places: Vec<[i32; 2]>,
-    /// Those at which something can be met.
+    /// The steps at which something can be met.
     along: Vec<Along>,
 }
 
@@ -54,7 +54,7 @@ impl Rays {
         let place = |k| way.away.map(|a| (at(k) * f64::from(a) + 0.5).floor().clamp(-1e9, 1e9) as i32);
         let places: Vec<[i32; 2]> = (0..=way.count).map(place).map(|[right, down]| [down, right]).collect();
         let one = |(k, &[down, right]): (usize, &[i32; 2])| {
-            // Between the steps before and behind this one, each surface is met at one of them at least.
+            // Each surface between the previous and the next step is met at one of the steps at least.
             let least_met = ((at(k) - 0.5 * f64::from(way.step) - low) * unit).ceil().max(0.0);
             let most =
                 if unit > 0.0 { ((at(k) + f64::from(way.met) - low) * unit).floor().min(65535.0) } else { 65535.0 };
@@ -65,12 +65,13 @@ impl Rays {
         Self { places, along }
     }
 
-    /// Rows and columns from a pixel to where its ray is at a step.
+    /// Returns the rows and columns from a pixel to the position of its ray at a step.
     pub fn place(&self, step: u16) -> [i32; 2] {
         self.places[usize::from(step)]
     }
 
-    /// The step at which the ray of each pixel of row `y` meets something, or [`NONE`]. `view` has (row, column) of `size`.
+    /// Finds the step at which the ray of each pixel of row `y` meets a surface, or [`NONE`]. `view` has (row, column)
+    /// of `size`.
     pub fn follow(&self, view: &[u16], [height, width]: [usize; 2], y: usize, met: &mut [u16]) {
         met.fill(NONE);
         simd(
@@ -106,7 +107,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Ray by ray, step by step: the first at which what the view saw is neither behind the ray nor too far before it.
+        /// The reference goes ray by ray and step by step. It takes the first step at which the view's surface is
+        /// neither behind the ray nor too far in front of it.
         #[test]
         fn a_row_is_its_rays(h in 1usize..6, w in 1usize..70, u in -1.5f32..1.5, v in -1.5f32..1.5, low in -9.0f32..9.0, span in 0.0f32..20.0, step in 0.1f32..2.0, met in 0.3f32..3.0, seed in 0u32..1000) {
             let view: Vec<u16> = (0..h * w).map(|i| ((i as u32 / 5 + seed).wrapping_mul(2_654_435_761) >> 16) as u16).collect();

@@ -1,23 +1,23 @@
-//! Pictures bent so that they are seen straight, and as they are seen (docs/optics.md, 10).
+//! Bends pictures so that a viewer sees them straight, and simulates that view (OPTICS 10).
 
 use crate::light_field::resize::catmull_rom;
 use eyebox_optics::PictureMap;
 use rayon::prelude::*;
 
-/// Where each pixel of a picture of this size comes from in another of the same size, and how far apart neighbors' places are:
-/// (x, y) each, in pixels.
+/// The source of each pixel of a picture in another picture of the same size, and the distances of neighbors' sources,
+/// as (x, y) each in pixels.
 pub struct Bend {
     size: [usize; 2],
     from: Vec<([f64; 2], [f64; 2])>,
 }
 
 impl Bend {
-    /// What the display has to show so that the picture is seen as it is.
+    /// Prepares the picture that the display must show so that the viewer sees the original.
     pub fn to_display(map: &PictureMap, size: [usize; 2]) -> Self {
         Self::new(size, |at| map.forth(at))
     }
 
-    /// What is seen of a picture that the display shows.
+    /// Prepares the view of a picture that the display shows.
     pub fn to_viewer(map: &PictureMap, size: [usize; 2]) -> Self {
         Self::new(size, |at| map.back(at))
     }
@@ -37,8 +37,8 @@ impl Bend {
         Self { size: [rows, columns], from: (0..rows * columns).into_par_iter().map(pixel).collect() }
     }
 
-    /// A plane of linear light, bent: Catmull-Rom, as wide as its pixels come to lie apart; black where it comes from beyond the
-    /// picture, never below black.
+    /// Bends a plane of linear light. It uses Catmull-Rom with a width of the distance between source pixels. Places
+    /// beyond the picture become black, and no value is below black.
     pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.size;
         let axis = |at: f64, wide: f64, n: usize, out: &mut Vec<(usize, f64)>| {
@@ -60,7 +60,7 @@ impl Bend {
         out.par_chunks_mut(columns).enumerate().for_each(|(row, line)| {
             let (mut along, mut down) = (Vec::new(), Vec::new());
             for (value, &([x, y], [wide, high])) in line.iter_mut().zip(&self.from[row * columns..]) {
-                // Far outside there is nothing to add up.
+                // Far outside of the picture there is nothing to sum.
                 let is_near = |at: f64, n: usize| at > -17.0 && at < n as f64 + 17.0;
                 if !is_near(x, columns) || !is_near(y, rows) {
                     continue;

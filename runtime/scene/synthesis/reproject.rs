@@ -1,38 +1,39 @@
-//! Views from one picture and its disparities.
+//! Makes views from one picture and its disparities.
 //!
-//! Each pixel is a small piece of surface. It is joined to those neighbors that are about as deep, and torn from the
-//! others. A view displaces its corners, so joined pieces stretch without cracks, and pieces are laid down from near
-//! to far, each taking what is still uncovered of the pixels it falls on: nearer covers farther, and outlines keep
-//! their partial coverage. Behind every tear the far surface is continued once, for all views alike (what comes out
-//! from behind something is the same from everywhere, so it refocuses), by its own mirror image: not smeared.
+//! Each pixel is a small piece of surface. It is joined to neighbors of similar depth, and torn from the others. A view
+//! displaces its corners, so joined pieces stretch without cracks. The pieces are drawn from near to far, and each
+//! takes the uncovered part of the pixels on which it falls. Near content therefore covers far content, and outlines
+//! keep their partial coverage. Behind every tear the far surface is continued once for all views. Content that appears
+//! from behind is then the same from everywhere, so it refocuses. The continuation is a mirror image of the surface and
+//! not a smear.
 
 use rayon::prelude::*;
 
 /// A difference of disparity that opens more than this many pixels in the outermost view is a tear.
 const TEAR: f32 = 1.5;
 
-/// Colors of a picture: all three, for they tell together what is mixed of what.
+/// Number of colors of a picture. All three are used, because they show the mixture at edges together.
 const C: usize = 3;
 
-/// A pixel's neighbors, the closest first.
+/// The neighbors of a pixel, with the closest first.
 const AROUND: [(i64, i64); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
-/// A picture with disparities, ready to be seen from any view.
+/// A picture with disparities, prepared for rendering from any view.
 pub(crate) struct Relief {
     height: usize,
     width: usize,
-    /// From near to far.
+    /// Pieces of the surface, from near to far.
     pieces: Vec<Piece>,
 }
 
-/// A pixel's piece of surface.
+/// The piece of surface of one pixel.
 struct Piece {
     x: f32,
     y: f32,
     disparity: f32,
     /// Disparities of its left, right, upper and lower edge.
     edges: [f32; 4],
-    /// Share of its area that it covers.
+    /// Covered share of its area.
     opacity: f32,
     color: [f32; C],
 }
@@ -46,8 +47,8 @@ struct Padded {
     color: Vec<[f32; C]>,
 }
 
-/// `disparity` is in pixels between neighboring views (positive towards the camera); the outermost view is `reach`
-/// views from the center. Each plane is `height * width`.
+/// Builds the relief of a picture. `disparity` is in pixels between neighboring views (positive towards the camera),
+/// and the outermost view is `reach` views from the center. Each plane is `height * width`.
 pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [usize; 2], reach: f32) -> Relief {
     let tear = TEAR / reach.max(0.5);
     let mut sharp = disparity.to_vec();
@@ -62,16 +63,16 @@ pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [u
     let mut pieces = Vec::with_capacity(front.disparity.len() + fringe.len());
     pieces.extend(fringe);
     front.cut(&front.disparity, |_| true, &front.color, tear, &mut pieces);
-    // The far layer: what is seen where nothing stands in front, what was continued behind what does.
+    // The far layer is the picture where nothing is in front, and its continuation behind content in front.
     let far: Vec<f32> = hidden.iter().zip(&front.disparity).map(|(h, &d)| h.map_or(d, |(d, _)| d)).collect();
     let colors: Vec<[f32; C]> = hidden.iter().zip(&front.color).map(|(h, &c)| h.map_or(c, |(_, c)| c)).collect();
     front.cut(&far, |i| hidden[i].is_some(), &colors, tear, &mut pieces);
-    // Stable: pieces of one depth stay in reading order.
+    // The sort is stable, so pieces of one depth stay in reading order.
     pieces.sort_by(|a, b| b.disparity.total_cmp(&a.disparity));
     Relief { height, width, pieces }
 }
 
-/// A map's edges are often a pixel or two wide; values in between take the side that they are closer to.
+/// Sharpens edges of a map, which are often one or two pixels wide. Values in between take the closer side.
 fn snap(values: &[f32], height: usize, width: usize, tear: f32) -> Vec<f32> {
     let mut out = values.to_vec();
     for y in 0..height {
@@ -118,9 +119,9 @@ impl Padded {
         padded
     }
 
-    /// A pixel on the far rim of a tear often holds some of the near side's color, for pictures are smooth and maps
-    /// are not. Takes it out, and returns it as pieces of the near surface that cover as much of the pixel as they
-    /// did: the picture from the center stays what it was.
+    /// Removes the near side's color from pixels on the far rim of a tear, where pictures are smooth and maps are not.
+    /// It returns the removed share as pieces of the near surface that cover the same share of the pixel. The picture
+    /// from the center stays the same.
     fn unmix(&mut self, tear: f32) -> Vec<Piece> {
         let (h, w) = (self.height as i64, self.width as i64);
         let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
@@ -133,17 +134,18 @@ impl Padded {
                 let (&(dx, dy), near) = AROUND.iter().find_map(|d| Some((d, rises(d)?)))?;
                 let level = self.disparity[near];
                 let alike = |q: &usize, depth: f32| (self.disparity[*q] - depth).abs() <= tear;
-                // Pure colors: one pixel further in, two further out.
+                // Pure colors are one pixel further in, and two pixels further out.
                 let front = self.color[at(x + 2 * dx, y + 2 * dy).filter(|q| alike(q, level)).unwrap_or(near)];
                 let clean = |k: i64| at(x - k * dx, y - k * dy).filter(|q| alike(q, here));
                 let back = self.color[clean(2).or_else(|| clean(1))?];
-                // This color = back + share (front - back), as nearly as it can be.
+                // This color is approximated by back + share (front - back).
                 let (mut dot, mut norm) = (0.0, 0.0);
                 for k in 0..C {
                     dot += (self.color[p][k] - back[k]) * (front[k] - back[k]);
                     norm += (front[k] - back[k]).powi(2);
                 }
-                // Less than half of it is near, or the map would say so. And it must be such a mixture: texture is not.
+                // Less than half of the pixel is near, because otherwise the map would show that. The color must also
+                // be such a mixture, which excludes texture.
                 let share = (dot / norm.max(1e-6)).min(0.6);
                 let rest = |k: usize| self.color[p][k] - back[k] - share * (front[k] - back[k]);
                 let strange: f32 = (0..C).map(|k| rest(k).powi(2)).sum();
@@ -162,11 +164,11 @@ impl Padded {
         pieces
     }
 
-    /// For pixels within `reach` of a tear on its near side: disparity and color of the far surface behind them.
+    /// Returns disparity and color of the far surface behind pixels that are within `reach` of a tear on its near side.
     fn behind(&self, reach: usize, tear: f32) -> Vec<Option<(f32, [f32; C])>> {
         let (h, w) = (self.height as i64, self.width as i64);
         let at = |x: i64, y: i64| ((0..w).contains(&x) && (0..h).contains(&y)).then(|| (y * w + x) as usize);
-        // The far rim of a tear.
+        // Pixels on the far rim of a tear.
         let rim: Vec<bool> = (0..self.disparity.len())
             .into_par_iter()
             .map(|p| {
@@ -175,7 +177,7 @@ impl Padded {
                 AROUND.iter().any(|&(dx, dy)| at(x + dx, y + dy).is_some_and(nearer))
             })
             .collect();
-        // For each pixel the nearest rim that is farther than itself, carried from neighbor to neighbor.
+        // For each pixel, the nearest rim that is farther than the pixel itself, propagated from neighbor to neighbor.
         let mut nearest: Vec<Option<u32>> = vec![None; rim.len()];
         let distance = |p: usize, rim: u32| {
             let (dx, dy) = (p as i64 % w - i64::from(rim) % w, p as i64 / w - i64::from(rim) / w);
@@ -204,7 +206,8 @@ impl Padded {
             let (rx, ry) = (rim as i64 % w, rim as i64 / w);
             let depth = self.disparity[rim];
             let same = |q: &usize| (self.disparity[*q] - depth).abs() <= tear;
-            // Its mirror image behind the rim, a little further out: colors right at an outline are mixed.
+            // The color comes from the mirror image behind the rim, a little further out, because colors at an outline
+            // are mixed.
             let length = (((rx - px).pow(2) + (ry - py).pow(2)) as f64).sqrt();
             let out = |steps: f64| {
                 let along = |from: i64, to: i64| from + ((to - from) as f64 / length * steps).round() as i64;
@@ -215,7 +218,7 @@ impl Padded {
             Some((depth, self.color[from]))
         };
         let filled: Vec<Option<(f32, [f32; C])>> = nearest.par_iter().enumerate().map(fill).collect();
-        // Neighbors mirrored at different rims can be strangers: averaged over 3 x 3, they make no lines.
+        // Neighbors that are mirrored at different rims can differ. An average over 3 x 3 pixels avoids lines.
         let soften = |p: usize| {
             let (depth, color) = filled[p]?;
             let (x, y) = (p as i64 % w, p as i64 / w);
@@ -232,7 +235,7 @@ impl Padded {
         (0..filled.len()).into_par_iter().map(soften).collect()
     }
 
-    /// Cuts a layer into pieces: pixels for which `wanted` says so, joined to their neighbors in the layer.
+    /// Cuts the pixels that `wanted` selects into pieces, which are joined to their neighbors in the layer.
     fn cut(
         &self,
         disparity: &[f32],
@@ -266,12 +269,12 @@ impl Padded {
 }
 
 impl Relief {
-    /// Bytes in memory.
+    /// Returns the bytes in memory.
     pub fn bytes(&self) -> u64 {
         (self.pieces.capacity() * size_of::<Piece>()) as u64
     }
 
-    /// The picture as seen `u` columns and `v` rows of views from the center: one plane per color.
+    /// Returns the picture from `u` columns and `v` rows of views from the center, as one plane per color.
     pub fn view(&self, u: f32, v: f32) -> Vec<Vec<f32>> {
         let (h, w) = (self.height, self.width);
         let mut color = vec![[0.0f32; C]; h * w];
@@ -293,7 +296,7 @@ impl Relief {
                     if free <= 0.0 {
                         continue;
                     }
-                    // A hundredth more than its area: where a surface bends both ways, pieces tile only nearly.
+                    // The factor 1.01 is needed because pieces do not tile exactly where a surface bends both ways.
                     let area = tall * (right.min(i as f32 + 1.0) - left.max(i as f32)) * piece.opacity;
                     let share = (area * 1.01).min(free);
                     covered[p] += share;
@@ -306,7 +309,7 @@ impl Relief {
         (0..C).map(|k| color.iter().map(|c| c[k].max(0.0)).collect()).collect()
     }
 
-    /// Pixels that nothing reached take the farther of the two sides along the direction of the parallax.
+    /// Fills pixels that no piece covers with the farther of the two sides along the direction of the parallax.
     fn close(&self, color: &mut [[f32; C]], covered: &[f32], depth: &[f32], u: f32, v: f32) {
         let length = (u * u + v * v).sqrt().max(1e-6);
         let (du, dv) = if u * u + v * v > 0.0 { (u / length, v / length) } else { (1.0, 0.0) };
@@ -325,7 +328,7 @@ impl Relief {
     }
 }
 
-/// The farther one of the nearest pixels with a disparity before and behind pixel `p` along a direction (x, y).
+/// Returns the farther one of the nearest pixels with a disparity before and behind pixel `p` along a direction (x, y).
 pub(crate) fn farther_side(
     [height, width]: [usize; 2],
     p: usize,

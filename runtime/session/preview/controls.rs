@@ -1,44 +1,44 @@
-//! What a mouse and keys mean.
+//! Maps the mouse and the keys of a preview window to changes of the pupil and of the picture.
 
 use super::place::{Rect, focus_step, pupil_at};
 use super::{Overlay, PreviewContent, RenderedView, Side};
 use crate::optics::{Geometry, Optics, Pupil, dioptres};
 use crate::present::{WindowEvent, WindowKey};
 
-/// What the window's owner has to do.
+/// A request of the user that the owner of the window has to carry out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// End.
+    /// The user closes the preview.
     Close,
-    /// Keep the picture.
+    /// The user saves the picture as a file.
     Save,
-    /// Stop or go on with the sequence.
+    /// The user pauses or resumes the sequence.
     Pause,
-    /// So many holograms on.
+    /// The user moves by this number of holograms in the sequence.
     Step(i64),
 }
 
-/// Narrowest pupil, metres.
+/// The narrowest pupil (m).
 const NARROWEST: f64 = 0.5e-3;
-/// A press of a key that changes the diameter, metres.
+/// The change of the diameter with a press of a key (m).
 const WIDER: f64 = 0.5e-3;
-/// A press of an arrow, metres.
+/// The movement of the pupil with a press of an arrow key (m).
 const ASIDE: f64 = 0.25e-3;
 
-/// Where the eye is and what is shown of it, as mouse and keys change it.
+/// The pupil and the kind of picture, as mouse and keys change them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Controls {
-    /// The pupil.
+    /// The pupil of the simulated eye.
     pub pupil: Pupil,
-    /// All sub-frames, or the one of number `frame` alone.
+    /// True for all sub-frames, false for the sub-frame of number `frame` alone.
     pub averaged: bool,
-    /// Which sub-frame, where it is one.
+    /// The number of the sub-frame that is shown if `averaged` is false, from 0.
     pub frame: usize,
-    /// What is shown.
+    /// The picture or pictures that are shown.
     pub side: Side,
-    /// Whether the help covers the picture.
+    /// True if the help covers the picture.
     pub help: bool,
-    /// Whether the line and the map of the eyebox are in the picture.
+    /// True if the status line and the map of the eyebox are in the picture.
     pub line: bool,
     frames: usize,
     eyebox: f64,
@@ -48,7 +48,7 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// Begins at this pupil; `scene` and `sequence`: whether there is one.
+    /// Starts with this pupil. `scene` and `sequence` state if the preview has a scene and a sequence.
     pub fn new(showing: &PreviewContent, pupil: Pupil, scene: bool, sequence: bool) -> Self {
         let optics = showing.colors.iter().map(|c| c.optics).max_by(|a, b| a.wavelength.total_cmp(&b.wavelength));
         let optics = optics.unwrap_or(Optics {
@@ -76,23 +76,23 @@ impl Controls {
         }
     }
 
-    /// Which sub-frame is looked at; none for all of them.
+    /// Returns the number of the sub-frame that is shown alone, or `None` for all sub-frames.
     pub fn alone(&self) -> Option<usize> {
         (!self.averaged).then_some(self.frame)
     }
 
-    /// How many pictures stand side by side.
+    /// Returns the number of pictures that are shown side by side.
     pub fn count(&self) -> usize {
         if self.side == Side::Both { 2 } else { 1 }
     }
 
-    /// Takes in what happened, while pictures stood at these places.
+    /// Applies an event of the window, whose pictures were at these places.
     pub fn take(&mut self, event: WindowEvent, pictures: &[Rect]) -> Option<Action> {
         match event {
             WindowEvent::Close => return Some(Action::Close),
             WindowEvent::Pointer(position) => [self.pupil.x, self.pupil.y] = pupil_at(position, pictures, self.eyebox),
             WindowEvent::Wheel(notches) if notches.is_finite() => {
-                // What a coarse wheel or a wild touch pad sends at once.
+                // A coarse wheel or a faulty touch pad sends large steps at once.
                 self.pupil.depth += notches.clamp(-20.0, 20.0) * focus_step(&self.optics, &self.pupil);
             }
             WindowEvent::Key(key) => return self.key(key),
@@ -140,7 +140,7 @@ impl Controls {
         self.pupil.diameter = (self.pupil.diameter + by).clamp(NARROWEST, widest);
     }
 
-    /// What a picture shows, in one line.
+    /// Describes a picture in one line.
     pub fn describe(&self, seen: &RenderedView) -> String {
         let [x, y, d, z] = seen.look.pupil.to_mm();
         let light = match seen.look.frame {
@@ -151,8 +151,8 @@ impl Controls {
         let focus = dioptres(seen.look.pupil.depth, self.optics.focal_length);
         let what = match seen.look.side {
             Side::Seen => "",
-            Side::Both => ", beside the photograph",
-            Side::Photograph => ", the photograph",
+            Side::Both => ", next to the target image",
+            Side::Photograph => ", the target image",
         };
         format!(
             "pupil {x:+.2}, {y:+.2} mm, {d:.1} mm wide, focus {z:+.2} mm ({focus:+.3} D), {light}{psnr}, {:.0} ms{what}",
@@ -160,7 +160,7 @@ impl Controls {
         )
     }
 
-    /// What lies over the picture.
+    /// Returns the overlay of the picture.
     pub fn overlay(&self, seen: Option<&RenderedView>) -> Overlay {
         let line = seen.filter(|_| self.line);
         Overlay {
@@ -185,7 +185,7 @@ impl Controls {
             "n        the next sub-frame alone",
         ];
         if self.scene {
-            lines.push("p        photograph beside, alone");
+            lines.push("p        target image too, or alone");
         }
         if self.sequence {
             lines.extend(["space    pause", ", .      one hologram back, on"]);
@@ -266,7 +266,7 @@ mod tests {
         press(&mut c, "h");
         let help = c.overlay(None).help;
         assert!(help.iter().any(|l| l.starts_with("p ")) && help.iter().any(|l| l.starts_with("space")));
-        // Without scene and sequence their keys do nothing and are not offered.
+        // Without a scene and a sequence, their keys do nothing and the help does not list them.
         let mut c = controls(false, false);
         assert!(press(&mut c, "p .,").is_empty() && c.side == Side::Seen);
         press(&mut c, "h");

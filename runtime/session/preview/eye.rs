@@ -1,4 +1,6 @@
-//! An eye that keeps the spectrum: only what depends on the pupil is computed when the pupil moves.
+//! Renders through a moving pupil.
+//!
+//! It keeps the spectrum, so that only the parts that depend on the pupil are computed.
 
 use super::picture::Detail;
 use super::{PreviewColor, PreviewContent, PreviewError};
@@ -10,19 +12,19 @@ use crate::plan::{Comparison, ModelTables, Moving, Planner, Viewpoint};
 use eyebox_kernels::fft::Columns;
 use std::sync::Arc;
 
-/// Pixels of the SLM across the pupil of a coarse picture of tiles.
+/// The pixels of the SLM across the pupil of a coarse picture of tiles.
 const TILED_ACROSS: f64 = 384.0;
 
-/// Opens one engine.
+/// A function that opens one engine.
 pub type Opener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
-/// Looks at what a display shows, with an engine for each colour.
+/// Renders the content of a display, with an engine for each color.
 pub struct Eye {
     open: Opener,
     holds: Vec<Hold>,
 }
 
-/// A colour whose spectrum is in its engine.
+/// A color whose spectrum is in its engine.
 struct Hold {
     engine: Box<dyn Engine>,
     spectrum: Option<Spectrum>,
@@ -30,24 +32,24 @@ struct Hold {
 
 struct Spectrum {
     planner: Planner,
-    /// The display's, without what is in the pupil.
+    /// The model of the display, without the obstruction of the pupil.
     model: Option<Arc<ModelTables>>,
     of: Arc<Vec<f32>>,
     frame: Option<usize>,
 }
 
 impl Eye {
-    /// With engines that `open` opens when they are needed, one for each colour.
+    /// Creates an eye whose engines `open` opens when they are needed, one for each color.
     pub fn new(open: Opener) -> Self {
         Self { open, holds: Vec::new() }
     }
 
-    /// What opens engines, for a caller that needs one of the same kind.
+    /// Returns the function that opens engines, for a caller that needs an engine of the same kind.
     pub(super) fn opener(&mut self) -> &mut Opener {
         &mut self.open
     }
 
-    /// One engine for all that is not kept: memory is that of one thing at a time.
+    /// Returns one engine for content whose spectrum is not kept, so that memory holds one such content at a time.
     pub(super) fn single(&mut self) -> Result<&mut dyn Engine, EngineError> {
         if self.holds.is_empty() {
             self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
@@ -57,12 +59,14 @@ impl Eye {
         Ok(self.holds[0].engine.as_mut())
     }
 
-    /// The intensity in each colour through one pupil, divided by the pupil's share, without exposure, as
-    /// [`evaluate::views`] has it: of all sub-frames, or of `frame` alone. Of a hologram in tiles, in the samples that the
-    /// pupil resolves.
+    /// Renders the intensity of each color through one pupil, divided by the share of the pupil and without exposure,
+    /// as [`evaluate::views`] does.
+    ///
+    /// The intensity is the mean of all sub-frames, or the intensity of `frame` alone. For a hologram in tiles, the
+    /// samples have the resolution of the pupil.
     ///
     /// # Errors
-    /// [`PreviewError::Showing`] for what does not fit together; those of the engines.
+    /// Returns [`PreviewError::Showing`] if the content contradicts itself, and the errors of the engines.
     pub fn look(
         &mut self,
         showing: &PreviewContent,
@@ -73,7 +77,8 @@ impl Eye {
         showing.check()?;
         let frame = frame.map(|f| f.min(showing.frames - 1));
         if let Some(tiles) = &showing.tiles {
-            // A coarse picture is what the middle of the pupil sees: fewer tiles, fewer details, the same parallax and light.
+            // A coarse picture uses the middle of the pupil. It needs fewer tiles and has fewer details, with the same
+            // parallax and light.
             let coarse = (TILED_ACROSS * tiles.about().pitch).min(pupil.diameter / 2.0);
             let diameter = if detail == Detail::Whole { pupil.diameter } else { coarse };
             let source = PhaseSource::Tiled(Arc::clone(tiles));
@@ -83,7 +88,7 @@ impl Eye {
             self.holds.push(Hold { engine: (self.open)()?, spectrum: None });
         }
         let look = |(i, (hold, shown)): (usize, (&mut Hold, &PreviewColor))| {
-            // One sub-frame alone is lit for a moment.
+            // A sub-frame alone is lit only briefly, so its motion is left out.
             let motion = showing.moving(i).filter(|_| frame.is_none());
             let through = motion.map_or(Viewpoint::Pupil(*pupil), |m| m.seen_through(*pupil, showing.frames));
             hold.look(showing, shown, frame, &through, detail)
@@ -119,14 +124,14 @@ impl Hold {
             }
             _ => planner,
         };
-        // Cropping a padded image is for whole pixels, and so is putting a far field's axis in the middle.
+        // The crop of a padded image and the centering of the axis of a far field work in whole pixels only.
         let relay = shown.optics.geometry == Geometry::Relay;
         let fine = detail == Detail::Whole || showing.padding != Padding::default() || !relay;
         let looking = if fine { planner.clone() } else { Planner { factor: WindowFactor::Two, ..planner.clone() } };
         let pupil_pass = looking.viewpoint(through, &Comparison::default());
         let (rows, columns) = (pupil_pass.window.rows, pupil_pass.window.columns);
         let mut step = looking.view_step(vec![pupil_pass]);
-        // Any other pupil may come next.
+        // The next call may use any other pupil.
         step.columns = Columns { first: 0, count: planner.grid.width };
         let shared = step.shared();
         let known = self.spectrum.as_ref().is_some_and(|s| {

@@ -1,9 +1,9 @@
-//! Letters of 5 x 7 pixels, for the few words in a picture.
+//! Letters of 5 x 7 pixels for the short texts in a picture.
 
 pub(super) const WIDTH: usize = 5;
 pub(super) const HEIGHT: usize = 7;
 
-/// The printable ASCII characters from the space on: five columns each, the top row in the lowest bit.
+/// The printable ASCII characters from the space on, as five columns each, with the top row in the lowest bit.
 const LETTERS: [[u8; WIDTH]; 95] = [
     [0x00, 0x00, 0x00, 0x00, 0x00],
     [0x00, 0x00, 0x5f, 0x00, 0x00],
@@ -102,7 +102,7 @@ const LETTERS: [[u8; WIDTH]; 95] = [
     [0x08, 0x04, 0x08, 0x10, 0x08],
 ];
 
-/// Whether the letter has ink at this row and column; characters that are not there show as a question mark.
+/// Returns true if the letter has ink at this row and column. An unknown character appears as a question mark.
 pub(super) fn ink(letter: char, row: usize, column: usize) -> bool {
     let index = (letter as usize).wrapping_sub(0x20);
     let columns = LETTERS.get(index).unwrap_or(&LETTERS['?' as usize - 0x20]);
@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(drawn('2'), [".###.", "#...#", "....#", "...#.", "..#..", ".#...", "#####"]);
         assert_eq!(drawn('é'), drawn('?'));
         assert!(drawn(' ').iter().all(|row| row == "....."));
-        // No two letters are the same, and all but the space have ink.
+        // All letters differ, and all letters except the space have ink.
         let all: std::collections::BTreeSet<Vec<String>> = (' '..='~').map(drawn).collect();
         assert_eq!(all.len(), 95);
     }

@@ -1,13 +1,20 @@
-//! Shows what an eye sees of a hologram, live, in an ordinary window.
+//! Shows the simulated image of a hologram, live, in an ordinary window.
 //!
-//! A [`Viewer`] is a thread that owns the engines: it is given what the display shows ([`PreviewContent`]) and where to look from
-//! ([`Look`]) as often as either changes, and has the newest picture ([`RenderedView`]); what came in between is never computed. A
-//! [`PreviewWindow`] shows such pictures in a window of the same [`Desktop`](crate::present::Desktop) as playback's, and
-//! never makes the thread that serves it wait. [`Controls`] say what a mouse and keys mean; [`Reader`] reads the holograms
-//! of a sequence on a thread of its own.
+//! A [`Viewer`] is a thread that owns the engines. It receives the content of the display ([`PreviewContent`]) and the
+//! view ([`Look`]) as often as either changes. It returns the newest picture ([`RenderedView`]) and never computes
+//! requests that a newer one replaced.
 //!
-//! Pure, and tested without a window: `place` (where pictures lie, which pupil the mouse means), `picture` (from light to
-//! sRGB at any size), `controls`, `overlay` and its `font`.
+//! A [`PreviewWindow`] shows these pictures in a window of the same [`Desktop`](crate::present::Desktop) as that used
+//! for playback. It never blocks the thread that serves it. [`Controls`] interpret the mouse and the keys. [`Reader`]
+//! reads the holograms of a sequence on a thread of its own.
+//!
+//! These modules are pure and are tested without a window:
+//!
+//! - `place` computes the rectangles of the pictures and the pupil at a position of the mouse.
+//!
+//! - `picture` converts light to sRGB at any size.
+//!
+//! - `controls`, `overlay` and its `font` hold the user interface.
 
 mod controls;
 mod eye;
@@ -42,34 +49,34 @@ use crate::present::PresentError;
 use crate::reconstruction::ReconstructionError;
 use eyebox_base::error::Reason;
 
-/// Why there is nothing to see.
+/// An error of a preview.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum PreviewError {
-    /// The desktop.
+    /// The desktop reported an error.
     Desktop(#[from] PresentError),
-    /// The engine, or the window's device.
+    /// The engine or the device of the window reported an error.
     Engine(#[from] EngineError),
-    /// The optics of what is shown.
+    /// The optics of the content are not valid.
     Optics(#[from] OpticsError),
-    /// A hologram that could not be read.
+    /// A hologram could not be read.
     Hologram(#[from] HologramError),
-    /// The hologram could not be looked at.
+    /// The hologram could not be rendered.
     Reconstruction(#[from] ReconstructionError),
-    /// What is shown contradicts itself, or the scene.
-    #[error("this cannot be looked at: {reason}")]
+    /// The content contradicts itself or the scene.
+    #[error("preview content: {reason}")]
     Showing {
-        /// What does not fit.
+        /// The parts that contradict each other.
         reason: Reason,
     },
-    /// A thread that could not be started, or ended without a word.
+    /// A thread could not be started, or ended without an answer.
     #[error("the thread that {what} {reason}")]
     Thread {
-        /// What it does.
+        /// The task of the thread, as a verb phrase.
         what: &'static str,
-        /// What happened to it.
+        /// The event that ended the thread.
         reason: String,
     },
 }

@@ -1,26 +1,27 @@
-//! Words and a small map over a picture.
+//! Draws lines of text and a small map over a picture.
 
 use super::font::{HEIGHT, WIDTH, ink};
 use super::picture::Picture;
 
-/// What lies over a picture.
+/// The text and the map over a picture.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Overlay {
-    /// Lines in the middle.
+    /// Lines of help in the middle of the picture.
     pub help: Vec<String>,
-    /// A line at the bottom.
+    /// The status line at the bottom.
     pub line: Option<String>,
-    /// The pupil's centre (x, y) from the axis and its diameter, over the eyebox's side: drawn in the upper right corner.
+    /// The center of the pupil (x, y) from the axis and its diameter, as shares of the side of the eyebox. The map is
+    /// in the upper right corner.
     pub map: Option<[f64; 3]>,
 }
 
 const INK: [u8; 3] = [255, 255, 255];
-/// Rows from line to line, columns from letter to letter.
+/// The rows from line to line and the columns from letter to letter.
 const PITCH: [usize; 2] = [HEIGHT + 3, WIDTH + 1];
-/// Around a block of words.
+/// The margin around a block of text (dots).
 const MARGIN: usize = 3;
 
-/// Draws it, its letters as large as the picture has room for, up to three pixels a dot.
+/// Draws an overlay. Its letters are as large as the picture allows, with at most three pixels per dot.
 pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay) {
     let [rows, columns] = picture.size;
     let scale_of = |lines: &[&str]| {
@@ -32,7 +33,7 @@ pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay) {
     }
     if let Some(line) = &overlay.line {
         let scale = scale_of(&[line]).min(2);
-        // Narrow windows break it between its parts.
+        // In a narrow window the line breaks between its parts.
         let room = (columns / scale).saturating_sub(2 * MARGIN) / PITCH[1];
         let lines = broken(line, room);
         let high = extent(&lines)[0] * scale;
@@ -47,7 +48,7 @@ pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay) {
     }
 }
 
-/// A line in as many as its parts need to be no longer than `room` letters, where that can be.
+/// Splits a line at its commas, so that no piece is longer than `room` letters if possible.
 fn broken(line: &str, room: usize) -> Vec<&str> {
     let (mut lines, mut start, mut end) = (Vec::new(), 0, 0);
     for (at, _) in line.match_indices(", ").chain([(line.len(), "")]) {
@@ -66,7 +67,7 @@ fn extent(lines: &[&str]) -> [usize; 2] {
     [lines.len() * PITCH[0] + 2 * MARGIN, widest * PITCH[1] + 2 * MARGIN]
 }
 
-/// Lines on a darkened ground.
+/// Draws lines on a darkened background.
 fn block(picture: &mut Picture, top: usize, left: usize, lines: &[&str], scale: usize) {
     let [high, wide] = extent(lines);
     for row in top..top + high * scale {
@@ -87,7 +88,7 @@ fn block(picture: &mut Picture, top: usize, left: usize, lines: &[&str], scale: 
     }
 }
 
-/// The eyebox as a square, and the pupil in it.
+/// Draws the eyebox as a square, and the pupil in it.
 fn draw_map(picture: &mut Picture, [x, y, diameter]: [f64; 3]) {
     let [rows, columns] = picture.size;
     let side = (rows.min(columns) / 5).clamp(24, 160);
@@ -97,7 +98,7 @@ fn draw_map(picture: &mut Picture, [x, y, diameter]: [f64; 3]) {
             let along = |i: usize| (i as f64 + 0.5) / side as f64 - 0.5;
             let (dx, dy) = (along(column) - x, along(row) - y);
             let edge = row == 0 || column == 0 || row + 1 == side || column + 1 == side;
-            // Ink where the pupil's edge passes.
+            // The edge of the pupil is drawn as a ring.
             let ring = (dx.hypot(dy) - diameter / 2.0).abs() < 0.75 / side as f64;
             let inside = dx.hypot(dy) < diameter / 2.0;
             change(picture, top + row, left + column, |v, channel| match (edge || ring, inside) {
@@ -109,7 +110,7 @@ fn draw_map(picture: &mut Picture, [x, y, diameter]: [f64; 3]) {
     }
 }
 
-/// Changes a pixel, if it is there.
+/// Changes a pixel if it is inside the picture.
 fn change(picture: &mut Picture, row: usize, column: usize, to: impl Fn(u8, usize) -> u8) {
     if row >= picture.size[0] || column >= picture.size[1] {
         return;
@@ -147,7 +148,7 @@ mod tests {
     fn words_can_be_read_where_they_stand() {
         let mut picture = grey([60, 100]);
         draw_overlay(&mut picture, &Overlay { line: Some("F".into()), ..Overlay::default() });
-        // Two pixels a dot; the block is as high as its line and stands at the bottom.
+        // A dot has two pixels. The block is as high as its line and is at the bottom.
         let at = |row: usize, column: usize| picture.rgb[3 * (row * 100 + column)];
         let top = 60 - 2 * (PITCH[0] + 2 * MARGIN);
         assert_eq!((at(top - 1, 0), at(top, 0)), (100, 20));
@@ -173,7 +174,7 @@ mod tests {
         draw_overlay(&mut picture, &Overlay { map: Some([0.25, -0.25, 0.2]), ..Overlay::default() });
         let at = |row: usize, column: usize| picture.rgb[3 * (row * 300 + column)];
         let (top, left) = (MARGIN, 300 - 40 - MARGIN);
-        // Its frame, the pupil's inside up and to the right, and darkness elsewhere.
+        // The frame, the inside of the pupil up and to the right, and the dark area elsewhere.
         assert_eq!((at(top, left), at(top + 10, left + 30), at(top + 30, left + 10)), (255, 146, 33));
     }
 }

@@ -1,4 +1,4 @@
-//! From linear light to an sRGB picture of any size.
+//! Converts linear light to an sRGB picture of any size.
 
 use crate::evaluate::Plane;
 use crate::files::linear_to_srgb;
@@ -6,36 +6,36 @@ use crate::optics::Color;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// How fine a picture is.
+/// The resolution of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
-    /// On fewer pixels: those that hold all of the intensity that a small pupil passes (OPTICS 5). Exact where it is
-    /// sampled. Of a hologram in tiles: through the middle of the pupil alone.
+    /// The picture has only as many pixels as the intensity behind a small pupil needs (OPTICS 5). It is exact at its
+    /// samples. For a hologram in tiles, it uses the middle of the pupil alone.
     Coarse,
-    /// On the SLM's pixels.
+    /// The picture has the pixels of the SLM.
     Whole,
 }
 
-/// An sRGB picture.
+/// An sRGB picture with 8 bits per channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
-    /// Rows, columns.
+    /// The rows and the columns.
     pub size: [usize; 2],
-    /// (row, column, channel): red, green, blue.
+    /// The values (row, column, channel), with the channels red, green and blue.
     pub rgb: Vec<u8>,
 }
 
 impl Picture {
-    /// Black.
+    /// Returns a black picture.
     pub fn black(size: [usize; 2]) -> Self {
         Self { size, rgb: vec![0; 3 * size[0] * size[1]] }
     }
 }
 
-/// Guesses of a level for every 4096th of full scale.
+/// The number of steps in the table of guesses, one for each 4096th of full scale.
 const GUESSES: usize = 4096;
 
-/// The least light of each of the 256 levels, and a guess from below.
+/// The least light of each of the 256 levels, and a guess that is at most the level.
 struct Levels {
     least: [f32; 256],
     guess: [u8; GUESSES + 1],
@@ -48,7 +48,7 @@ fn levels() -> &'static Levels {
         let mut least = [f32::INFINITY; 256];
         least[0] = f32::NEG_INFINITY;
         for (l, least) in least.iter_mut().enumerate().skip(1) {
-            // Positive floats are in the order of their bits.
+            // Positive floats have the same order as their bits.
             let (mut below, mut from) = (0, 1f32.to_bits());
             while below + 1 < from {
                 let middle = (below + from) / 2;
@@ -63,7 +63,7 @@ fn levels() -> &'static Levels {
     })
 }
 
-/// The level that a PNG of this light has: the nearest of 256 on the sRGB curve; what is no number is black.
+/// Returns the level of this light in a PNG, which is the nearest of 256 on the sRGB curve. NaN is black.
 fn level(levels: &Levels, v: f32) -> u8 {
     if v.is_nan() {
         return 0;
@@ -75,11 +75,13 @@ fn level(levels: &Levels, v: f32) -> u8 {
     level as u8
 }
 
-/// Along one axis, for each pixel of the result: the first sample that it takes, and the samples' weights.
+/// The first sample and the weights of the samples for each pixel of the result, along one axis.
 type Taps = Vec<(usize, Vec<f32>)>;
 
-/// A triangle as wide as the wider of both pixels: linear interpolation up, a mean down, and nothing at all where the
-/// sizes are equal. Sample j of `from` lies at pixel `j * whole / from` of an axis of `whole` pixels.
+/// Computes the weights of a triangle as wide as the wider of both pixels. This is linear interpolation for a larger
+/// result, a mean for a smaller one, and the identity for equal sizes.
+///
+/// Sample j of `from` is at pixel `j * whole / from` of an axis of `whole` pixels.
 fn taps(from: usize, whole: usize, to: usize) -> Taps {
     let scale = whole as f64 / to as f64;
     let ratio = from as f64 / whole as f64;
@@ -92,7 +94,7 @@ fn taps(from: usize, whole: usize, to: usize) -> Taps {
         let first = first.min(last);
         let sum: f64 = (first..=last).map(weight).sum();
         let weights: Vec<f32> = (first..=last).map(|j| (weight(j) / sum.max(1e-9)) as f32).collect();
-        // Ends that weigh nothing may hold what is no number.
+        // Samples of weight 0 at the ends may be NaN.
         let skip = weights.iter().take_while(|w| **w == 0.0).count().min(weights.len() - 1);
         let keep = weights.iter().rposition(|w| *w != 0.0).map_or(1, |i| i + 1 - skip);
         (first + skip, weights[skip..skip + keep].to_vec())
@@ -100,7 +102,7 @@ fn taps(from: usize, whole: usize, to: usize) -> Taps {
     (0..to).map(one).collect()
 }
 
-/// On `to` pixels, where the plane samples a picture of `whole`.
+/// Resizes a plane, which samples a picture of `whole` pixels, to `to` pixels.
 fn resized(plane: &Plane, whole: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     if [plane.rows, plane.columns] == to && whole == to {
         return plane.values.clone();
@@ -120,10 +122,10 @@ fn resized(plane: &Plane, whole: [usize; 2], to: [usize; 2]) -> Vec<f32> {
     out
 }
 
-/// The picture of `to` pixels of planes that sample a picture of `whole` pixels, each times its exposure: in its colour,
-/// or grey where there is one plane, as `eyebox render` writes it.
+/// Makes the picture of `to` pixels from planes that sample a picture of `whole` pixels, each times its exposure. Each
+/// plane fills the channel of its color. A single plane gives a gray picture, as `eyebox render` writes it.
 ///
-/// Light is resized before it is encoded: speckle keeps its brightness.
+/// Light is resized before it is encoded, so that speckle keeps its brightness.
 pub fn develop(
     planes: &[Plane],
     colors: &[Option<Color>],
@@ -177,7 +179,7 @@ mod tests {
 
     #[test]
     fn light_keeps_its_mean_and_its_place() {
-        // Stripes of one pixel become an even grey of half the light, not of half the level.
+        // Stripes of one pixel become an even gray of half the light, not of half the level.
         let stripes = plane(64, 64, |_, x| (x % 2) as f32);
         let half = develop(std::slice::from_ref(&stripes), &[None], &[1.0], [64, 64], [16, 16]);
         assert!(
@@ -185,8 +187,8 @@ mod tests {
             "{:?}",
             &half.rgb[..48]
         );
-        // A ramp stays the ramp at the same places, up, down and from fewer samples; a triangle that is no whole number of
-        // samples wide is off by a tenth of one.
+        // A ramp stays a ramp at the same places for a larger result, a smaller one and fewer samples. A triangle whose
+        // width is no whole number of samples is off by a tenth of a sample.
         let ramp =
             |n: usize, whole: usize| plane(n, n, move |y, x| (x as f32 + 3.0 * y as f32) / n as f32 * whole as f32);
         let off = |samples: usize| 0.1 * (1.0 + 3.0) * 60.0 / samples as f32;

@@ -1,30 +1,30 @@
-//! Where pictures lie in a window, and which pupil the mouse means there.
+//! Computes the rectangles of pictures in a window, and the pupil at a position of the mouse.
 
 use crate::optics::{Optics, Pupil};
 
 /// A rectangle of pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rect {
-    /// First row.
+    /// The first row of the rectangle.
     pub top: usize,
-    /// First column.
+    /// The first column of the rectangle.
     pub left: usize,
-    /// Rows.
+    /// The number of rows.
     pub height: usize,
-    /// Columns.
+    /// The number of columns.
     pub width: usize,
 }
 
-/// Pixels between pictures that stand side by side.
+/// The pixels between pictures that are side by side.
 const GAP: usize = 4;
 
-/// Where `count` pictures of `picture` rows and columns lie side by side in a `window`: as large as they fit, in their
-/// proportions, in the middle. Each is one pixel at least, also where nothing fits.
+/// Places `count` pictures of `picture` rows and columns side by side in the middle of a `window`. They are as large as
+/// fits and keep their proportions. Each has at least one pixel, even if the window is too small.
 pub fn places(window: [usize; 2], picture: [usize; 2], count: usize) -> Vec<Rect> {
     let [rows, columns] = picture.map(|n| n.max(1));
     let count = count.max(1);
     let room = (window[1].saturating_sub(GAP * (count - 1)) / count).max(1);
-    // In whole numbers, so that a window of the picture's size shows it pixel by pixel.
+    // Whole numbers ensure that a window of the size of the picture shows it pixel by pixel.
     let (height, width) = if room * rows <= window[0].max(1) * columns {
         ((room * rows / columns).max(1), room)
     } else {
@@ -35,8 +35,8 @@ pub fn places(window: [usize; 2], picture: [usize; 2], count: usize) -> Vec<Rect
     (0..count).map(|i| Rect { top, left: left + i * (width + GAP), height, width }).collect()
 }
 
-/// The pupil's centre (x, y) that the mouse means at this row and column: the picture that it is over stands for the
-/// eyebox, its middle for the axis, and beyond it the pupil stays at the edge.
+/// Returns the center of the pupil (x, y) in m at this row and column of the mouse. The picture under the mouse
+/// represents the eyebox, and its middle is the axis. Beyond the picture the pupil stays at the edge.
 pub fn pupil_at(position: [f64; 2], pictures: &[Rect], eyebox: f64) -> [f64; 2] {
     let [row, column] = position;
     let after = |r: &&Rect| column >= r.left as f64;
@@ -48,7 +48,8 @@ pub fn pupil_at(position: [f64; 2], pictures: &[Rect], eyebox: f64) -> [f64; 2] 
     [along(column, rect.left, rect.width), along(row, rect.top, rect.height)]
 }
 
-/// A step of focus that can just be seen, metres: it moves what the pupil's edge sees by an eighth of a pixel (OPTICS 2).
+/// Returns the smallest visible step of focus (m). It moves the image at the edge of the pupil by an eighth of a pixel
+/// (OPTICS 2).
 pub(crate) fn focus_step(optics: &Optics, pupil: &Pupil) -> f64 {
     optics.pitch / 8.0 * optics.focal_length / (pupil.diameter / 2.0)
 }
@@ -66,7 +67,7 @@ mod tests {
         assert_eq!(places([72, 256], [36, 64], 1), [rect(0, 64, 72, 128)]);
         assert_eq!(places([36, 132], [36, 64], 2), [rect(0, 0, 36, 64), rect(0, 68, 36, 64)]);
         assert_eq!(places([0, 0], [36, 64], 2).len(), 2);
-        // Nothing leaves the window.
+        // No picture extends beyond the window.
         for window in [[1, 1], [7, 500], [500, 7], [33, 47]] {
             for r in places(window, [1080, 1920], 1) {
                 assert!(r.top + r.height <= window[0] && r.left + r.width <= window[1], "{window:?} {r:?}");
@@ -79,13 +80,13 @@ mod tests {
         let one = places([100, 200], [100, 100], 1);
         let at = |row, column| pupil_at([row, column], &one, 22e-3).map(|m| (m * 1e6).round() / 1e3);
         assert_eq!(at(50.0, 100.0), [0.0, 0.0]);
-        // Right is +x, down is +y.
+        // Right is +x, and down is +y.
         assert_eq!(at(50.0, 125.0), [5.5, 0.0]);
         assert_eq!(at(75.0, 100.0), [0.0, 5.5]);
         assert_eq!(at(0.0, 0.0), [-11.0, -11.0]);
         assert_eq!(at(1e9, 199.0), [11.0, 11.0]);
         assert_eq!(at(f64::NAN, 100.0)[1], 0.0);
-        // Over the picture beside it the same place means the same pupil.
+        // The same place over the second picture gives the same pupil.
         let two = places([100, 204], [100, 100], 2);
         assert_eq!(pupil_at([30.0, 40.0], &two, 22e-3), pupil_at([30.0, 144.0], &two, 22e-3));
         assert_eq!(pupil_at([30.0, 40.0], &[], 22e-3), [0.0, 0.0]);

@@ -1,4 +1,4 @@
-//! What the display shows.
+//! Describes the content that the display shows.
 
 use super::PreviewError;
 use crate::evaluate::Plane;
@@ -10,61 +10,63 @@ use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use std::sync::Arc;
 
-/// One colour of what is shown.
+/// One color of the content.
 #[derive(Debug, Clone)]
 pub struct PreviewColor {
-    /// Its colour; none where only a wavelength is known.
+    /// The name of the color, or `None` if only its wavelength is given.
     pub color: Option<Color>,
-    /// Over the SLM.
+    /// The optics over the SLM.
     pub optics: Optics,
-    /// One exposure for the whole eyebox (OPTICS 2).
+    /// The exposure of this color, one for the whole eyebox (OPTICS 2).
     pub exposure: f64,
-    /// The share of its field of view that all colours have: 1 but in the far field (OPTICS 9).
+    /// The share of its field of view that all colors have. It is 1 except in the far field (OPTICS 9).
     pub share: f64,
-    /// What the display does to the light beside showing phases; none for the ideal one.
+    /// The display model, or `None` for an ideal display.
     pub model: Option<Arc<ModelTables>>,
-    /// The eye that looks; none for a perfect one.
+    /// The model of the eye, or `None` for a perfect eye.
     pub eye: Option<Arc<EyeTables>>,
-    /// The modes of its source; none for a laser on the axis.
+    /// The modes of the source, or an empty list for a laser on the axis.
     pub modes: Arc<[SourceMode]>,
-    /// Power of its laser in each sub-frame, over its mean (OPTICS 13); none where all are alike.
+    /// The power of the laser in each sub-frame over its mean (OPTICS 13), or an empty list if all are equal.
     pub powers: Arc<[f64]>,
-    /// Where its picture is seen; none where nothing bends it.
+    /// The map of the visible picture, or `None` if the display does not distort it.
     pub map: Option<PictureMap>,
-    /// (sub-frame, row, column), radians; none where they are in tiles. A colour whose phases are the same as before costs
-    /// nothing again.
+    /// The phases (sub-frame, row, column) in radians, or an empty list if they are in tiles. If a color keeps the same
+    /// phases, its spectrum is not computed again.
     pub phases: Arc<Vec<f32>>,
 }
 
-/// Phases on a display, and the light that they are seen by.
+/// The phases on a display, and the light that makes them visible.
 #[derive(Debug, Clone)]
 pub struct PreviewContent {
-    /// Sub-frames.
+    /// The number of sub-frames.
     pub frames: usize,
-    /// Zeros around the SLM in the computation.
+    /// The zeros around the SLM in the computation.
     pub padding: Padding,
-    /// The colours.
+    /// The colors of the hologram.
     pub colors: Vec<PreviewColor>,
-    /// Side of the eyebox that all colours of the display serve, metres.
+    /// The side of the eyebox that all colors of the display serve (m).
     pub eyebox: f64,
-    /// The phases of a far field that stay on the disk: those under the pupil are read for each picture.
+    /// The phases of a far field that stay on the disk. Each picture reads those under its pupil.
     pub tiles: Option<Arc<Tiles>>,
-    /// What it should be, colour by colour, where that changes with what is shown; else the scene that the viewer was given.
+    /// The target scene for each color, if it changes with the content. Otherwise the viewer uses the scene that it was
+    /// started with.
     pub scene: Option<Arc<Vec<Problem>>>,
-    /// What moves while its sub-frames are lit, colour by colour: what is seen is integrated over it. Empty where nothing does.
+    /// The motion of each color while its sub-frames are lit, over which the image is integrated. It is empty if
+    /// nothing moves.
     pub motion: Vec<Motion>,
-    /// What is in the pupil of the eye that looks. Of tiles, theirs counts.
+    /// The obstruction in the pupil of the eye. For tiles, the obstruction of the tiles counts.
     pub obstruction: Option<Obstruction>,
 }
 
 impl PreviewContent {
-    /// A hologram, seen as it was solved: with this padding.
+    /// Takes the content of a hologram, with the padding that it was solved with.
     ///
     /// # Errors
-    /// Its optics, or a hologram that contradicts itself.
+    /// Returns the error of its optics, or of a hologram that contradicts itself.
     pub fn new(hologram: Hologram, padding: Padding) -> Result<Self, PreviewError> {
         if hologram.colors.is_empty() {
-            return Err(PreviewError::Showing { reason: reason!("no-color", "it has no colours") });
+            return Err(PreviewError::Showing { reason: reason!("no-color", "it has no colors") });
         }
         let optics = (0..hologram.colors.len()).map(|i| hologram.optics(i)).collect::<Result<Vec<_>, _>>()?;
         let solved = optics.iter().map(|o| o.wavelength);
@@ -95,12 +97,12 @@ impl PreviewContent {
         Ok(Self { frames: hologram.frames, padding, colors, eyebox, tiles, scene, motion, obstruction })
     }
 
-    /// What moves while a colour's sub-frames are lit, where something does.
+    /// Returns the motion while the sub-frames of a color are lit, if there is any.
     pub(super) fn moving(&self, color: usize) -> Option<&Motion> {
         self.motion.get(color).filter(|motion| !motion.is_still())
     }
 
-    /// Planes of its colours, as the display shows them, as they are seen.
+    /// Distorts the planes of the colors in the display to the planes that an eye sees.
     pub(super) fn as_seen(&self, planes: Vec<Plane>) -> Vec<Plane> {
         let seen = |(plane, shown): (Plane, &PreviewColor)| match &shown.map {
             Some(map) => plane.as_seen(map),
@@ -109,24 +111,30 @@ impl PreviewContent {
         planes.into_iter().zip(&self.colors).map(seen).collect()
     }
 
-    /// Rows and columns of what is seen: the SLM's pixels, or, in the far field, a square of as many.
+    /// Returns the rows and columns of the image. These are the pixels of the SLM, or a square of as many in the far
+    /// field.
     pub fn size(&self) -> [usize; 2] {
         self.colors.first().map_or([0, 0], |c| c.optics.image_size().into())
     }
 
-    /// Refuses what does not hang together.
+    /// Checks that the parts of the content fit together.
     ///
     /// # Errors
-    /// [`PreviewError::Showing`].
+    /// Returns [`PreviewError::Showing`] if they do not.
     pub fn check(&self) -> Result<(), PreviewError> {
         let wrong = |reason: Reason| Err(PreviewError::Showing { reason });
         let [height, width] = self.colors.first().map_or([0, 0], |c| [c.optics.height, c.optics.width]);
         if self.colors.is_empty() || self.frames == 0 {
-            return wrong(reason!("size", "{} colours and {} sub-frames", self.colors.len(), self.frames));
+            return wrong(reason!(
+                "size",
+                "it has {} colors and {} sub-frames, but both must be at least 1",
+                self.colors.len(),
+                self.frames
+            ));
         }
         let about = self.tiles.as_ref().map(|t| t.about());
         if about.is_some_and(|a| (a.frames, a.colors.len()) != (self.frames, self.colors.len())) {
-            return wrong(reason!("other-tiles", "its tiles hold other sub-frames or colours"));
+            return wrong(reason!("other-tiles", "its tiles have a different number of sub-frames or colors"));
         }
         for (i, c) in self.colors.iter().enumerate() {
             let expected = match self.tiles {
@@ -136,7 +144,7 @@ impl PreviewContent {
             if [c.optics.height, c.optics.width] != [height, width] || Some(c.phases.len()) != expected {
                 return wrong(reason!(
                     "phases-count",
-                    "colour {i} has {} phases of {}x{}, not {} sub-frames of {height}x{width}",
+                    "color {i} has {} phases of {}x{}, not {} sub-frames of {height}x{width}",
                     c.phases.len(),
                     c.optics.height,
                     c.optics.width,

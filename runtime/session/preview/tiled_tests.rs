@@ -1,4 +1,4 @@
-//! The viewer of a hologram in tiles: what is seen, and how little is read for it.
+//! Tests the viewer of a hologram in tiles, both the picture and the small amount that is read for it.
 
 use super::*;
 use crate::engine::cpu::CpuEngine;
@@ -18,13 +18,13 @@ fn display() -> Display {
     Display { height: SIDE, width: SIDE, ..Display::preset("far-field").unwrap() }
 }
 
-/// Everything but the phases, which stay where they are.
+/// Returns the content without the phases, which stay in their tiles.
 fn showing(tiles: &Arc<Tiles>) -> PreviewContent {
     let shown = PreviewContent::new(tiles.about().clone(), Padding::default()).unwrap();
     PreviewContent { tiles: Some(Arc::clone(tiles)), ..shown }
 }
 
-/// Two colours of two sub-frames, in tiles that hold their first phases.
+/// Returns two colors of two sub-frames, in tiles that hold their first phases.
 fn tiles(path: &Path) -> Arc<Tiles> {
     let display = display();
     let color = |color: Color| ColorHologram {
@@ -49,13 +49,13 @@ fn cpu() -> Opener {
     Box::new(|| Ok(Box::new(CpuEngine::new())))
 }
 
-/// A pupil of so many pixels, its centre so many from the axis.
+/// Returns a pupil whose size and center are given in pixels.
 fn pupil(x: f64, y: f64, across: f64) -> Pupil {
     let pitch = display().pitch;
     Pupil { x: x * pitch, y: y * pitch, diameter: across * pitch, depth: 0.0 }
 }
 
-/// What [`PhaseSource::look`] has of all sub-frames, or of one.
+/// Returns the result of [`PhaseSource::look`] for all sub-frames or for one.
 fn expected(tiles: &Arc<Tiles>, frame: Option<usize>, pupil: &Pupil) -> Vec<Vec<f32>> {
     let seen = PhaseSource::Tiled(Arc::clone(tiles)).look(frame, pupil, &mut CpuEngine::new()).unwrap();
     seen.into_iter().map(|plane| plane.values).collect()
@@ -78,11 +78,11 @@ fn the_eye_sees_what_lies_under_the_pupil_and_reads_no_more() {
         assert!(share > 0.0 && share < most, "{share} of the file for {across} pixels");
         let want = expected(&tiles, None, &pupil);
         assert!(seen.iter().zip(&want).all(|(s, w)| s.values == *w && s.rows * s.columns == w.len()));
-        // One sub-frame alone, with its grain.
+        // One sub-frame alone has its own speckle.
         let one = eye.look(&showing, Some(1), &pupil, Detail::Whole).unwrap();
         assert_eq!(one[0].values, expected(&tiles, Some(1), &pupil)[0]);
         assert_ne!(one[0].values, seen[0].values);
-        // Coarse: the middle of the pupil, in fewer pixels, from fewer tiles, as bright.
+        // The coarse picture shows the middle of the pupil, in fewer pixels, from fewer tiles, and equally bright.
         let before = tiles.moved()[0];
         let coarse = eye.look(&showing, None, &pupil, Detail::Coarse).unwrap();
         let less = tiles.moved()[0] - before;
@@ -121,7 +121,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     let want = expected(&tiles, None, &place);
     assert!(seen.planes.iter().zip(&want).all(|(s, w)| s.values == *w));
     assert_eq!(seen.seen.size, [100, 100]);
-    // Beside it, what should be seen from there.
+    // The target image from there is next to it.
     let both = Look { side: Side::Both, ..look };
     viewer.look(both);
     let seen = wait(&viewer, &both, true);
@@ -130,7 +130,7 @@ fn the_viewer_shows_tiles_coarse_first_and_their_photograph() {
     assert!(wanted.len() == 2 && seen.wanted == wanted);
     assert!(seen.photograph.is_some_and(|p| p.size == [100, 100] && p.rgb.iter().any(|v| *v > 100)));
     assert!(seen.psnr_db.is_some_and(|db| db > 3.0 && db < 20.0), "{:?}: noise is no picture", seen.psnr_db);
-    // A scene of all views is not what tiles are compared with.
+    // Tiles are not compared with a scene of all views.
     let mut viewer = Viewer::start(cpu(), SceneSource::Around(views().into_iter().take(1).collect())).unwrap();
     viewer.look(both);
     viewer.show(Arc::new(showing(&tiles)));

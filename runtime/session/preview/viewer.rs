@@ -1,4 +1,4 @@
-//! The thread that looks.
+//! Renders pictures of the content on a thread of its own.
 
 use super::eye::{Eye, Opener};
 use super::picture::{Detail, Picture, develop};
@@ -17,56 +17,57 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// Which picture is wanted.
+/// The picture or pictures that a caller requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// What the eye sees.
+    /// The image that the eye sees.
     Seen,
-    /// That, and the scene's photograph: what it should see.
+    /// The image, and the target image of the scene.
     Both,
-    /// The photograph alone.
+    /// The target image alone.
     Photograph,
 }
 
-/// What is looked at, and how.
+/// A request for a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Look {
-    /// Through this pupil.
+    /// The pupil of the eye.
     pub pupil: Pupil,
-    /// One sub-frame alone, or all of them averaged.
+    /// One sub-frame alone, or `None` for the mean of all.
     pub frame: Option<usize>,
-    /// Which picture.
+    /// The picture or pictures.
     pub side: Side,
-    /// Rows and columns of the picture.
+    /// The rows and columns of the picture.
     pub within: [usize; 2],
 }
 
-/// What was seen.
+/// A picture, with the request that it answers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderedView {
-    /// As it was asked for.
+    /// The request for this picture.
     pub look: Look,
-    /// What was shown: how many times [`Viewer::show`] had been called.
+    /// The number of calls of [`Viewer::show`] up to the content of this picture.
     pub content: u64,
-    /// The intensity per colour, without exposure, where the display's picture is seen; empty for the photograph alone.
+    /// The intensity of each color without exposure, at the positions that the eye sees. It is empty for the target
+    /// image alone.
     pub planes: Vec<Plane>,
-    /// What they are multiplied by in the picture.
+    /// The factor of each plane in the picture.
     pub exposures: Vec<f64>,
-    /// The picture; black for the photograph alone.
+    /// The picture of the image, or black for the target image alone.
     pub seen: Picture,
-    /// The scene's photograph per colour, where there is a scene and the picture is whole.
+    /// The target image of each color, if there is a scene and the picture is whole.
     pub wanted: Vec<Plane>,
-    /// Its picture, where that is to be shown.
+    /// The picture of the target image, if it was requested.
     pub photograph: Option<Picture>,
-    /// Over all colours, after 2 x 2 averaging, at the exposure that is shown; where there is a scene.
+    /// The PSNR (dB) over all colors, after 2 x 2 averaging and at the exposure of the content, if there is a scene.
     pub psnr_db: Option<f64>,
-    /// Time that it took.
+    /// The time of the computation (ms).
     pub milliseconds: f64,
-    /// Whether it is on all of the SLM's pixels; if not, a better one is under way.
+    /// True if the picture has all pixels of the SLM. If it is false, a finer picture follows.
     pub whole: bool,
 }
 
-/// What the thread is given: all of it is the newest.
+/// The newest requests to the thread.
 #[derive(Default)]
 struct ViewRequest {
     showing: Option<(u64, Arc<PreviewContent>)>,
@@ -75,14 +76,15 @@ struct ViewRequest {
 
 type Answer = Result<RenderedView, PreviewError>;
 
-/// A whole picture that takes longer than this is preceded by a coarse one.
+/// A whole picture that takes longer than this is preceded by a coarse picture.
 const SLOW: Duration = Duration::from_millis(40);
-/// The mouse rests when nothing new comes for so long.
+/// The mouse rests if nothing new arrives for this time.
 const REST: Duration = Duration::from_millis(60);
-/// Where a photograph is to be compared with, no more than one part in so many goes into whole pictures while nothing rests.
+/// If there is a scene to compare with, at most one part in this number of the time goes to whole pictures while the
+/// mouse moves.
 const WHOLE_SHARE: u32 = 5;
 
-/// Looks through the newest pupil at the newest hologram, on a thread of its own that owns the engines. No call waits.
+/// Renders the newest hologram through the newest pupil, on a thread that owns the engines. No call waits.
 pub struct Viewer {
     worker: Worker<ViewRequest, Answer>,
     looked: Arc<AtomicU64>,
@@ -90,16 +92,16 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Starts the thread. `open` opens an engine; there is one for each colour, and one for the photographs of each.
-    /// `scene`: in the colours of what will be shown, and in their order; none where it is not known.
+    /// Starts the thread. The function `open` opens an engine for each color, and one for the target images of each
+    /// color. The `scene` has the colors of the content in their order, or is empty if it is unknown.
     ///
     /// # Errors
-    /// [`PreviewError::Thread`].
+    /// Returns [`PreviewError::Thread`] if the thread cannot be started.
     pub fn start(open: Opener, scene: impl Into<SceneSource>) -> Result<Self, PreviewError> {
         let scene = scene.into();
         let looked = Arc::new(AtomicU64::new(0));
         let count = Arc::clone(&looked);
-        let worker = Worker::start("viewer", "looks", move |take: &Mailbox<Option<ViewRequest>>, give| {
+        let worker = Worker::start("viewer", "renders", move |take: &Mailbox<Option<ViewRequest>>, give| {
             let mut looker =
                 Looker { eye: Eye::new(open), scene, cameras: Vec::new(), expected: None, whole_ended: None };
             let (mut showing, mut look) = (None, None);
@@ -111,13 +113,14 @@ impl Viewer {
                     count.fetch_add(1, Relaxed);
                     give.push(answer);
                 };
-                // Nobody knows yet how long the first takes; of tiles it can be seconds.
+                // The time of the first picture is unknown. For tiles it can be seconds.
                 let slow = looker.expected.map_or(showing.tiles.is_some(), |time| time > SLOW);
                 if look.side == Side::Seen && slow {
                     let coarse = looker.look(*content, showing, look, Detail::Coarse);
                     let failed = coarse.is_err();
                     publish(coarse);
-                    // The mouse moves on: the next coarse picture counts more than this one's whole, but for one now and then.
+                    // While the mouse moves, the next coarse picture is more useful than a whole one, except now and
+                    // then.
                     if failed || (!looker.is_due(showing) && take.comes(REST)) {
                         continue;
                     }
@@ -128,14 +131,14 @@ impl Viewer {
         Ok(Self { worker: worker?, looked, shown: 0 })
     }
 
-    /// From now on the display shows this.
+    /// Sets the content of the display from now on.
     pub fn show(&mut self, showing: Arc<PreviewContent>) {
         self.shown += 1;
         let shown = Some((self.shown, showing));
         self.ask(|given| given.showing = shown);
     }
 
-    /// From now on it is looked at like this.
+    /// Sets the view from now on.
     pub fn look(&self, look: Look) {
         self.ask(|given| given.look = Some(look));
     }
@@ -148,15 +151,15 @@ impl Viewer {
         });
     }
 
-    /// The newest picture that was not taken yet.
+    /// Returns the newest picture that was not taken yet.
     ///
     /// # Errors
-    /// What went wrong with it; [`PreviewError::Thread`] if nothing will come any more.
+    /// Returns the error of that picture, or [`PreviewError::Thread`] if the thread has ended.
     pub fn newest(&self) -> Result<Option<RenderedView>, PreviewError> {
         self.worker.newest()?.transpose()
     }
 
-    /// How many pictures were made so far.
+    /// Returns the number of pictures that were made until now.
     pub fn looked(&self) -> u64 {
         self.looked.load(Relaxed)
     }
@@ -165,22 +168,23 @@ impl Viewer {
 struct Looker {
     eye: Eye,
     scene: SceneSource,
-    /// What takes photographs of each colour, and the views that it holds.
+    /// The engine for the target images of each color, and the views that it holds.
     cameras: Vec<(Box<dyn Engine>, Arc<Pyramid>)>,
-    /// What a whole picture took.
+    /// The time that a whole picture took.
     expected: Option<Duration>,
-    /// When it was there.
+    /// The time at which it was ready.
     whole_ended: Option<Instant>,
 }
 
 impl Looker {
-    /// Whether a whole picture is made though something newer waits: only it is compared with the photograph.
+    /// Returns true if a whole picture is due although newer requests wait, because only a whole picture is compared
+    /// with the target image.
     fn is_due(&self, showing: &PreviewContent) -> bool {
         let (Some(took), Some(ended)) = (self.expected, self.whole_ended) else { return false };
         self.is_known(showing) && ended.elapsed() >= (WHOLE_SHARE - 1) * took
     }
 
-    /// Whether it is known what is shown should be.
+    /// Returns true if there is a target scene for the content.
     fn is_known(&self, showing: &PreviewContent) -> bool {
         showing.scene.is_some() || !self.scene.is_empty()
     }
@@ -196,7 +200,7 @@ impl Looker {
             Side::Photograph => Vec::new(),
             _ => self.eye.look(showing, look.frame, &look.pupil, detail)?,
         };
-        // Of tiles, what the pupil resolves is all there is; else the planes sample the SLM's pixels.
+        // The planes of tiles have the resolution of the pupil. Otherwise they sample the pixels of the SLM.
         let size = match planes.first().or(photograph.first()).filter(|_| showing.tiles.is_some()) {
             Some(plane) => [plane.rows, plane.columns],
             None => showing.size(),
@@ -231,7 +235,7 @@ impl Looker {
 
     fn photograph(&mut self, showing: &PreviewContent, pupil: &Pupil) -> Result<Vec<Plane>, PreviewError> {
         let other = || PreviewError::Showing {
-            reason: reason!("other-optics", "its colours or its optics are not the scene's"),
+            reason: reason!("other-optics", "its colors or its optics differ from the scene's"),
         };
         let scene: &[Problem] = match (&self.scene, &showing.tiles) {
             _ if showing.scene.is_some() => showing.scene.as_deref().map_or(&[], Vec::as_slice),
@@ -259,7 +263,7 @@ impl Looker {
                 *views = Arc::clone(&problem.pyramid);
             }
             let motion = showing.moving(i).map(|motion| motion.seen_through(*pupil, showing.frames));
-            // A photograph is of all moments at once.
+            // A target image integrates over all times at once.
             let planner = Planner { frames: motion.map_or(1, |_| showing.frames), ..planner };
             let through = motion.unwrap_or(Viewpoint::Pupil(*pupil));
             let mut taken = evaluate::targets(camera.as_mut(), &planner, &[through])?;
@@ -270,7 +274,7 @@ impl Looker {
     }
 }
 
-/// As `eyebox eval score` has it, but at the exposure that is shown.
+/// Computes the PSNR as `eyebox eval score` does, but at the exposure of the content.
 fn psnr(seen: &[Plane], exposures: &[f64], wanted: &[Plane], [height, width]: [usize; 2]) -> f64 {
     let pooled = |planes: &[Plane], exposure: &dyn Fn(usize) -> f32| -> Vec<f32> {
         let one = |(i, plane): (usize, &Plane)| {

@@ -1,4 +1,4 @@
-//! The viewer against `evaluate`.
+//! Tests the viewer against `evaluate`.
 
 use super::*;
 use crate::engine::cpu::CpuEngine;
@@ -37,7 +37,7 @@ fn hologram(salt: usize) -> Hologram {
     }
 }
 
-/// What `evaluate` says that an eye sees.
+/// Returns the image of an eye by `evaluate`.
 fn expected(hologram: &Hologram, frames: &[usize], pupil: &Pupil, padding: Padding) -> Vec<Vec<f32>> {
     let one = |i: usize| {
         let optics = hologram.optics(i).unwrap();
@@ -68,7 +68,7 @@ fn look(pupil: Pupil) -> Look {
     Look { pupil, frame: None, side: Side::Seen, within: [24, 40] }
 }
 
-/// The whole picture of this look and content.
+/// Waits for the whole picture of this view and content.
 fn wait(viewer: &Viewer, look: &Look, content: u64) -> Result<RenderedView, PreviewError> {
     let since = Instant::now();
     while since.elapsed() < Duration::from_secs(60) {
@@ -95,7 +95,7 @@ fn an_eye_that_keeps_the_spectrum_sees_what_evaluate_sees() {
     }
 }
 
-/// What is in the pupil moves with it, though the spectrum is kept, and is taken out again.
+/// The obstruction moves with the pupil although the spectrum is kept, and it is removed again.
 #[test]
 fn an_obstructed_eye_that_keeps_the_spectrum_sees_what_the_hologram_shows_it() {
     let clear = hologram(1);
@@ -155,8 +155,8 @@ fn a_coarse_picture_is_the_whole_one_on_fewer_pixels() {
     let whole = eye.look(&showing, None, &pupil, Detail::Whole).unwrap();
     for (c, w) in coarse.iter().zip(&whole) {
         assert!(c.rows < 24 && c.columns < 40, "{} x {}", c.rows, c.columns);
-        // Samples of the same intensity: trigonometric interpolation takes one to the other. Here one sample in so many
-        // falls on a pixel of both.
+        // The samples have the same intensity, because trigonometric interpolation converts one to the other. Some
+        // samples fall on a pixel of both.
         let (down, across) = (gcd(c.rows, 24), gcd(c.columns, 40));
         for i in 0..down {
             for j in 0..across {
@@ -184,7 +184,7 @@ fn the_viewer_shows_the_newest_pupil_and_the_newest_hologram() {
     viewer.show(Arc::new(PreviewContent::new(first.clone(), Padding::default()).unwrap()));
     let seen = wait(&viewer, &look(a), 1).unwrap();
     assert_eq!(values(&seen.planes), expected(&first, &[0, 1, 2], &a, Padding::default()));
-    // The picture is what these planes develop to, and no photograph is there without a scene.
+    // The picture is developed from these planes, and without a scene there is no target image.
     let colors = COLORS.map(Some);
     assert_eq!(seen.seen, develop(&seen.planes, &colors, &[0.4, 0.5], [24, 40], [24, 40]));
     assert!(seen.photograph.is_none() && seen.psnr_db.is_none());
@@ -198,7 +198,7 @@ fn the_viewer_shows_the_newest_pupil_and_the_newest_hologram() {
 
 #[test]
 fn what_came_in_between_is_never_computed() {
-    // The engine opens when the test lets it: the first look is under way until then.
+    // The engine opens when the test allows it. The first look is running until then.
     let (go, gate) = mpsc::channel::<()>();
     let (asked, began) = mpsc::channel::<()>();
     let opener: Opener = Box::new(move || {
@@ -217,7 +217,7 @@ fn what_came_in_between_is_never_computed() {
     drop(go);
     let seen = wait(&viewer, &at(500), 1).unwrap();
     assert_eq!(seen.look, at(500));
-    // The first and the last; each may have come twice, coarse and whole, on a slow machine.
+    // These are the first and the last picture. Each may have come twice, coarse and whole, on a slow machine.
     assert!(viewer.looked() <= 4, "{} pictures", viewer.looked());
 }
 
@@ -261,7 +261,7 @@ fn a_scene_is_photographed_through_the_same_pupil() {
         .collect();
     let picture = develop(&photographs, &COLORS.map(Some), &[1.0, 1.0], [24, 40], [24, 40]);
     assert_eq!(seen.photograph, Some(picture));
-    // The same number by hand.
+    // The same number is computed by hand.
     let mut error = 0.0;
     for (i, (s, t)) in seen.planes.iter().zip(&photographs).enumerate() {
         let (s, t) = (evaluate::pool2(&s.values, 24, 40), evaluate::pool2(&t.values, 24, 40));
@@ -277,21 +277,22 @@ fn a_scene_is_photographed_through_the_same_pupil() {
     viewer.look(alone);
     let seen = wait(&viewer, &alone, 1).unwrap();
     assert!(seen.planes.is_empty() && seen.photograph.is_some());
-    // A hologram in other colours has no photograph.
+    // A hologram in other colors has no target image.
     let mut one = PreviewContent::new(hologram(1), Padding::default()).unwrap();
     one.colors.pop();
     viewer.show(Arc::new(one));
     assert_eq!(ErrorData::of(&wait(&viewer, &alone, 2).unwrap_err()).code, "showing/other-optics");
 }
 
-/// What follows an eye changes from set to set: on a slow machine nothing ever rests, and what is seen has its decibels.
+/// Content that follows an eye changes from set to set. On a slow machine nothing ever rests, but the PSNR is still
+/// computed.
 #[test]
 fn what_never_rests_is_compared_now_and_then() {
     let display = display();
     let request = scene::Request { views: 3, ..scene::Request::new(&display, &COLORS[..1]) };
     let field = scene::load("builtin:still-life", &request).unwrap();
     let problem = Problem::new(&field, COLORS[0], &display, Padding::default()).unwrap();
-    // Takes so long that no picture of it is quick.
+    // It takes so long that no picture is quick.
     let slow = || {
         std::thread::sleep(Duration::from_millis(45));
         Ok(())
@@ -340,7 +341,7 @@ fn a_reader_reads_what_is_wanted_last() {
     assert!(index == 0 && read.unwrap() == Hologram::load(&file).unwrap());
 }
 
-/// Of content that changes, each picture is compared with what it should be itself, and not with what another should.
+/// With changing content, each picture is compared with its own scene and not with another one.
 #[test]
 fn what_changes_is_compared_with_its_own_scene() {
     let display = display();
@@ -371,7 +372,8 @@ fn what_changes_is_compared_with_its_own_scene() {
     }
 }
 
-/// Of content that moves, what is seen and what should be is integrated over the motion: for an eye that follows, the still photograph.
+/// With moving content, the image and the target image are integrated over the motion. For an eye that follows, the
+/// target image is still.
 #[test]
 fn what_moves_is_integrated_over_the_motion() {
     let display = display();
@@ -389,7 +391,7 @@ fn what_moves_is_integrated_over_the_motion() {
         viewer.show(Arc::new(PreviewContent { motion: vec![motion; 2], ..shown.clone() }));
         viewer.look(both);
         let seen = wait(&viewer, &both, 1).unwrap();
-        // As `evaluate` has it.
+        // The function `evaluate` gives the same result.
         let planner = Planner::new(shown.colors[0].optics, 3, WindowFactor::Full);
         let mut engine = CpuEngine::new();
         engine.load(&planner.shape(Purpose::View), None).unwrap();

@@ -1,4 +1,4 @@
-//! An ordinary window that shows pictures and never waits.
+//! Shows pictures in an ordinary window and never waits.
 
 use super::picture::Picture;
 use super::place::Rect;
@@ -6,9 +6,10 @@ use super::{Overlay, PreviewError, draw_overlay};
 use crate::gpu::Gpu;
 use crate::present::{Desktop, OrdinaryWindow, Policy, Swapchain, WindowEvent};
 
-/// A window on the same desktop as playback's. Whoever pumps the desktop calls [`refresh`](Self::refresh) now and then.
+/// A window on the same desktop as playback. The owner that pumps the desktop calls [`refresh`](Self::refresh)
+/// repeatedly.
 pub struct PreviewWindow {
-    // Before the window that it shows in.
+    // The swapchain is declared before its window because fields are dropped in this order.
     swapchain: Swapchain,
     window: OrdinaryWindow,
     frame: Picture,
@@ -16,10 +17,11 @@ pub struct PreviewWindow {
 }
 
 impl PreviewWindow {
-    /// Opens it, shown from this device or from the one of its instance that can show there; its inside has `size` rows and columns, if the desktop agrees.
+    /// Opens a window with `size` rows and columns inside, if the desktop agrees. It shows from this device, or from
+    /// the device of its instance that can show there.
     ///
     /// # Errors
-    /// [`PreviewError::Desktop`]; [`PreviewError::Engine`] where Vulkan cannot show pictures in it.
+    /// Returns [`PreviewError::Desktop`], or [`PreviewError::Engine`] if Vulkan cannot show pictures in the window.
     pub fn open(gpu: &Gpu, desktop: &mut Desktop, title: &str, size: [usize; 2]) -> Result<Self, PreviewError> {
         let window = desktop.window(title, size)?;
         let handle = window.handle()?;
@@ -30,22 +32,22 @@ impl PreviewWindow {
         Ok(Self { swapchain, window, frame, fresh: true })
     }
 
-    /// Rows and columns of its inside; zero while it is minimised.
+    /// Returns the rows and columns of its inside, which are zero while it is minimized.
     pub fn size(&self) -> [usize; 2] {
         self.window.size()
     }
 
-    /// The device that it shows from.
+    /// Returns the device that shows the pictures.
     pub fn gpu(&self) -> &Gpu {
         self.swapchain.gpu()
     }
 
-    /// Writes another title.
+    /// Sets the title of the window.
     pub fn title(&self, title: &str) {
         self.window.title(title);
     }
 
-    /// The next thing that happened, as far as the desktop was pumped.
+    /// Returns the next event that the desktop has pumped.
     pub fn event(&mut self) -> Option<WindowEvent> {
         let event = self.window.event()?;
         if matches!(event, WindowEvent::Exposed | WindowEvent::Resized(_)) {
@@ -54,17 +56,17 @@ impl PreviewWindow {
         Some(event)
     }
 
-    /// From now on it shows these pictures at their places, on black, and this over them. A picture of another size than
-    /// its place, made before the window was resized, is stretched without care: the next one fits.
+    /// Sets the pictures at their places on black, with this overlay. A picture whose size differs from its place,
+    /// because it was made before a resize, is stretched without filtering. The next picture fits.
     pub fn show(&mut self, pictures: &[(Rect, &Picture)], overlay: &Overlay) {
         self.frame = compose(self.size(), pictures, overlay);
         self.fresh = true;
     }
 
-    /// Hands what is new to the screen, if that takes it without waiting; whether it is all there now.
+    /// Hands new content to the screen if this needs no waiting. Returns true if the screen has all of it.
     ///
     /// # Errors
-    /// [`PreviewError::Engine`] for a window that is gone, or a device lost.
+    /// Returns [`PreviewError::Engine`] if the window or the device is lost.
     pub fn refresh(&mut self) -> Result<bool, PreviewError> {
         if self.fresh && self.window.size() != [0, 0] && self.swapchain.show_newest(&self.frame.rgb, self.frame.size)? {
             self.fresh = false;
@@ -73,7 +75,7 @@ impl PreviewWindow {
     }
 }
 
-/// What a window of `size` rows and columns shows.
+/// Composes the picture of a window of `size` rows and columns.
 fn compose(size: [usize; 2], pictures: &[(Rect, &Picture)], overlay: &Overlay) -> Picture {
     let mut frame = Picture::black(size);
     for (place, picture) in pictures {
@@ -120,7 +122,7 @@ mod tests {
             let expected = [vec![0; 3], line(&a), vec![0; 12], line(&b), vec![0; 3]].concat();
             assert_eq!(row(y), expected);
         }
-        // An old picture in a new place is stretched; nothing is read or written outside.
+        // An old picture in a new place is stretched, and no access is out of bounds.
         let large = compose([12, 36], &[(places([12, 36], [4, 6], 1)[0], &a)], &Overlay::default());
         assert_eq!(large.rgb[3 * 9..3 * 9 + 6], [1, 2, 3, 1, 2, 3]);
         compose([2, 2], &[(Rect { top: 1, left: 1, height: 9, width: 9 }, &a)], &Overlay::default());

@@ -1,4 +1,4 @@
-//! A thread that answers the newest question.
+//! Answers the newest question on a thread and skips older ones.
 
 use super::PreviewError;
 use crate::mailbox::Mailbox;
@@ -14,7 +14,8 @@ pub(super) struct Worker<Q, A> {
 }
 
 impl<Q: Send + 'static, A: Send + 'static> Worker<Q, A> {
-    /// Starts the thread of this name that `what`. `run` takes questions until there is none, and gives answers.
+    /// Starts the thread of this name. `what` is its task as a verb phrase. `run` takes questions until there are none,
+    /// and gives answers.
     pub(super) fn start(
         name: &str,
         what: &'static str,
@@ -29,10 +30,10 @@ impl<Q: Send + 'static, A: Send + 'static> Worker<Q, A> {
 
     /// Returns the newest answer that was not taken yet, or [`PreviewError::Thread`] if nothing will come any more.
     pub(super) fn newest(&self) -> Result<Option<A>, PreviewError> {
-        // Looked at before: what the thread left last is not missed.
+        // The thread is checked before the mailbox, so that its last answer is not missed.
         let ended = self.thread.as_ref().is_none_or(JoinHandle::is_finished);
         match self.answers.take() {
-            None if ended => Err(PreviewError::Thread { what: self.what, reason: "ended without a word".into() }),
+            None if ended => Err(PreviewError::Thread { what: self.what, reason: "ended unexpectedly".into() }),
             answer => Ok(answer),
         }
     }

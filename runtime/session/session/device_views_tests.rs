@@ -1,5 +1,6 @@
-//! Frames of an application that stay on the device, against the same frames from shared memory: two devices of one process, watched
-//! by the validation layer.
+//! Compares frames of an application that stay on the device with the same frames from shared memory.
+//!
+//! The test uses two devices of one process, watched by the validation layer.
 
 use crate::gpu::test_options::watched;
 use crate::gpu::{DeviceIds, Gpu, SharedLayout, SlotWriter};
@@ -12,7 +13,7 @@ use std::time::Duration;
 const SIDE: usize = 48;
 const VIEWS: usize = 9;
 
-/// A picture that no other frame has.
+/// Returns a picture that no other seed gives.
 fn samples(seed: usize) -> Vec<u8> {
     (0..VIEWS * SIDE * SIDE).map(|i| (i * 31 + seed * 77 + i / 7 * seed) as u8).collect()
 }
@@ -42,7 +43,7 @@ fn due(light_ms: i64) -> Due {
     }
 }
 
-/// What a display shows of a frame that an application left on its device is what it shows of the same frame from shared memory.
+/// A frame on the device of the application gives the same picture as the same frame from shared memory.
 #[test]
 fn frames_of_an_application_stay_on_the_device() {
     let ours = Gpu::open(&watched()).expect("a device");
@@ -97,7 +98,7 @@ fn frames_of_an_application_stay_on_the_device() {
         slot.publish();
         let scene = taken(next(&mut input));
         let moved = [ours.counts().since(before[0]), theirs.counts().since(before[1])];
-        // Not a byte of the frame goes up or comes back: sums, and one small view of nine.
+        // No byte of the frame is uploaded or read back, except sums and one small view of nine.
         assert!(moved.iter().all(|m| m.uploaded == 0), "{moved:?}");
         assert!(moved[0].read_back < (3 * SIDE * SIDE) as u64 && moved[1].read_back == 0, "{moved:?}");
         application.send(&host, &samples(seed), &[]).expect("sent");
@@ -106,7 +107,7 @@ fn frames_of_an_application_stay_on_the_device() {
         assert!(*a == *b && scene.colors[0].problem.mean == wanted.colors[0].problem.mean, "frame {seed}");
         assert_eq!(scene.colors[0].exposure, wanted.colors[0].exposure);
     }
-    // Other places than there are, and other kinds, are refused where they are made.
+    // Numbers of places that do not exist, and other kinds, are refused where they are made.
     let error = application.begin(&FrameInfo { on_device: true, content: Content::ColorAndDepth, ..host }).map(drop);
     assert!(
         matches!(error, Err(LiveError::Frame(FrameFault::Number { found: 1, least: 0, most: 0, .. }))),

@@ -1,4 +1,4 @@
-//! The handle to a session: start, status, events, stop, statistics.
+//! Holds the handle to a session for its start, status, events, stop and statistics.
 
 use crate::files::asked_to_end;
 use crate::mailbox::Mailbox;
@@ -18,16 +18,16 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The longest that a display may take to open. A driver compiles its kernels in this time, and a software device takes tens of
-/// seconds on a busy machine. A driver that hangs would otherwise hold the program for ever.
+/// The longest time that a display may take to open. A driver compiles its kernels in this time, and a software device
+/// takes tens of seconds on a loaded machine. Without a limit, a driver that hangs would block the program forever.
 const STARTED: Duration = Duration::from_secs(300);
-/// How often a wait looks whether the program was asked to end.
+/// The interval at which a wait checks for a request to end the program.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Content on a display, on threads of its own. Dropped, it stops.
+/// Content on a display, on threads of its own. It stops when it is dropped.
 ///
-/// The present thread owns the display and waits for nothing but it; when content fails or ends, the idle picture is left,
-/// which is a defined one.
+/// The present thread owns the display and waits only for the display. When content fails or ends, the display shows
+/// the idle picture, which is defined.
 pub struct Session {
     shared: Arc<Shared>,
     about: About,
@@ -35,21 +35,21 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens the display and begins to show. Returns once that is known to work.
+    /// Opens the display and starts to show. Returns when the display works.
     ///
     /// # Errors
-    /// All of [`SessionError`]: before anything is shown.
+    /// Returns any [`SessionError`] that occurs before something is shown.
     pub fn start(content: impl Into<Content>, output: Output, options: SessionOptions) -> Result<Self, SessionError> {
         let content = content.into();
         match &content {
             Content::Play(play) => play.check()?,
             Content::Live(live) => live.check()?,
         }
-        // As a display file has it; a session hears of its end at the next video frame.
+        // A display file has the same limits. A session notices its end only at the next video frame.
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
             let hz = rate.hz();
             return Err(
-                reason!("display-rate", "`display_rate` {hz}: it must be 1 to 100000 video frames a second").into()
+                reason!("display-rate", "`display_rate` {hz}: it must be 1 to 100000 video frames per second").into()
             );
         }
         let steered = matches!(&content, Content::Live(live) if live.steered);
@@ -83,37 +83,37 @@ impl Session {
         Ok(Self { shared, about, thread: Some(thread) })
     }
 
-    /// What it shows on.
+    /// Returns the description of the output.
     pub fn about(&self) -> &About {
         &self.about
     }
 
-    /// How it is doing, as of the last video frame.
+    /// Returns the status as of the last video frame.
     pub fn status(&self) -> Status {
         self.shared.status.load()
     }
 
-    /// The next thing that happened, waiting so long for it.
+    /// Returns the next event, waiting up to `within` for it.
     pub fn event(&self, within: Duration) -> Option<SessionEvent> {
         self.shared.notes.recv_timeout(within)
     }
 
-    /// Pauses, steps, seeks or changes the speed of what is played, from the next video frame on.
+    /// Pauses, steps, seeks or changes the speed of playback, from the next video frame on.
     pub fn command(&self, command: Command) {
         let _ = self.shared.commands.push(command);
     }
 
-    /// Whether a live hologram follows the eye; if not, the one for the whole eyebox is shown.
+    /// Turns refinement for the tracked pupil on or off. If it is off, the hologram for the whole eyebox is shown.
     pub fn steer(&self, steered: bool) {
         self.shared.steered.store(steered, Ordering::Release);
     }
 
-    /// Whether something is still shown.
+    /// Returns true while the session shows something.
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|t| !t.is_finished())
     }
 
-    /// Stops it, if it has not ended, and says what came of it.
+    /// Stops the session if it has not ended, and returns its result.
     pub fn stop(mut self) -> Ended {
         self.shared.stop.store(true, Ordering::Release);
         let thread = self.thread.take().expect("a session has its thread until it is stopped");
@@ -130,8 +130,8 @@ impl Drop for Session {
     }
 }
 
-/// Waits for the thread that presents until it has opened the display, `patience` passes or the program is asked to end. Says why
-/// nothing came.
+/// Waits until the present thread has opened the display, `patience` passes or the program receives a request to end.
+/// Returns the reason if it did not open.
 fn wait_for_start<T>(started: &Receiver<T>, patience: Duration, ends: &AtomicBool) -> Result<T, String> {
     let begun = Instant::now();
     loop {
@@ -139,7 +139,7 @@ fn wait_for_start<T>(started: &Receiver<T>, patience: Duration, ends: &AtomicBoo
             Ok(about) => return Ok(about),
             Err(RecvTimeoutError::Disconnected) => return Err("failed, which is a fault of eyebox".into()),
             Err(RecvTimeoutError::Timeout) if ends.load(Ordering::Acquire) => {
-                return Err("was asked to end before it had opened the display".into());
+                return Err("received a request to end before it had opened the display".into());
             }
             Err(RecvTimeoutError::Timeout) if begun.elapsed() >= patience => {
                 return Err(format!("did not open the display within {} s", patience.as_secs()));

@@ -1,4 +1,4 @@
-//! Tests of what content that jumps is begun with.
+//! Tests the first phases of content that jumps.
 
 use crate::optics::PupilDistribution;
 use crate::session::scripted::{Application, content_of, shown};
@@ -14,8 +14,8 @@ fn moved(stage: &Scripted, shift: usize) -> LiveColor {
     shifted_color(&stage.scenes[0], shift)
 }
 
-/// Where another picture comes, the phases that a table has for it show it better than the last ones, and are gone on with. What is
-/// nearly the same picture begins with nothing else.
+/// If a different picture arrives, the phases of its table show it better than the last ones, and refinement continues
+/// with them. A nearly identical picture keeps the phases.
 #[test]
 fn another_picture_begins_with_the_phases_of_the_table() {
     let stage = Scripted::new("planes8", SIDE, 1);
@@ -53,11 +53,12 @@ fn another_picture_begins_with_the_phases_of_the_table() {
         good.estimated_db().unwrap()
     });
     assert!(losses[1] > losses[0], "after one step from the last and from the table's phases: {losses:?} dB");
-    // Where there is no table, nothing is begun with.
+    // Without a table the phases are kept.
     assert!(!refined(Vec::new()).needs_reinit());
 }
 
-/// A session whose content jumps begins with phases of a table, says so, and is the same again from what was kept of it.
+/// A session whose content jumps starts with phases of a table, counts that, and its recording replays to the same
+/// result.
 #[test]
 fn a_session_of_jumping_content_is_the_same_again() {
     let stage = Scripted::new("planes8", SIDE, 1);
@@ -84,7 +85,8 @@ fn a_session_of_jumping_content_is_the_same_again() {
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
 }
 
-/// Colors that share their sub-frames begin another picture with the drives of their table, all together, and it shows it better.
+/// Colors that share their sub-frames start a different picture together with the drives of their table, which show it
+/// better.
 #[test]
 fn another_picture_begins_with_drives_of_the_table() {
     let whole = joint_colors(&joint_display());
@@ -119,9 +121,10 @@ fn another_picture_begins_with_drives_of_the_table() {
         "after one step {table_db:.2} dB from the table, {last_db:.2} from the last drives, {random_db:.2} from random ones"
     );
     assert!(table_db > last_db + 0.5 && table_db > random_db + 0.5);
-    // Tables of single colors are no drive's.
+    // Tables of single colors do not fit a drive.
     assert!(!refined(vec![Some(Arc::new(StartTable::even(3))); 3]).needs_reinit());
-    // A session that is given no hologram has its first phases of it; an SLM as small as this one has no table of itself.
+    // A session without a hologram has its first phases from the table. An SLM as small as this one has no table of its
+    // own.
     let mut begun = slide.clone();
     refinement::live_refiner::look_up::begin_with_tables(&mut begun, &[Some(table)]).unwrap();
     for color in &begun {

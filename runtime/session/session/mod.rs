@@ -1,24 +1,44 @@
 //! Plays content on a display on time, refines it for the tracked pupil, and records what was shown.
 //!
-//! A [`Session`] shows one of two things on an [`Output`]: a [`Play`], what was solved before; or [`Live`] content, which is
-//! refined for where the eye is while it is shown: one hologram, or [`Scenes`] that follow each other. It runs on threads of its own, and whoever holds it asks for its status,
-//! takes its events and stops it.
+//! A [`Session`] shows one kind of content on an [`Output`]. A [`Play`] shows solved holograms. [`Live`] content is
+//! refined for the tracked pupil while it is shown, and is one hologram or successive [`Scenes`]. A session runs on
+//! threads of its own. Its owner reads the status, takes the events and stops it.
 //!
-//! Content rate, multiplex-set rate and display rate are three things. A multiplex set (all sub-frames of all colours) takes
-//! the video frames that its packing says; it is shown whole, and repeated until the next one is due.
+//! Content rate, multiplex-set rate and display rate are three different rates. A multiplex set, which holds all
+//! sub-frames of all colors, takes the number of video frames that its packing requires. It is shown whole, and is
+//! repeated until the next one is due.
 //!
-//! Pure, with times as numbers: `timeline` (which content frame is due when), `scheduler` (what the next video frame shows,
-//! and the `account` of why), `pacing` (when to wake for it), `set_timing` (which set can still be reached). Around them:
-//! `player`, the present thread's tick, and `present_thread`, its loop; `stream` (reading, checking and encoding ahead on
-//! threads of their own); `refine` (the thread that owns the engines: [`LiveRefiner`] without threads) and `pupil_tracker` (the
-//! one that takes a tracker's samples), whose sets pass through `sets`; on a simulated clock sets are made when they are asked for,
-//! and `work_time` passes by what steps are said to take. [`MovingSequence`] reads ahead what follows, [`FarField`] the tiles around where the eye goes; `application` takes
-//! frames from other processes; `showing` accounts for both. `moments` tells from frames and samples what moves while a set is lit. Each can end without taking the picture away.
-//! `latency` accounts for every set that was shown, from the sample to the light; A program with a display and a loop of its own takes
-//! video frames from a [`TickedSession`] (`ticks`). `on_screen` stores which version of a hologram is on the screen, for the
-//! [`BenchFollower`], whose camera takes pictures of it. `marks`: the sync picture and the corner mark; `record`, `trace`, `notes`.
+//! These modules are pure and take times as numbers.
 //!
-//! Every time carries its unit and its meaning in its name.
+//! | module | task |
+//! |---|---|
+//! | `timeline` | computes the content frame that is due at a time |
+//! | `scheduler` | decides what the next video frame shows, and `account` counts the reasons |
+//! | `pacing` | computes the time to wake for a video frame |
+//! | `set_timing` | computes the set that can still be reached |
+//!
+//! These modules surround them.
+//!
+//! | module | task |
+//! |---|---|
+//! | `player` | is one tick of the present thread, and `present_thread` is its loop |
+//! | `stream` | reads, checks and encodes content ahead on threads of its own |
+//! | `refine` | is the thread that owns the engines, and [`LiveRefiner`] does its work without threads |
+//! | `pupil_tracker` | is the thread that takes the samples of a tracker |
+//! | `sets` | passes refined sets to the present thread, or makes them on request on a simulated clock |
+//! | `work_time` | is the time that steps take, measured or simulated |
+//! | [`MovingSequence`] | reads the next scenes ahead |
+//! | [`FarField`] | reads the tiles around the predicted pupil ahead |
+//! | `application` | takes frames from other processes |
+//! | `showing` | counts the scenes of all three |
+//! | `moments` | estimates, from frames and samples, the motion during the light of a set |
+//! | `latency` | measures every set that was shown, from the sample to the light |
+//! | `ticks` | hands video frames to a program with a display and a loop of its own, through a [`TickedSession`] |
+//! | `on_screen` | stores which version of a hologram is on the screen, for the camera of the [`BenchFollower`] |
+//! | `marks` | makes the sync picture and the corner mark |
+//! | `record`, `trace`, `notes` | write pictures, traces and notes |
+//!
+//! Each of these threads can end without removing the picture. Every time carries its unit and its meaning in its name.
 
 mod content;
 mod feeds;
@@ -96,7 +116,7 @@ pub use refinement::pupil_tracker::TrackerCounts;
 pub use refinement::set_timing::SetTiming;
 pub use refinement::work_time::Cost;
 pub use ticked::TickedSession;
-// What a study of simulated eyes has in common with a session.
+// These items are shared with a study of simulated eyes.
 pub use content::shifted::shifted_problem;
 pub use refinement::live_refiner::together::lighting_of;
 pub use refinement::moments::MotionCompensation;

@@ -1,11 +1,11 @@
-//! Content and eyes that move, in simulated time: that a session of them is the same again, and how soon content is lit.
+//! Tests moving content and eyes in simulated time, the replay of a session, and the delay of content.
 
 use crate::session::scripted::{Application, content_of, shown};
 use crate::session::stage::*;
 use crate::session::*;
 use std::time::Duration;
 
-/// What was kept of a session of content that moves, with its motion and its moved phases, is shown again byte for byte.
+/// The recording of a session of moving content, with its motion and its shifted phases, replays byte for byte.
 #[test]
 fn a_session_of_moving_content_is_the_same_again() {
     let stage = Scripted::new("planes8", 64, 1);
@@ -27,12 +27,12 @@ fn a_session_of_moving_content_is_the_same_again() {
     assert!(first.len() > 25 && first == second, "{} {}", first.len(), second.len());
 }
 
-/// From the last pixel of a content frame to its first light: a set's period and 2 ms at most, at 120 sets a second, where a step
-/// takes half a millisecond.
+/// The time from the last pixel of a content frame to its first light is at most a period of a set and 2 ms. This is at
+/// 120 sets per second with steps of half a millisecond.
 #[test]
 fn content_is_lit_within_a_period_and_two_milliseconds() {
     let stage = Scripted::new("planes8", 32, 2);
-    // Once the display's margin has settled, which takes it four seconds of the idle picture.
+    // The frames start after the margin of the display has settled, which takes four seconds of the idle picture.
     let app = Application::new(&stage, 50, [4_251_300_000, i64::MAX]);
     let cost = Cost::Fixed { step: Duration::from_micros(500), encode: Duration::from_micros(300) };
     let (statistics, _) = shown(stage.live(app, cost, 5), 120, 6.0);

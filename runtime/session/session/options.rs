@@ -1,4 +1,4 @@
-//! What a session shows, how it runs, and what its holder and its threads share.
+//! Defines the content and the options of a session, and the state that its handle and its threads share.
 
 use crate::gpu::Gpu;
 use crate::mailbox::Mailbox;
@@ -18,12 +18,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// What a session shows.
+/// The content of a session.
 #[non_exhaustive]
 pub enum Content {
-    /// Holograms from disk.
+    /// Holograms from disk are played.
     Play(Box<Play>),
-    /// One hologram, refined for where the eye is.
+    /// One hologram or successive scenes are refined for the tracked pupil.
     Live(Box<Live>),
 }
 
@@ -39,67 +39,68 @@ impl From<Live> for Content {
     }
 }
 
-/// Sees every video frame as it is handed over, on the present thread.
+/// A function that receives every video frame when it is handed over, on the present thread.
 pub type FrameObserver = Box<dyn FnMut(&PresentedFrame<'_>) + Send>;
 
-/// How a session runs, whatever it shows.
+/// The options of a session, for any content.
 #[derive(Default)]
 #[non_exhaustive]
 pub struct SessionOptions {
-    /// Video frames a second; else what the display says, or 60.
+    /// The video frames per second. If it is `None`, the rate of the display counts, or 60.
     pub display_rate: Option<Rate>,
-    /// So long content is shown; else until it ends or the session is stopped.
+    /// The time for which content is shown. If it is `None`, the session ends with the content or when it is stopped.
     pub duration: Option<Duration>,
-    /// The device that displays show from, for one that engines and encoders share; else one is opened where it is needed.
+    /// The device that displays show from, if engines and encoders share it. If it is `None`, one is opened when it is
+    /// needed.
     pub gpu: Option<Gpu>,
-    /// A new folder that keeps what was shown, as pictures: all of them where time is simulated, else as many as the disk
-    /// takes.
+    /// A new folder for pictures of the video frames. In simulated time it receives all of them, otherwise as many as
+    /// the disk allows.
     pub record: Option<PathBuf>,
-    /// A file for what each thread did when, in the format of Chrome's tracing.
+    /// A file for the activity of each thread, in the format of Chrome's tracing.
     pub trace: Option<PathBuf>,
-    /// Sees every video frame.
+    /// The function that receives every video frame.
     pub observer: Option<FrameObserver>,
 }
 
-/// What a session shows on, and how often.
+/// The description of the output of a session, and its rates.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct About {
-    /// The display, for people.
+    /// The description of the display for people.
     pub presenter: String,
-    /// Video frames a second.
+    /// The video frames per second.
     pub display_rate: Rate,
-    /// Video frames of a multiplex set.
+    /// The video frames of a multiplex set.
     pub set_frames: u64,
-    /// Sub-frames of a set, over all colours.
+    /// The sub-frames of a set, over all colors.
     pub sub_frames: u64,
-    /// Whether sets roll: any video frame may be of a newer set.
+    /// True if updates roll, so that any video frame may belong to a newer set.
     pub rolls: bool,
 }
 
 impl About {
-    /// Multiplex sets a second.
+    /// Returns the multiplex sets per second.
     pub fn sets_per_second(&self) -> f64 {
         self.display_rate.hz() / self.set_frames as f64
     }
 }
 
-/// How a session is doing.
+/// The status of a session.
 #[derive(Debug, Clone, Copy, Default)]
 #[non_exhaustive]
 pub struct Status {
-    /// Seconds since it began, on the display's clock.
+    /// The time since the start (s on the clock of the display).
     pub seconds: f64,
-    /// What was shown so far, and why not more.
+    /// The counts of the content that was shown or dropped until now.
     pub account: Account,
-    /// How well video frames came when they were predicted.
+    /// The accuracy of the predicted times of video frames.
     pub timing: Timing,
-    /// Of a live hologram.
+    /// The status of a live hologram, if the session shows one.
     pub live: Option<LiveStatus>,
 }
 
 impl Status {
-    /// What came of it so far, on what it shows on; what is pending is not known before the end.
+    /// Returns the report of the output `about` up to now. The count of pending content is only available at the end.
     pub fn report(&self, about: &About) -> Report {
         let Self { seconds, account, timing, .. } = *self;
         let planes = if about.rolls { about.sub_frames / about.set_frames.max(1) } else { about.sub_frames };
@@ -107,12 +108,12 @@ impl Status {
     }
 }
 
-/// What came of a session.
+/// The result of a session that has ended.
 #[derive(Debug)]
 pub struct Ended {
-    /// What was shown, and how late.
+    /// The statistics of the session.
     pub statistics: Statistics,
-    /// What ended it, if that was a failure, or what could not be written.
+    /// The error that ended the session, or the error of a file that could not be written.
     pub result: Result<(), SessionError>,
 }
 
@@ -124,5 +125,5 @@ pub(super) struct Shared {
     pub notes: Notes,
 }
 
-/// Commands that wait for the next video frame at most.
+/// The number of commands that can wait for the next video frame.
 pub(super) const COMMANDS: usize = 32;

@@ -1,4 +1,4 @@
-//! The thread that presents: it owns the display, and waits for nothing but it.
+//! Runs the present thread, which owns the display and waits only for the display.
 
 use crate::gpu::{Gpu, Messages};
 use crate::present::{Interference, SECOND_NS};
@@ -27,12 +27,12 @@ pub(super) struct PresentThread {
     trace: Option<Written>,
     sub_frames: u64,
     begun_ns: i64,
-    /// Content's time, on the display: how long it may be, and since when it is shown.
+    /// The longest time of content on the display, and the time since which it is shown.
     most_ns: Option<i64>,
     content_since_ns: Option<i64>,
     messages: Vec<Messages>,
     interference: Vec<Interference>,
-    // The display goes last: what stands on its desktop or its device goes before.
+    // The display is the last field, so that objects on its desktop or its device are dropped before it.
     display: OpenDisplay,
 }
 
@@ -98,7 +98,7 @@ impl PresentThread {
         }
     }
 
-    /// Shows until something ends it.
+    /// Shows content until the session ends.
     pub(super) fn run(mut self) -> Ended {
         let ended = loop {
             match self.tick() {
@@ -141,7 +141,7 @@ impl PresentThread {
         {
             return Ok(Some(Ending::Closed));
         }
-        // An application that never comes is not waited for without end.
+        // The duration also ends the wait for an application that never connects.
         let waits = matches!(&self.running, ActiveContent::Live(following) if following.first_is_to_come);
         if waits || self.player.scheduler.account().due > 0 {
             let (now_ns, period_ns) = (self.player.display_time_ns, self.player.rate().period_ns());
@@ -166,7 +166,7 @@ impl PresentThread {
         Ok(None)
     }
 
-    /// Leaves the idle picture, ends the threads, and says what came of it.
+    /// Shows the idle picture, ends the threads and returns the result.
     fn finish(mut self, ended: Result<Ending, SessionError>) -> Ended {
         let ended_by = *ended.as_ref().unwrap_or(&Ending::Failed);
         let mut result = self.player.end(self.display.presenter(), ended).map(drop);
@@ -203,7 +203,7 @@ impl PresentThread {
             statistics.pictures_left_out = left_out;
         });
         result = result.and(written).and(recorded);
-        // What the validation layer said is whole when all that it watched is gone.
+        // The messages of the validation layer are complete after all objects that it watches are dropped.
         drop(self.display);
         for messages in &self.messages {
             statistics.validation.extend(messages.lock().map(|m| m.clone()).unwrap_or_default());

@@ -1,4 +1,4 @@
-//! Sets that roll: the newest sub-frames replace the oldest, in turn, and what the eye adds up is as good as a whole set.
+//! Tests that rolling updates replace the oldest sub-frames in turn, and are as good as whole sets.
 
 use crate::optics::Pupil;
 use crate::present::{Clock, Offscreen, Rate, SECOND_NS, SimulatedClock};
@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 const SUB_FRAMES: i64 = 480;
-/// What steps and encoding take, 128 x 128.
+/// The cost of steps and encoding at 128 x 128 pixels.
 const COST: Cost = Cost::Fixed { step: Duration::from_micros(2000), encode: Duration::from_micros(300) };
 
 fn arrival_to_light(statistics: &Statistics) -> f64 {
@@ -27,8 +27,8 @@ fn arrival_to_light(statistics: &Statistics) -> f64 {
     live.latency.of(Stage::ArrivalToLight).percentile(0.5).unwrap()
 }
 
-/// From the arrival of a sample to the middle of the first light that knows of it: 6 ms on a display of 480 sub-frames a second,
-/// where whole sets take more than twice as long; and content is lit a set's period sooner, too.
+/// The time from the arrival of a sample to the middle of the first light that uses it is 6 ms on a display of 480
+/// sub-frames per second. Whole sets take more than twice that time. Content is also lit a period of a set sooner.
 #[test]
 fn what_a_sample_says_is_lit_with_the_next_sub_frame() {
     let stage = Scripted::new("grey8", 32, 2);
@@ -44,7 +44,8 @@ fn what_a_sample_says_is_lit_with_the_next_sub_frame() {
     let content =
         |s: &Statistics| s.live.as_ref().unwrap().showing.as_ref().unwrap().arrival_to_light.percentile(1.0).unwrap();
     println!("content after {:.2} ms at most, {:.2} ms in whole sets", content(&rolling), content(&whole));
-    // A video frame until it is looked at, another while a step of 2 ms goes on, that step, encoding, the decision.
+    // The sum is a video frame until the scene is read, another one while a step of 2 ms runs, that step, encoding and
+    // the decision.
     assert!(content(&rolling) <= 2.0 * 2.09 + 2.0 + 0.3 + 0.3, "{} ms", content(&rolling));
     assert!(content(&whole) <= 16.7 + 2.0 + 0.3 + 0.3, "{} ms", content(&whole));
     let live = rolling.live.as_ref().unwrap();
@@ -54,7 +55,8 @@ fn what_a_sample_says_is_lit_with_the_next_sub_frame() {
     assert!(frames.windows(2).all(|two| two[0].set <= two[1].set), "the newest, never an older one again");
 }
 
-/// The picture of each video frame is that of the newest set, whole, whose turn it is; whatever comes when.
+/// The picture of each video frame comes whole from the newest set, with the sub-frames whose turn it is, regardless of
+/// when sets arrive.
 #[test]
 fn every_video_frame_is_the_newest_sets_in_its_turn() {
     let clock = Rc::new(SimulatedClock::default());
@@ -76,7 +78,7 @@ fn every_video_frame_is_the_newest_sets_in_its_turn() {
     let mut player = Player::new(dyn_clock, Scheduler::new(schedule), frames.clone(), Trace::none().track("present"));
     let (mut noise, mut number, mut turn) = (SplitMix(3), 0, 0);
     for tick in 0..20_000 {
-        // None, one or several between two video frames.
+        // Between two video frames, no set, one or several arrive.
         while tick > 20 && noise.unit() < 0.4 {
             let mut set = made(&sender, number);
             let each = frames.frame_bytes();
@@ -106,7 +108,7 @@ fn every_video_frame_is_the_newest_sets_in_its_turn() {
     assert_eq!(news + repeats.iter().sum::<u64>() + account.idle_sets, 20_000);
 }
 
-/// What eight video frames in a row add up to, of sets that roll and of whole ones, decibels at the true eye.
+/// Returns the PSNR (dB) at the true eye of eight successive video frames, for rolling and for whole sets.
 fn windows(stage: &Scripted, rolls: bool) -> Vec<f64> {
     let frame_ns = SECOND_NS / SUB_FRAMES;
     let decided_ns = if rolls { frame_ns } else { 8 * frame_ns };
@@ -135,7 +137,7 @@ fn windows(stage: &Scripted, rolls: bool) -> Vec<f64> {
         if window.len() > 8 {
             window.pop_front();
         }
-        // Between two scenes there is nothing that it should be.
+        // Between two scenes there is no target to compare with.
         let still = window.iter().all(|one| one.2 == *content);
         if frame > SUB_FRAMES / 2 && frame % 12 == 11 && still {
             let mut added = vec![0.0; 8 * pixels];
@@ -152,8 +154,8 @@ fn windows(stage: &Scripted, rolls: bool) -> Vec<f64> {
     all
 }
 
-/// Windows of a set that rolls, whose sub-frames are those of eight steps one after the other, are as good as whole sets of as
-/// much work: each sub-frame comes from phases that were refined together.
+/// Windows of rolling sets, whose sub-frames come from eight successive steps, are as good as whole sets with as much
+/// work. The reason is that each sub-frame comes from phases that were refined together.
 #[test]
 fn rolling_windows_are_as_good_as_whole_sets() {
     let stage = Scripted::new("grey8", 64, 2);
@@ -163,7 +165,7 @@ fn rolling_windows_are_as_good_as_whole_sets() {
     assert!(rolling > whole - 0.3, "{rolling:.2} dB rolling, {whole:.2} dB in whole sets");
 }
 
-/// What was kept of a session whose sets roll is shown again, byte for byte.
+/// The recording of a session with rolling updates replays byte for byte.
 #[test]
 fn a_session_whose_sets_roll_is_the_same_again() {
     let stage = Scripted::new("grey8", 32, 2);
@@ -176,7 +178,7 @@ fn a_session_whose_sets_roll_is_the_same_again() {
     let (_, first) = shown(live, 480, 0.6);
     let engines: EngineOpener = Box::new(cpu);
     let mut again = Live::new(stage.begun(), stage.encoder(), engines, None);
-    // As of all whose first scene has still to come.
+    // All sessions whose first scene arrives later have these settings.
     (again.replay, again.policy.restart) = (Some(kept), f64::INFINITY);
     let (_, second) = shown(again, 480, 10.0);
     let (first, second) = (content_of(&first), content_of(&second));

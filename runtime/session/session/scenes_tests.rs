@@ -1,5 +1,4 @@
-//! Scenes that follow each other while they are refined, in simulated time: what is shown when, what it gains, and that it is the
-//! same every time.
+//! Tests successive scenes that are refined in simulated time, with their times, gain and repeatability.
 
 use crate::engine::cpu::CpuEngine;
 use crate::optics::Pupil;
@@ -19,7 +18,7 @@ fn eye() -> EyeSettings {
     EyeSettings { fixation: [0.4, 0.6], pursuit: 0.0, blinks: 0.0, ..EyeSettings::default() }
 }
 
-/// What an eye sees of phases, dB.
+/// Returns the PSNR of phases through a pupil (dB).
 pub(super) fn seen(phases: &[f32], exposure: f64, frame: &LiveColor, pupil: Pupil) -> f64 {
     let engine = Box::new(CpuEngine::new());
     let steering = Policy::default().steering;
@@ -27,7 +26,8 @@ pub(super) fn seen(phases: &[f32], exposure: f64, frame: &LiveColor, pupil: Pupi
     refiner.look(&[pupil]).unwrap()[0].psnr(exposure)
 }
 
-/// Decibels at the true eye of every fifth set of a second, and the content frames; `tracked`, or over the whole eyebox.
+/// Returns the PSNR (dB) at the true eye of every fifth set of a second, with the content frames, `tracked` or over the
+/// whole eyebox.
 fn seen_of(stage: &Scripted, tracked: bool) -> Vec<(f64, u64, Pupil)> {
     let whole = whole_eyebox(stage.display.eyebox_min(), [0.0; 2]);
     let watch = if tracked { samples(eye()) } else { PupilSource::Nobody(whole) };
@@ -36,13 +36,13 @@ fn seen_of(stage: &Scripted, tracked: bool) -> Vec<(f64, u64, Pupil)> {
     let (mut all, mut newest) = (Vec::new(), None);
     for set in 1..=60i64 {
         let start_ns = set * PERIOD_NS;
-        // Decided on a millisecond before.
+        // The decision is made a millisecond before.
         source.settle(0, Target { start_ns, hand_over_ns: start_ns - 1_000_000, turn: 0 }).unwrap();
         source.show(0);
         let Some(made) = source.newly_shown() else { continue };
         let content = made.content.expect("a scene");
         if newest.replace(content) != Some(content) {
-            // A period until it is looked at, a step, encoding, and the decision.
+            // The sum is a period until the scene is read, a step, encoding and the decision.
             let most_ns = PERIOD_NS + 4_000_000 + 1_000_000 + 1_000_000;
             assert!(start_ns - made.arrived_ns.unwrap() <= most_ns, "{set}: {:?}", made.arrived_ns);
         }
@@ -58,8 +58,8 @@ fn seen_of(stage: &Scripted, tracked: bool) -> Vec<(f64, u64, Pupil)> {
     all
 }
 
-/// A live application with an eye tracker: at the eye 3 dB better than the same budget on the whole eyebox, and within 3 dB of
-/// a hologram of the frame that was solved for the whole eyebox at leisure.
+/// Live content with an eye tracker is 3 dB better at the eye than the same budget on the whole eyebox. It is within 3
+/// dB of a hologram of the frame that was solved for the whole eyebox without a time limit.
 #[test]
 fn live_content_is_refined_for_the_eye() {
     let stage = Scripted::new("planes8", 64, 4);
@@ -88,8 +88,9 @@ fn live_content_is_refined_for_the_eye() {
     );
 }
 
-/// A whole session on a simulated clock, of an application that comes late, goes and comes again: the idle picture until there is
-/// something, then the last good picture; the account says so, and a second session shows the same bytes.
+/// Runs a whole session on a simulated clock, with an application that starts late, ends and starts again. The idle
+/// picture is shown until there is content, and then the last good picture. The statistics count this, and a second
+/// session shows the same bytes.
 #[test]
 fn a_session_of_live_content_is_accounted_for_and_is_the_same_again() {
     let stage = Scripted::new("planes8", 64, 4);
@@ -100,14 +101,14 @@ fn a_session_of_live_content_is_accounted_for_and_is_the_same_again() {
     let (statistics, frames) = once();
     let live = statistics.live.as_ref().unwrap();
     let showing = live.showing.as_ref().unwrap();
-    // 0.4 s at 30 a second: twelve frames, each of which is lit.
+    // In 0.4 s at 30 frames per second there are twelve frames, and each is lit.
     assert!((11..=12).contains(&showing.shown), "{showing:?}");
     assert_eq!(
         (showing.scenes, showing.refused, showing.sets[FrameFreshness::New as usize]),
         (showing.shown, 0, showing.shown)
     );
     assert!(showing.sets[FrameFreshness::ApplicationGone as usize] >= 5, "{:?}", showing.sets);
-    // A period, a step, encoding, and the eighth of a period that a decision comes before the light at first.
+    // The sum is a period, a step, encoding, and the initial eighth of a period from the decision to the light.
     assert!(showing.arrival_to_light.percentile(1.0).unwrap() <= 16.7 + 4.0 + 1.0 + 2.1);
     let account = statistics.report.account;
     assert_eq!(showing.sets.iter().sum::<u64>(), account.sets - account.idle_sets);

@@ -1,4 +1,4 @@
-//! The scheduler and the pacer in simulated time: what the panel showed against plain arithmetic.
+//! Tests the scheduler and the pacer in simulated time, and compares the panel with plain arithmetic.
 
 use crate::present::{Clock, Rate, SECOND_NS};
 use crate::session::playback::pacing::Pacer;
@@ -22,13 +22,13 @@ fn schedule(display: &str, content: &str, set_frames: u64) -> Schedule {
         content_rate: rate(content),
         speed: Speed::ONE,
         set_frames,
-        // Enough that the panel's phase is known.
+        // This is enough to determine the phase of the panel.
         start: Start::WhenReady { idle_sets: 4 },
         keep_phase: false,
     }
 }
 
-/// What the panel showed first of each new content frame: (position, its first timing), and the first timing of all sets.
+/// Returns the first timing of each new content frame as (position, timing), and the first timing of all sets.
 fn shown(simulation: &Simulation) -> (Vec<(u64, i64)>, Vec<i64>) {
     let sets = simulation.sets();
     let content: Vec<(u64, i64)> = sets.iter().filter_map(|(set, timing)| Some(((*set)?, *timing))).collect();
@@ -38,11 +38,12 @@ fn shown(simulation: &Simulation) -> (Vec<(u64, i64)>, Vec<i64>) {
     (new, sets.iter().map(|s| s.1).filter(|timing| *timing >= first).collect())
 }
 
-/// The content frame due at a timing, counted from the one at which content began, in whole numbers: a frame goes to the
-/// first set that starts no more than 3/8 of a timing before its time. Two, where that is a tie to a microsecond.
+/// Returns the content frame that is due at a timing, counted from the first timing of content, in whole numbers. A
+/// frame goes to the first set that starts no more than 3/8 of a timing before its time. Two frames are returned if
+/// that is a tie to a microsecond.
 fn due(beats: i64, display: Rate, content: Rate) -> [u64; 2] {
     let ([dn, dd], [cn, cd]) = (display.fraction().map(i128::from), content.fraction().map(i128::from));
-    // Position in parts of 1 / (8 dn cd); a microsecond is cn / cd / 1e6 of a frame.
+    // The position is in parts of 1 / (8 dn cd). A microsecond is cn / cd / 1e6 of a frame.
     let (parts, unit) = ((i128::from(beats) * 8 + 3) * dd * cn, 8 * dn * cd);
     let micro = (8 * dn * cn / 1_000_000).max(1);
     [parts - micro, parts + micro].map(|parts| parts.div_euclid(unit).max(0) as u64)
@@ -59,7 +60,7 @@ fn adds_up(simulation: &Simulation) -> Account {
     account
 }
 
-/// No faults: every set shows what arithmetic demands, and nothing else is dropped.
+/// Without faults, every set shows the content that arithmetic demands, and no other frame is dropped.
 fn plays_by_arithmetic(display: &str, content: &str, set_frames: u64, time_ns: i64, jitter_ns: i64) -> Account {
     let mut simulation = Simulation::new(schedule(display, content, set_frames), rate(display));
     simulation.panel.jitter_ns = jitter_ns;
@@ -89,7 +90,8 @@ fn ten_minutes_of_60_hz_show_every_frame_once() {
 
 #[test]
 fn content_and_display_of_any_rates_go_by_arithmetic() {
-    // 60 a second on 59.94: one in 1001 must go. 24 on 60: twice and three times in turn.
+    // At 60 Hz on 59.94 Hz, one frame in 1001 is dropped. At 24 Hz on 60 Hz, frames alternate between two and three
+    // video frames.
     let account = plays_by_arithmetic("59.94", "60", 1, 10 * MINUTES, 0);
     assert!((35..=36).contains(&account.drops()), "{account:?}");
     let account = plays_by_arithmetic("60", "24", 1, 10 * MINUTES, 0);
@@ -100,7 +102,7 @@ fn content_and_display_of_any_rates_go_by_arithmetic() {
             assert_eq!(account.drops(), 0, "{content} on {display}");
         }
     }
-    // Sets of several video frames, faster content than sets, and the 120 and 144 Hz of faster panels.
+    // The next cases have sets of several video frames, content faster than sets, and panels at 120 and 144 Hz.
     for (display, content, set_frames) in [
         ("60", "60", 8),
         ("60", "7.5", 8),
@@ -135,13 +137,13 @@ fn a_missed_vblank_costs_one_frame_and_is_called_so() {
     let account = adds_up(&simulation);
     assert_eq!((account.missed_presents, account.dropped_for(Cause::MissedPresent), account.drops()), (99, 99, 99));
     assert_eq!(account.late_sets, [0; 5]);
-    // Each right after its vblank: what was queued already still comes.
+    // Each gap is right after its missed vblank, because queued frames are still shown.
     let gaps: Vec<i64> = new.windows(2).filter(|w| w[1].0 > w[0].0 + 1).map(|w| w[1].1).collect();
     assert_eq!(gaps.len(), 99);
     for (gap, stuck) in gaps.iter().zip(&stuck) {
         assert!((0..=6).contains(&(gap - stuck)), "stuck at {stuck}, dropped before {gap}");
     }
-    // After it, in time again.
+    // Content is in time again after the last gap.
     let last = new.last().unwrap();
     assert_eq!([last.0; 2], due(last.1 - new[0].1, rate("60"), rate("60")));
 }
@@ -155,7 +157,7 @@ fn a_missed_vblank_inside_a_set_stretches_it_and_tears_nothing() {
     let account = adds_up(&simulation);
     assert_eq!(account.missed_presents, 4);
     assert!((2..=4).contains(&account.stretched_sets), "{account:?}");
-    // Four beats of a hundred and thirty milliseconds' sets: less than one set in all.
+    // Four missed timings on sets of 130 ms are less than one set in total.
     assert_eq!(account.drops(), 0, "{account:?}");
     assert_eq!(new.len() as u64, new.last().unwrap().0 + 1);
     assert!(starts.windows(2).all(|w| (8..=10).contains(&(w[1] - w[0]))));
@@ -172,7 +174,7 @@ fn sets_keep_their_phase_where_lasers_count_video_frames() {
     let first = simulation.sets()[0].1;
     let account = adds_up(&simulation);
     assert_eq!((account.missed_presents, account.held_video_frames), (19, 38));
-    // Out of phase at most as long as the panel's answer takes.
+    // Sets are out of phase only until the feedback of the panel arrives.
     let out = |timing: &&i64| (**timing - first) % 3 != 0;
     for timing in starts.iter().filter(out) {
         assert!(stuck.range(timing - 9..=*timing).next().is_some(), "timing {timing}");
@@ -183,7 +185,7 @@ fn sets_keep_their_phase_where_lasers_count_video_frames() {
 fn a_late_producer_is_named_and_costs_what_it_must() {
     for late_gpu in [false, true] {
         let mut simulation = Simulation::new(schedule("60", "60", 1), rate("60"));
-        // Positions 1000 to 2000 come five beats and a half after they are due.
+        // Positions 1000 to 2000 arrive five and a half timings after they are due.
         let began = 7_654_321 + rate("60").time_of_ns(5);
         let ready = move |position: u64| match position {
             1000..=2000 => began + rate("60").time_of_ns(position as i64) + 5 * 16_666_667 + 8_000_000,
@@ -203,7 +205,7 @@ fn a_late_producer_is_named_and_costs_what_it_must() {
             if late_gpu { (Cause::LateGpu, Cause::LateContent) } else { (Cause::LateContent, Cause::LateGpu) };
         assert_eq!((account.dropped_for(cause), account.drops()), ((6 - offset) as u64, account.dropped_for(cause)));
         assert_eq!((account.late_sets[cause as usize], account.late_sets[other as usize]), (1001, 0));
-        // Late ones come in order; the last of them are overtaken by those in time.
+        // Late frames come in order, and frames in time overtake the last of them.
         let numbers: Vec<u64> = new.iter().map(|n| n.0).collect();
         let expected: Vec<u64> =
             (0..=numbers[numbers.len() - 1]).filter(|n| !((1995 + offset) as u64..=2000).contains(n)).collect();
@@ -234,7 +236,7 @@ fn damaged_content_is_left_out_and_a_sequence_ends_after_its_last_set() {
     let (new, starts) = shown(&simulation);
     let account = adds_up(&simulation);
     assert_eq!((account.due, account.shown, account.dropped_for(Cause::Damaged), account.drops()), (90, 87, 3, 3));
-    // The last one is up for its time.
+    // The last frame is shown for its time.
     assert_eq!((new.last().unwrap().0, starts.len()), (89, 180));
 }
 
@@ -280,7 +282,7 @@ fn pausing_stepping_and_speed_keep_sets_whole() {
     assert!((148..=152).contains(&(last(&simulation) - paused)));
     act(&mut simulation, Command::Seek(0));
     simulation.run_until(8 * SECOND_NS);
-    // Positions begin anew: the log is no longer in their order, and the account still adds up.
+    // Positions start at 0 again, so the log is not in their order, but the counts still add up.
     assert!(last(&simulation) < 130);
     let a = simulation.player.scheduler.account();
     assert_eq!(a.due, a.shown + a.drops() + simulation.player.scheduler.pending() as u64);
@@ -297,8 +299,8 @@ fn a_display_slower_than_stated_is_a_missed_present_each_time() {
     assert_eq!(account.dropped_for(Cause::LateContent) + account.dropped_for(Cause::LateGpu), 0);
 }
 
-/// The machine sleeps for minutes, on a clock that goes on meanwhile: what was due is dropped, and the first set after it
-/// is whole and the one that is due.
+/// The machine sleeps for minutes, on a clock that continues. The frames that were due are dropped, and the first set
+/// after the sleep is whole and is the one that is due.
 #[test]
 fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
     for (set_frames, content, inside) in [(1, "60", 0), (8, "7.5", 3), (3, "20", 1), (8, "60", 5)] {
@@ -307,7 +309,7 @@ fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
         let before = *simulation.player.scheduler.account();
         simulation.clock_to(simulation.clock.now_ns() + 7 * MINUTES + 123_456_789);
         simulation.run_until(8 * MINUTES);
-        // Whole, and in order.
+        // Sets are whole and in order.
         let (new, _) = shown(&simulation);
         let account = adds_up(&simulation);
         let missed = account.missed_presents - before.missed_presents;
@@ -317,7 +319,7 @@ fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
         if set_frames == 1 {
             assert!((first..=after).contains(&last.0), "{last:?}");
         }
-        // Of what was due in those minutes, all but the first.
+        // All frames that were due in those minutes are dropped, except the first.
         let asleep = (25_207.4 * rate(content).hz() / 60.0) as u64;
         let dropped = account.drops() - before.drops();
         assert!(account.dropped_for(Cause::MissedPresent) + account.dropped_for(Cause::Rates) == account.drops());
@@ -326,7 +328,8 @@ fn a_suspend_drops_what_was_due_and_goes_on_in_time() {
     }
 }
 
-/// A display that says nothing at first, and then of a video frame that it lit up three seconds late: those were missed.
+/// A display gives no feedback at first, and then reports a video frame that lit up three seconds late. The frames in
+/// between count as missed.
 #[test]
 fn a_first_answer_that_comes_late_counts_what_was_missed() {
     let mut pacer = Pacer::new(rate("60"));
@@ -342,8 +345,8 @@ fn a_first_answer_that_comes_late_counts_what_was_missed() {
     assert_eq!(pacer.predict(0).vblank, 0);
 }
 
-/// The machine sleeps on a clock that stands still meanwhile: the display comes back with another phase, and a quarter of
-/// a second later it is known again.
+/// The machine sleeps on a clock that stops. The display returns with another phase, which the pacer has learned a
+/// quarter of a second later.
 #[test]
 fn a_display_that_comes_back_with_another_phase_is_followed() {
     for shift_ns in [-8_000_000, -3_000_000, 4_000_000, 8_300_000, 12_000_000] {
@@ -355,7 +358,7 @@ fn a_display_that_comes_back_with_another_phase_is_followed() {
         simulation.run_until(MINUTES);
         let account = adds_up(&simulation);
         simulation.sets();
-        // Half a period off, it cannot be told from a miss.
+        // A shift of half a period cannot be distinguished from a miss.
         assert!(missed <= 4, "{shift_ns}: {missed}");
         assert_eq!(account.missed_presents, missed, "{shift_ns}");
         let now = simulation.player.display_time_ns;
@@ -370,7 +373,7 @@ fn a_display_that_comes_back_with_another_phase_is_followed() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// Whatever goes wrong: no set is torn, none comes out of order, and every content frame is accounted for.
+    /// For all faults, no set is torn, none is out of order, and every content frame is counted.
     #[test]
     fn faults_of_any_kind_tear_nothing(
         display in prop::sample::select(vec!["60", "59.94", "144", "30"]),
@@ -401,7 +404,7 @@ proptest! {
         let sets = simulation.sets();
         let account = adds_up(&simulation);
         let on_panel: BTreeSet<u64> = sets.iter().filter_map(|s| s.0).collect();
-        // What was handed over last may not be on the panel's log as a whole set; everything else is.
+        // The last frame that was handed over may not be a whole set in the log of the panel. All others are.
         prop_assert!(account.shown == on_panel.len() as u64, "{account:?} {}", on_panel.len());
         prop_assert!(simulation.producer.damaged.iter().all(|d| !on_panel.contains(d)));
     }

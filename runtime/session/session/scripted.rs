@@ -1,4 +1,4 @@
-//! An application, an eye and whole sessions that exist in simulated time, for tests.
+//! Scripts an application, an eye and whole sessions in simulated time for tests.
 
 use crate::gaze::{Estimator, Settings as GazeSettings};
 use crate::present::{Rate, SECOND_NS};
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 impl Scripted {
-    /// Sets of this application, made when they are asked for, for sets that begin every `period_ns`.
+    /// Creates sets of this application, which are made on request, with a beginning every `period_ns`.
     pub(super) fn sets(
         &self,
         app: Application,
@@ -45,12 +45,12 @@ impl Scripted {
         Refinement::start(self.encoder(), options).unwrap()
     }
 
-    /// What is shown of this application to an eye that is `simulated:SEED`; work takes what it is said to take, or what it does.
+    /// Creates live content from this application for an eye that is `simulated:SEED`. Work takes the time of `cost`.
     pub(super) fn live(&self, app: Application, cost: Cost, seed: u64) -> Live {
         self.live_before(app, cost, EyeSettings { seed, ..EyeSettings::default() })
     }
 
-    /// The same before this eye.
+    /// Creates the same live content for this eye.
     pub(super) fn live_before(&self, app: Application, cost: Cost, eye: EyeSettings) -> Live {
         let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
         let tracking = Tracking::of_eye(eye, cost == Cost::Measured, estimator).unwrap();
@@ -62,35 +62,36 @@ impl Scripted {
     }
 }
 
-/// The samples of an eye, as they arrive.
+/// Returns the samples of an eye as they arrive.
 pub(super) fn samples(eye: EyeSettings) -> PupilSource {
     let source = SimulatedSource::starting(eye, false, 0).unwrap();
     let estimator = Estimator::new(GazeSettings::default(), None).unwrap();
     PupilSource::Samples(Box::new(Samples::new(Box::new(source), estimator, Arc::default())))
 }
 
-/// An application that gives so many frames a second while it is alive, but for stalls: times in nanoseconds.
+/// An application that supplies `per_second` frames per second while it is alive, except during stalls. Times are in
+/// ns.
 pub(super) struct Application {
     pub scenes: Vec<LiveColor>,
     pub per_second: i64,
     pub alive: Vec<[i64; 2]>,
     pub stalls: Vec<[i64; 2]>,
-    /// The last that was given.
+    /// The number of the last frame that was supplied.
     pub given: Option<u64>,
 }
 
-/// Frames of one life are numbered from a multiple of this.
+/// The frames of one life are numbered from a multiple of this.
 const LIFE: u64 = 1 << 32;
 
 impl Application {
     pub(super) fn new(stage: &Scripted, per_second: i64, alive: [i64; 2]) -> Self {
-        // One after the other, to and fro.
+        // The scenes are shown in order and then in reverse.
         let scenes = (0..2 * stage.scenes.len().max(2) as u64 - 2).map(|i| stage.scene(i).clone()).collect();
         Self { scenes, per_second, alive: vec![alive], stalls: Vec::new(), given: None }
     }
 
-    /// The newest frame that has come by now: its number, and when it came. None before the first; an error where there is
-    /// no application.
+    /// Returns the number of the newest frame that has arrived and its time of arrival. Returns `None` before the first
+    /// frame, and an error without an application.
     pub(super) fn newest(&self, now_ns: i64) -> Result<Option<(u64, i64)>, ()> {
         let within = |span: &&[i64; 2], at: i64| (span[0]..span[1]).contains(&at);
         let life = self.alive.iter().position(|life| within(&life, now_ns)).ok_or(())?;
@@ -134,17 +135,17 @@ pub(super) struct ShownFrame {
     pub set: Option<u64>,
     pub video_frame: u64,
     pub checksum: u32,
-    /// When it lit up.
+    /// The time at which it lit up (ns).
     pub begins_ns: i64,
 }
 
-/// What was shown of content: the set, the video frame and its checksum. When they lit up is another matter.
+/// Returns the content that was shown, as the set, the video frame and its checksum, without the times of their light.
 pub(super) fn content_of(frames: &[ShownFrame]) -> Vec<(Option<u64>, u64, u32)> {
     frames.iter().filter(|f| f.set.is_some()).map(|f| (f.set, f.video_frame, f.checksum)).collect()
 }
 
-/// A whole session on a display of this rate, in simulated time where work takes what it is said to take: what came of it, and
-/// every video frame.
+/// Runs a whole session on a display of this rate, in simulated time if work has fixed costs. Returns its statistics
+/// and every video frame.
 pub(super) fn shown(live: Live, rate: u32, seconds: f64) -> (Statistics, Vec<ShownFrame>) {
     let simulated = live.cost != Cost::Measured || live.replay.is_some();
     let frames = Arc::new(Mutex::new(Vec::new()));

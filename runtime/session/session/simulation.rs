@@ -1,5 +1,6 @@
-//! A display and a producer that exist in simulated time alone, with the faults that real ones have; and the log of what
-//! was really on the panel, which is what tests judge by.
+//! Simulates a display and a producer in simulated time, with the faults of real ones.
+//!
+//! The log holds the actual content of the panel, which tests compare with.
 
 use crate::encode::{Encoder, VideoFrames};
 use crate::optics::{Color, Display};
@@ -12,23 +13,23 @@ use crate::solve::SplitMix;
 use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
 
-/// What the panel shows from one timing to the next.
+/// The content of the panel from one timing to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lit {
     pub timing: i64,
-    /// The position and the video frame that were painted into the picture; none for the idle picture.
+    /// The position and the video frame that were painted into the picture, or `None` for the idle picture.
     pub set: Option<u64>,
     pub video_frame: u64,
 }
 
-/// Beats at a rate and a phase of its own. What is handed over lights up at the next timing that is free.
+/// A panel with a rate and a phase of its own. A video frame lights up at the next free timing.
 pub struct Panel {
     clock: Rc<SimulatedClock>,
     rate: Rate,
     phase_ns: i64,
-    /// Beats at which nothing new can light up.
+    /// The timings at which nothing new can light up.
     pub stuck: BTreeSet<i64>,
-    /// Reported times are wrong by up to so much, either way.
+    /// The largest error of reported times in either direction (ns).
     pub jitter_ns: i64,
     noise: SplitMix,
     picture: [u8; 9],
@@ -43,7 +44,7 @@ impl Panel {
         Self { clock, rate, phase_ns, stuck, jitter_ns: 0, noise: SplitMix(5), picture: [0; 9], next: 0, log, feedback }
     }
 
-    /// Its timing comes so much later from now on.
+    /// Delays its timing by this much from now on.
     pub fn shift(&mut self, by_ns: i64) {
         self.phase_ns += by_ns;
     }
@@ -74,7 +75,7 @@ impl Presenter for Panel {
         let actual_display_time_ns = self.time_of_ns(self.next) + off as i64;
         self.feedback.push_back(Feedback { id, actual_display_time_ns });
         self.next += 1;
-        // Two may wait, then the swapchain is full.
+        // Two video frames may wait. Then the swapchain is full.
         self.clock.wait_until_ns(self.time_of_ns(self.next - 2));
         Ok(())
     }
@@ -85,10 +86,10 @@ impl Presenter for Panel {
     }
 }
 
-/// Content that is read and encoded at times that a test says.
+/// Content that is read and encoded at times that a test gives.
 pub struct Producer {
     clock: Rc<SimulatedClock>,
-    /// When a position is read, and when it is encoded.
+    /// The times at which a position is read, and at which it is encoded.
     pub read_ns: Box<dyn Fn(u64) -> i64>,
     pub encoded_ns: Box<dyn Fn(u64) -> i64>,
     pub damaged: BTreeSet<u64>,
@@ -121,7 +122,7 @@ impl SetSource for Producer {
         Ok(())
     }
 
-    // Here late content is late, though the clock is simulated.
+    // Late content stays late here, although the clock is simulated.
     fn settle(&mut self, _position: u64, _target: Target) -> Result<(), SessionError> {
         Ok(())
     }
@@ -147,7 +148,7 @@ fn paint(frames: &mut VideoFrames, word: u64) {
     }
 }
 
-/// Sets of `count` video frames, large enough for a number each.
+/// Creates sets of `count` video frames, each large enough for a number.
 fn frames(count: u64) -> VideoFrames {
     let display = Display { height: 4, width: 4, ..Display::preset("grey8").expect("a preset") };
     let mut frames = Encoder::new(&display, &[Color::Green], count as usize).expect("an encoder").frames();
@@ -155,7 +156,7 @@ fn frames(count: u64) -> VideoFrames {
     frames
 }
 
-/// A player before a panel.
+/// A player connected to a panel.
 pub struct Simulation {
     pub clock: Rc<SimulatedClock>,
     pub panel: Panel,
@@ -164,7 +165,8 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// `panel_rate` is the panel's own; the schedule says what the player takes it for.
+    /// Creates a simulation. `panel_rate` is the true rate of the panel, and the schedule has the rate that the player
+    /// assumes.
     pub fn new(schedule: Schedule, panel_rate: Rate) -> Self {
         let clock = Rc::new(SimulatedClock::default());
         let panel = Panel::new(Rc::clone(&clock), panel_rate, 7_654_321);
@@ -187,7 +189,7 @@ impl Simulation {
         Self { clock, panel, producer, player }
     }
 
-    /// Begins later.
+    /// Advances the clock before the start.
     pub(crate) fn clock_to(&mut self, time_ns: i64) {
         self.clock.wait_until_ns(time_ns);
     }
@@ -203,13 +205,13 @@ impl Simulation {
         Flow::Continue
     }
 
-    /// The sets that the panel showed, each with its first timing, repeats apart; fails for a torn or a mixed one, and for
-    /// one out of order.
+    /// Returns the sets that the panel showed, each with its first timing, including repeats. Fails for a torn or a
+    /// mixed set, and for one that is out of order.
     pub fn sets(&self) -> Vec<(Option<u64>, i64)> {
         let n = self.player.scheduler.schedule().set_frames;
         let mut sets = Vec::new();
         let mut log = self.panel.log.clone();
-        // Held so that sets keep their phase.
+        // These video frames were held so that sets keep their phase.
         log.dedup_by(|b, a| n > 1 && (a.set, a.video_frame) == (b.set, b.video_frame) && a.video_frame == n - 1);
         for set in log.chunks(n as usize) {
             for (i, lit) in set.iter().enumerate() {

@@ -1,6 +1,7 @@
-//! Content at many rates on displays of many, with stalls, saccades, blinks, and applications that die and come again: nothing is
-//! torn, and all accounts add up. `EYEBOX_SOAK=full` makes it ten minutes of simulated time for each, and a minute on the real clock of
-//! a machine whose cores are all busy.
+//! Tests content at many rates on many displays, with stalls, saccades, blinks and applications that restart.
+//!
+//! No set is torn, and all statistics add up. `EYEBOX_SOAK=full` makes it ten minutes of simulated time for each, and a
+//! minute on the real clock of a machine with full load on all cores.
 
 use crate::present::SECOND_NS;
 use crate::session::scripted::{Application, ShownFrame, shown};
@@ -13,11 +14,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// A packing, the display's rate, and the video frames of a set.
+/// A packing, the rate of the display (Hz) and the video frames of a set.
 const DISPLAYS: [(&str, u32, u64); 3] = [("planes8", 60, 1), ("planes8", 120, 1), ("grey8", 480, 8)];
 const CONTENT: [i64; 6] = [10, 24, 30, 50, 60, 90];
 
-/// Lives and stalls of an application, at random.
+/// Creates random lives and stalls of an application.
 fn application(stage: &Scripted, per_second: i64, seconds: f64, noise: &mut SplitMix) -> Application {
     let mut span = |from_ns: i64, least: f64, most: f64| {
         let until = from_ns + ((least + (most - least) * noise.unit()) * 1e9) as i64;
@@ -27,7 +28,7 @@ fn application(stage: &Scripted, per_second: i64, seconds: f64, noise: &mut Spli
     let mut now_ns = 30_000_000;
     while (now_ns as f64) < seconds * 1e9 {
         let life = span(now_ns, 0.2, 0.8);
-        // The first frame always comes; some of those behind it do not.
+        // The first frame always arrives, and some later ones do not.
         let stall = span(life[0] + SECOND_NS / 8, 0.0, 0.3);
         now_ns = span(life[1], 0.0, 0.15)[1];
         alive.push(life);
@@ -36,7 +37,7 @@ fn application(stage: &Scripted, per_second: i64, seconds: f64, noise: &mut Spli
     Application { alive, stalls, ..Application::new(stage, per_second, [0, 0]) }
 }
 
-/// What every session has to add up to, whatever the clock.
+/// Checks the sums that every session has to meet on any clock.
 fn adds_up(statistics: &Statistics, frames: &[ShownFrame], set_frames: u64, what: &str) {
     let live = statistics.live.as_ref().unwrap();
     let (a, showing) = (&statistics.report.account, live.showing.as_ref().unwrap());
@@ -56,14 +57,14 @@ fn adds_up(statistics: &Statistics, frames: &[ShownFrame], set_frames: u64, what
     assert_eq!(live.latency.of(Stage::AllRefinement).count(), live.sets_new, "{what}");
 }
 
-/// All that can be the matter where time is simulated.
+/// Checks that long steps are the only cause of repeats in simulated time.
 fn only_steps_are_too_long(statistics: &Statistics, what: &str) {
     let (live, a) = (statistics.live.as_ref().unwrap(), &statistics.report.account);
     assert_eq!(live.repeats[RepeatReason::StepTooLong as usize], live.sets_repeated, "{what}: {:?}", live.repeats);
     assert_eq!((a.drops(), a.missed_presents, a.late_sets), (0, 0, [0; 5]), "{what}");
 }
 
-/// The picture that is lit is the same as long as it is of the same set, and nothing older comes again.
+/// Checks that the picture stays the same within a set, and that no older picture returns.
 pub(super) fn nothing_is_torn(frames: &[ShownFrame], what: &str) {
     let mut seen = HashMap::new();
     for (i, frame) in frames.iter().enumerate() {
@@ -73,7 +74,7 @@ pub(super) fn nothing_is_torn(frames: &[ShownFrame], what: &str) {
     assert!(frames.windows(2).all(|two| two[0].set <= two[1].set), "{what}");
 }
 
-/// As many of each of a set's video frames as of the others, in their order, wherever one looks.
+/// Checks that the video frames of a set are lit equally often and in their order.
 fn in_turn(frames: &[ShownFrame], set_frames: u64, what: &str) {
     let lit = frames.iter().filter(|frame| frame.set.is_some());
     for (i, frame) in lit.enumerate() {
@@ -87,7 +88,7 @@ fn soak(seconds: f64, displays: &[(&str, u32, u64)], content: &[i64], seed: u64)
         let stage = Scripted::new(preset, 16, 3);
         for &per_second in content {
             let app = application(&stage, per_second, seconds, &mut noise);
-            // From well within a set to several of them.
+            // Steps take between well within a set and several sets.
             let step = Duration::from_secs_f64((0.2 + 2.0 * noise.unit()) / f64::from(rate));
             let cost = Cost::Fixed { step, encode: step / 8 };
             let mut live = stage.live(app, cost, noise.0 % 1000);
@@ -108,7 +109,7 @@ pub(super) fn is_full() -> bool {
     std::env::var("EYEBOX_SOAK").is_ok_and(|soak| soak == "full")
 }
 
-/// Keeps every core busy until it is dropped.
+/// A load on every core that ends when it is dropped.
 struct Busy {
     over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
@@ -137,8 +138,8 @@ impl Drop for Busy {
     }
 }
 
-/// The same on the real clock, where as many threads as there are cores do nothing but take time: sets come late, presents are
-/// missed, and all of it is said.
+/// Runs the same on the real clock, with a load of as many threads as cores. Sets are late, presents are missed, and
+/// the statistics count all of it.
 #[test]
 fn on_a_busy_machine_the_accounts_add_up() {
     let (mut noise, seconds) = (SplitMix(11), if is_full() { 20.0 } else { 0.8 });

@@ -1,6 +1,8 @@
-//! Ten minutes of a simulated eye before 3 x 3 switchable sources. As decisions alone: sets are made when they are made in a session,
-//! each for the sources that are chosen for it, and take as long as steps and encoding may take. And as whole sessions on a simulated
-//! clock, a quarter of a minute each; `EYEBOX_SOAK=full` makes them ten.
+//! Tests ten minutes of a simulated eye before 3 x 3 switchable sources.
+//!
+//! One test runs the decisions alone. Sets are made as in a session, each for the sources that are chosen for it, and
+//! take as long as steps and encoding may take. The others run whole sessions on a simulated clock, for a quarter of a
+//! minute each. `EYEBOX_SOAK=full` makes them ten minutes.
 
 use crate::optics::{Color, Display, Pupil, SourceChoice, SourcesLit, SwitchedSource};
 use crate::present::SECOND_NS;
@@ -14,15 +16,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// A set: what it is lit by, and what it was made for.
+/// A set with the sources that light it and the sources that it was made for.
 #[derive(Clone)]
 struct Set {
     lit: Vec<usize>,
     made_for: Vec<usize>,
 }
 
-/// Of sets that were lit while the lid was open: all; lit by nothing, or by other sources than theirs; those of which the eye saw
-/// nothing while it rested, and the longest time after a landing at which it did, ms; hand-overs; sets lit by several sources.
+/// Counts of the sets that were lit while the lid was open. The count `unlit_or_torn` is of sets lit by no source or by
+/// other sources than their own. The count `dark` is of sets that a resting eye could not see, and the next field is
+/// the longest time of that after a landing (ms). The last fields count changes of the sources, and sets lit by several
+/// sources.
 #[derive(Debug, Default)]
 struct Seen {
     sets: usize,
@@ -33,7 +37,7 @@ struct Seen {
     by_several: usize,
 }
 
-/// An eyepiece of 133 mm has an eyebox of 8.7 mm; an eye that looks 30 degrees to the side moves its pupil by 5.7.
+/// An eyepiece of 133 mm has an eyebox of 8.7 mm. An eye that looks 30 degrees to the side moves its pupil by 5.7 mm.
 fn display(spacing: f64) -> Display {
     let mut display = Display { focal_length: 0.133, height: 16, width: 16, ..Display::preset("planes8").unwrap() };
     display.wavelengths.retain(|w| w.color == Color::Green);
@@ -44,7 +48,7 @@ fn display(spacing: f64) -> Display {
     display
 }
 
-/// Looks to 30 degrees, two to four jumps a second.
+/// Returns an eye that looks up to 30 degrees to the side, with two to four saccades per second.
 fn eye(seed: u64) -> EyeSettings {
     EyeSettings {
         seed,
@@ -56,7 +60,7 @@ fn eye(seed: u64) -> EyeSettings {
 }
 
 impl Seen {
-    /// A set is lit while the eye does this: by `lit`, before which `before` were, with `served` of the pupil's light.
+    /// Counts a set that is lit by `lit` after `before`. `served` is the share of the light of the pupil.
     fn set(&mut self, [lit, before]: [&[usize]; 2], served: f64, rests_for_ms: Option<f64>) {
         self.sets += 1;
         self.by_several += usize::from(lit.len() > 1);
@@ -68,7 +72,7 @@ impl Seen {
     }
 }
 
-/// For how long an eye at rest has been, ms, by when its last jump landed; none while it jumps.
+/// Returns the time that an eye has rested since its last saccade landed (ms), or `None` during a saccade.
 fn rested_ms(doing: Doing, landed_ns: &mut u64, now_ns: u64) -> Option<f64> {
     if let Doing::Saccade { lands_ns, .. } = doing {
         *landed_ns = lands_ns;
@@ -88,12 +92,12 @@ fn watched(spacing: f64, seconds: f64, seed: u64) -> Seen {
     let (mut seen, mut landed_ns, mut before) = (Seen::default(), 0u64, Vec::new());
     for start_ns in (1..).map(|i| i * period_ns).take_while(|t| (*t as f64) < seconds * 1e9) {
         let light_ns = (start_ns + period_ns / 2) as u64;
-        // What was handed over by then takes the screen with its sources; until then the old set stays with its own.
+        // A set that was handed over by then goes to the screen with its sources. Until then the old set keeps its own.
         if let Some((_, set)) = waiting.take_if(|(done_ns, _)| *done_ns <= start_ns - lead_ns) {
             shown = set;
         }
         if free_ns <= start_ns && waiting.is_none() {
-            // A set for one that can be reached: now and then a long one.
+            // The set is made for a light that can be reached. Some sets take a long time.
             let takes_ns = 3_000_000 + (noise.unit().powi(3) * 40e6) as i64;
             let begins_ns = free_ns.max(start_ns - period_ns);
             let for_ns = (begins_ns + takes_ns + lead_ns).div_euclid(period_ns) * period_ns + 3 * period_ns / 2;
@@ -128,8 +132,8 @@ fn in_ten_minutes_of_saccades_no_set_is_dark_or_torn() {
     }
 }
 
-/// In a whole session, on its simulated clock: every set that is shown was announced with sources of its own, once, and they change
-/// with the eye. Two eyeboxes that overlap by 2.7 mm, before an eye that moves by 4.6.
+/// In a whole session on its simulated clock, every set that is shown was announced once with sources of its own, and
+/// the sources change with the eye. Two eyeboxes overlap by 2.7 mm, and the pupil moves by 4.6 mm.
 #[test]
 fn a_session_switches_sources_with_its_sets() {
     let mut display = Display { height: 16, width: 16, ..Display::preset("planes8").unwrap() };
@@ -157,10 +161,10 @@ fn a_session_switches_sources_with_its_sets() {
     assert!(sets.len() > 500 && sets.iter().all(|set| told.contains_key(set)), "{} sets", sets.len());
 }
 
-/// What each set of a session was lit by, by its number, and when that was said, nanoseconds.
+/// The sources of each set of a session by its number, and the time of the announcement (ns).
 type Told = BTreeMap<u64, (Vec<usize>, i64)>;
 
-/// What an eye met in a session of which these video frames were shown, a set each.
+/// Returns the counts for an eye in a session with these video frames, one per set.
 fn met(frames: &[ShownFrame], told: &Told, eye: EyeSettings, choice: &SourceChoice, period_ns: i64) -> Seen {
     let (mut truth, mut seen, mut landed_ns, mut before) = (Eye::new(eye, 0), Seen::default(), 0, Vec::new());
     for frame in frames {
@@ -180,8 +184,8 @@ fn met(frames: &[ShownFrame], told: &Told, eye: EyeSettings, choice: &SourceChoi
     seen
 }
 
-/// Whole sessions, on the simulated clock: every set that lights up is lit by the sources that were told with it, from its first
-/// video frame on; none is torn, and none is dark to an eye that rests.
+/// In whole sessions on the simulated clock, every set is lit by its announced sources from its first video frame on.
+/// No set is torn, and none is dark to an eye that rests.
 #[test]
 fn in_whole_sessions_no_set_is_dark_or_torn() {
     let (rate, seconds) = (60, if is_full() { 600.0 } else { 15.0 });

@@ -1,4 +1,4 @@
-//! A display, scenes and colors that tests of sessions and of studies begin with.
+//! Builds a display, scenes and colors for tests of sessions and studies.
 
 use crate::encode::Encoder;
 use crate::engine::cpu::CpuEngine;
@@ -10,15 +10,15 @@ use crate::session::refinement::field::LiveColor;
 use crate::solve::{Flow, Problem, Settings, StartTable, random_phases, solve};
 use std::sync::Arc;
 
-/// Colors of a joint hologram.
+/// The colors of a joint hologram.
 pub const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
-/// Rows and columns of its display.
+/// The rows and columns of its display.
 pub const SIZE: [usize; 2] = [48, 64];
 
-/// Exposure of the stage's scenes.
+/// The exposure of the scenes.
 pub const EXPOSURE: f64 = 0.35;
 
-/// A green picture of the size of a display, the same from all over its eyebox.
+/// Returns a green picture of the size of a display that is the same from the whole eyebox.
 pub fn one_view(display: &Display, view: Vec<f32>) -> LightField {
     LightField {
         name: String::new(),
@@ -34,21 +34,21 @@ pub fn one_view(display: &Display, view: Vec<f32>) -> LightField {
     }
 }
 
-/// A square display of one colour, and what a fruit at different places is before it.
+/// A square display of one color, and scenes of a fruit at different places before it.
 pub struct Scripted {
-    /// The display before which the scenes lie.
+    /// The display of the scenes.
     pub display: Display,
-    /// The scene at each place.
+    /// The scene for each place of the fruit.
     pub scenes: Vec<LiveColor>,
 }
 
 impl Scripted {
-    /// With this preset's packing.
+    /// Creates scenes with the packing of this preset.
     pub fn new(preset: &str, side: usize, scenes: usize) -> Self {
         Self::before(Display { height: side, width: side, ..Display::preset(preset).unwrap() }, scenes)
     }
 
-    /// Returns the scenes before a display.
+    /// Creates the scenes before a display.
     pub fn before(display: Display, scenes: usize) -> Self {
         let scene = |i: usize| {
             let request = Request { views: 5, ..Request::new(&display, &[Color::Green]) };
@@ -61,25 +61,25 @@ impl Scripted {
         Self { display, scenes }
     }
 
-    /// Returns the scene that content frame `number` shows, to and fro.
+    /// Returns the scene of content frame `number`. The scenes are shown in order and then in reverse.
     pub fn scene(&self, number: u64) -> &LiveColor {
         let last = self.scenes.len() - 1;
         let at = number as usize % (2 * last).max(1);
         &self.scenes[if at > last { 2 * last - at } else { at }]
     }
 
-    /// Random phases of eight sub-frames.
+    /// Returns random phases of eight sub-frames.
     pub fn begun(&self) -> Vec<LiveColor> {
         let pixels = self.display.height * self.display.width;
         vec![LiveColor { phases: random_phases(8 * pixels, 1), ..self.scenes[0].clone() }]
     }
 
-    /// An encoder of eight sub-frames.
+    /// Creates an encoder of eight sub-frames.
     pub fn encoder(&self) -> Encoder {
         Encoder::new(&self.display, &[Color::Green], 8).unwrap()
     }
 
-    /// A table of the display, fitted in fewer steps than usual.
+    /// Fits a table of the display in fewer steps than usual.
     pub fn tables(&self) -> Vec<Option<Arc<StartTable>>> {
         let color = &self.begun()[0];
         vec![Some(Arc::new(StartTable::quick(&color.problem, color.frames())))]
@@ -91,17 +91,17 @@ pub fn cpu() -> Result<Box<dyn Engine>, EngineError> {
     Ok(Box::new(CpuEngine::new()))
 }
 
-/// A color of which the content is shifted to the right, pixels.
+/// Returns a color whose content is shifted to the right (pixels).
 pub fn shifted_color(color: &LiveColor, shift: usize) -> LiveColor {
     LiveColor { problem: shifted_problem(&color.problem, shift, false), ..color.clone() }
 }
 
-/// The display of colors that share their sub-frames.
+/// Returns the display of colors that share their sub-frames.
 pub fn joint_display() -> Display {
     Display { height: SIZE[0], width: SIZE[1], ..Display::preset("grey8").unwrap() }
 }
 
-/// Random drives before three lasers, on a display.
+/// Returns random drives before three lasers, on a display.
 pub fn joint_colors(display: &Display) -> Vec<LiveColor> {
     let field = scene::load("builtin:still-life", &Request { views: 3, ..Request::new(display, &ALL) }).unwrap();
     let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
@@ -114,7 +114,7 @@ pub fn joint_colors(display: &Display) -> Vec<LiveColor> {
     ALL.into_iter().zip(display.slopes(&ALL)).zip(powers).map(one).collect()
 }
 
-/// Returns the picture in which these colors are dark where they were bright.
+/// Returns the negative of the picture of these colors.
 pub fn inverted(colors: &[LiveColor]) -> Vec<LiveColor> {
     let one = |color: &LiveColor| {
         let (pyramid, level) = (&color.problem.pyramid, &color.problem.pyramid.levels[0]);
@@ -128,14 +128,14 @@ pub fn inverted(colors: &[LiveColor]) -> Vec<LiveColor> {
     colors.iter().map(one).collect()
 }
 
-/// The table of the drive that these colors share, fitted in fewer steps than usual.
+/// Fits the table of the drive that these colors share, in fewer steps than usual.
 pub fn drive_table(colors: &[LiveColor]) -> Arc<StartTable> {
     let problems: Vec<&Problem> = colors.iter().map(|color| &color.problem).collect();
     let lasers: Vec<Laser> = colors.iter().filter_map(|color| color.laser.clone()).collect();
     Arc::new(StartTable::quick_shared(&problems, &lasers))
 }
 
-/// A color of a still life that was solved for the whole eyebox.
+/// Returns a color of a still life that was solved for the whole eyebox.
 pub fn part() -> LiveColor {
     let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
@@ -145,12 +145,12 @@ pub fn part() -> LiveColor {
     LiveColor { problem, phases: solution.phases, exposure: solution.exposure, laser: None }
 }
 
-/// An encoder of the display of [`part`], of eight sub-frames packed as bits of one byte.
+/// Creates an encoder for the display of [`part`], with eight sub-frames packed as bits of one byte.
 pub fn encoder() -> Encoder {
     encoder_of("planes8")
 }
 
-/// The same, packed as this preset has it.
+/// Creates the same encoder with the packing of this preset.
 pub fn encoder_of(preset: &str) -> Encoder {
     let display = Display { height: 96, width: 112, ..Display::preset(preset).unwrap() };
     Encoder::new(&display, &[Color::Green], 8).unwrap()

@@ -1,4 +1,4 @@
-//! The stream: what it hands over is what the encoder makes of the file, in order; damage, ends, loops and growth.
+//! Tests the order and the bytes of the frames of a stream, with damage, ends, loops and growth.
 
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::{LesserDevice, VulkanEncoder};
@@ -78,7 +78,7 @@ fn encoded(index: u64, display: &Display) -> Vec<Vec<u8>> {
     (0..frames.count()).map(|i| frames.frame(i).to_vec()).collect()
 }
 
-/// What was handed over: frame of the file, video frame, bytes.
+/// The video frames that were handed over, as frame of the file, video frame and bytes.
 type Log = Vec<(Option<u64>, u64, Vec<u8>)>;
 
 struct Played {
@@ -88,7 +88,7 @@ struct Played {
     flow: Flow,
 }
 
-/// Plays with a simulated clock until the end, or for so many video frames.
+/// Plays with a simulated clock until the end, or for `most` video frames.
 fn play(
     fixture: &Fixture,
     options: StreamOptions,
@@ -100,7 +100,7 @@ fn play(
     play_stream(fixture, (start(&fixture.path, &fixture.display, options), notes), content, most, act)
 }
 
-/// The same with a stream of the test's own.
+/// Plays the same with a stream of the test.
 fn play_stream(
     fixture: &Fixture,
     (mut stream, notes): (Stream, Notes),
@@ -164,13 +164,14 @@ fn every_packing_is_played_as_it_is_encoded() {
     }
 }
 
-/// Where the drives that all colours share are none's phases, they are found behind all of them.
+/// If the drives that all colors share are not the phases of any color, they are computed from the phases of all
+/// colors.
 #[test]
 fn an_slm_of_two_turns_is_sent_its_drives() {
     let (here, mut display) = (tempfile::tempdir().unwrap(), display("grey8"));
     display.dispersion.insert(Color::Red, 2.0);
     let mut random = SplitMix(4);
-    // In the middle of a level each: none is rounded to its neighbour.
+    // Each drive is in the middle of a level, so that none is rounded to the next level.
     let level = |_| crate::optics::wrap_phase((std::f64::consts::TAU * (256.0 * random.unit()).floor() / 256.0) as f32);
     let drives: Vec<f32> = (0..8 * 192).map(level).collect();
     let mut hologram = hologram(0, &display);
@@ -193,7 +194,7 @@ fn an_slm_of_two_turns_is_sent_its_drives() {
     assert!(stream.on_screen().unwrap().0.bytes() == wanted.bytes());
 }
 
-/// A software device will do; watched, and with a cache of the tests' own.
+/// A software device is sufficient. It is watched by the validation layer and has a cache of the tests.
 fn gpu() -> Gpu {
     Gpu::open(&watched()).unwrap()
 }
@@ -228,7 +229,7 @@ fn a_vulkan_device_streams_the_bytes_of_the_cpu() {
     }
 }
 
-/// An encoder on a device that stages its transfers.
+/// Creates an encoder on a device that stages its transfers.
 fn staged(encoder: &Encoder) -> VulkanEncoder {
     let lesser = LesserDevice { staged: true, ..LesserDevice::default() };
     VulkanEncoder::on_lesser(&gpu(), encoder.plan(), &lesser).unwrap()
@@ -239,8 +240,8 @@ fn tells_of<'a>(note: &'a str, fixture: &Fixture) -> Option<&'a str> {
     note.strip_prefix(&fixture.path.display().to_string())
 }
 
-/// The device is lost at the first submission, in an upload, in the kernel, in a download: the CPU goes on with the very
-/// hologram, nothing is dropped, and one line says so.
+/// The device is lost at the first submission, in an upload, in the kernel or in a download. The CPU continues with the
+/// same hologram, nothing is dropped, and one note reports it.
 #[test]
 fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
     for after in [0, 1, 3, 4, 12, 17] {
@@ -263,8 +264,8 @@ fn a_device_lost_while_streaming_is_followed_by_the_cpu() {
     }
 }
 
-/// While content is on the display the reader panics, or the encoder does, or a device gives an error: playing ends with
-/// what failed and why, and the display is on the idle picture.
+/// While content is on the display, the reader or the encoder panics, or a device gives an error. Playback ends with
+/// the name of the failure and its reason, and the display shows the idle picture.
 #[test]
 fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
     enum Fault {
@@ -388,8 +389,8 @@ fn a_hologram_of_another_shape_is_refused_at_once() {
     assert!(matches!(Stream::start(sequence, encoder, None, options()), Err(SessionError::Encode(_))));
 }
 
-/// A version is on the screen once its second set is lit, until the first video frame of another one, or of the idle picture, is
-/// handed over.
+/// A version is on the screen from the light of its second set until the first video frame of another version, or of
+/// the idle picture, is handed over.
 #[test]
 fn a_version_is_on_the_screen_while_its_light_stands() {
     for preset in ["planes24", "fields"] {
@@ -406,7 +407,7 @@ fn a_version_is_on_the_screen_while_its_light_stands() {
             match tick {
                 0 => player.follows(newest.clone()),
                 100 => assert_eq!(newest.replace(hologram(1, &fixture.display)).unwrap(), 1),
-                // Positions begin again, and the version stays.
+                // Positions start at 0 again, and the version stays.
                 300 => player.command(Command::Seek(0), stream),
                 _ => {}
             }

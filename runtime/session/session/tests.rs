@@ -1,4 +1,4 @@
-//! Tests of the room: what is handed over, when it begins again, and ten minutes of a refinement that is often late.
+//! Tests the handover of sets, restarts, and ten minutes of a refinement that is often late.
 
 use crate::encode::VideoFrames;
 use crate::optics::PupilDistribution;
@@ -15,7 +15,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// A hologram of the still life for the whole eyebox.
+/// Returns an aim at this horizontal position (m).
 pub(super) fn aim(x: f64) -> PupilDistribution {
     let diameter = [3.8e-3, 4.2e-3];
     PupilDistribution { centre: [x, 0.0], spread: 1e-4, diameter, focus: [0.0, 0.0], elsewhere: 0.0 }
@@ -62,7 +62,7 @@ fn channel(frames: &VideoFrames) -> (SetSender, LiveSource) {
 
 pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
     let mut buffer = sender.buffer().expect("there is always a buffer");
-    // Every byte says which set it is of.
+    // Every byte holds the number of its set.
     buffer.frames.bytes_mut().fill((number % 251) as u8);
     FinishedSet {
         number,
@@ -98,7 +98,7 @@ fn the_newest_set_wins_and_buffers_go_round() {
             assert!(source.newly_shown().is_none(), "told once");
         }
     }
-    // Nothing new: the last one stays, and is counted.
+    // Without a new set the last one stays and is counted.
     source.show(1000);
     assert_eq!((source.on_screen().map(|s| s.1), (source.news, source.repeats)), (Some(99), (10, [1, 0, 0, 0, 0, 0])));
     for (i, doing) in RepeatReason::ALL.into_iter().enumerate() {
@@ -106,14 +106,14 @@ fn the_newest_set_wins_and_buffers_go_round() {
         source.show(1001);
         assert_eq!((source.repeats[i], source.repeated), (1 + u64::from(i == 0), Some(doing)));
     }
-    // Who made it is gone: the picture stays.
+    // The sender is gone, and the picture stays.
     drop(sender);
     source.poll(0).unwrap();
     source.show(1002);
     assert_eq!((source.readiness(7), source.repeated), (Readiness::Ready, Some(RepeatReason::RefinementEnded)));
 }
 
-/// A refinement in simulated time: it aims for the next set that it expects to reach, and takes as long as it likes.
+/// A refinement in simulated time. It aims for the next set that it expects to reach, and takes a random time.
 struct Simulated {
     clock: Rc<SimulatedClock>,
     sender: SetSender,
@@ -124,7 +124,7 @@ struct Simulated {
 }
 
 impl Simulated {
-    /// What would have been handed over by now.
+    /// Sends the sets that would have been handed over by now.
     fn pass(&mut self) {
         while self.ready_ns <= self.clock.now_ns() {
             self.sender.send(made(&self.sender, self.number));
@@ -132,7 +132,7 @@ impl Simulated {
             let now = self.ready_ns;
             let estimate = 4_000_000;
             let target = self.timing.load().reachable(now, estimate);
-            // One in twenty takes ten times its estimate, after all the time there was had been used.
+            // One in twenty takes ten times its estimate, after all available time was used.
             let late = self.noise.unit() < 0.05;
             let took = target.hand_over_ns.max(now) - now + if late { 10 * estimate } else { 0 };
             self.ready_ns = now + took.max(estimate);
@@ -229,7 +229,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
     assert_eq!(account.late_sets, [0; 5]);
     assert_eq!((account.drops(), account.missed_presents), (0, 0));
     assert!(account.sets.abs_diff(36_000) <= 2, "{} sets", account.sets);
-    // Of twenty, one takes three periods: the others are all new.
+    // One of twenty takes three periods, and the others are all new.
     let share = news as f64 / account.sets as f64;
     assert!((0.8..0.95).contains(&share), "{share} of the sets were new");
 }

@@ -1,4 +1,4 @@
-//! Tests of the threads that follow the eye and refine: what floods, fails or ends takes the picture away from nobody.
+//! Tests that a flood, a failure or an end of the tracking and refinement threads keeps the picture.
 
 use crate::encode::Encoder;
 use crate::engine::cpu::CpuEngine;
@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// A tracker that says what a test wants.
+/// A tracker whose samples a test supplies.
 struct Scripted(Box<dyn FnMut(u64) -> Option<Event> + Send>, u64);
 
 impl Source for Scripted {
@@ -53,7 +53,7 @@ fn at(time_ns: u64, position: [f64; 2]) -> Event {
     Event::Sample(sample, None)
 }
 
-/// A sample from the end of all time, which arrives now.
+/// Returns a sample with the latest possible time that arrives now.
 fn late(received_ns: u64) -> Event {
     let mut sample = Sample::empty(received_ns);
     sample.time_ns = u64::MAX;
@@ -78,7 +78,8 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
 #[test]
 fn a_tracker_that_floods_lies_and_ends_takes_nothing_away() {
     let (start, notes) = (now_ns(), Notes::default());
-    // Some sense, a flood of nonsense (NaN, jumps, time going backwards), some sense, the end.
+    // The tracker sends good samples, then a flood of bad ones (NaN, jumps, time that goes backward), good ones again,
+    // and ends.
     let tracker = follow(&notes, move |i| match i {
         0..200 => Some(at(start + i * 1_000_000, [1e-3, -1e-3])),
         200..20_000 => Some(match i % 4 {
@@ -112,7 +113,7 @@ fn what_was_measured_is_looked_up_between_samples() {
     let (start, notes) = (now_ns(), Notes::default());
     let tracker = follow(&notes, move |i| match i {
         0..100 => Some(at(start + i * 4_000_000, [i as f64 * 1e-5, 0.0])),
-        // A gap, in which nothing is known.
+        // This is a gap without measurements.
         100..110 => Some(at(start + 1_000_000_000 + i * 4_000_000, [0.0, 0.0])),
         _ => None,
     });
@@ -157,7 +158,7 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     assert!(source.on_screen().is_some());
 }
 
-/// Steered, at 60 Hz; `again` makes the engines anew.
+/// Returns options for refinement at 60 Hz. `again` opens the engines again.
 fn options(
     tracker: Arc<PupilTracker>,
     clock: RealClock,
@@ -183,7 +184,7 @@ fn options(
     }
 }
 
-/// An engine that is lost after so many calls.
+/// Creates an engine that is lost after `calls` calls.
 fn failing(calls: usize) -> Box<dyn Engine> {
     let mut left = calls;
     let lost = move || {
@@ -222,8 +223,8 @@ fn an_engine_that_is_lost_is_made_anew_and_then_given_up() {
     assert!(source.on_screen().is_some());
 }
 
-/// Refines with engines of `again` until `done`, which gets the number of new sets since the beginning: the notes, and whether it
-/// still runs.
+/// Refines with engines of `again` until `done`, which receives the number of new sets since the start. Returns the
+/// notes, and true if refinement still runs.
 fn refines_until(
     again: impl FnMut() -> Result<(LiveRefiner, Option<Gpu>), SessionError> + Send + 'static,
     mut done: impl FnMut(u64, &[String]) -> bool,
@@ -246,7 +247,7 @@ fn refines_until(
     (messages, refinement.is_running())
 }
 
-/// An engine that has worked may be lost again: three times is for one loss, not for a lifetime.
+/// An engine that has worked may be lost again. The limit of three attempts is for one loss, not for the whole session.
 #[test]
 fn an_engine_that_has_worked_is_made_anew_any_number_of_times() {
     let (whole, lose) = (part(), Arc::new(AtomicBool::new(false)));
@@ -262,7 +263,7 @@ fn an_engine_that_has_worked_is_made_anew_any_number_of_times() {
     };
     let (mut losses, mut since) = (0, 0);
     let (messages, runs) = refines_until(again, |sets, messages| {
-        // Only sets that a working engine made count: the first after a loss may be one of before.
+        // Only sets of a working engine count, because the first set after a loss may be from before it.
         if messages.len() == losses && sets > since + 24 {
             if losses == 6 {
                 return true;
@@ -276,7 +277,7 @@ fn an_engine_that_has_worked_is_made_anew_any_number_of_times() {
     assert!(runs && messages.len() == 6, "{messages:?}");
 }
 
-/// Opening an engine again may fail for a while: it is tried three times, and why it failed is said.
+/// Opening an engine again may fail for a while. It is tried three times, and the notes give the reason of the failure.
 #[test]
 fn a_failed_opening_is_tried_again_and_its_reason_is_said() {
     for fail in [1, 2, 3] {
@@ -298,8 +299,8 @@ fn a_failed_opening_is_tried_again_and_its_reason_is_said() {
     }
 }
 
-/// Engines of three colours and the encoder share a device: sets come from phases that are never read back, and for a display
-/// that shows from there nothing is.
+/// Engines of three colors and the encoder share a device. Sets come from phases that are never read back, and a
+/// display that shows from there reads nothing back.
 #[test]
 fn on_one_device_phases_never_come_to_the_host() {
     [None, Some(PixelOrder::Bgra)].into_iter().for_each(refines_on_one_device);

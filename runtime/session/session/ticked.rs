@@ -1,5 +1,6 @@
-//! Content whose video frames are taken by the program that holds it, one at each of its ticks: for programs that have a display, a
-//! loop and a clock of their own.
+//! Runs content whose video frames the calling program takes, one at each of its ticks.
+//!
+//! This is for programs that have a display, a loop and a clock of their own.
 
 use crate::session::frame_log::error::SessionError;
 use crate::session::handle::Session;
@@ -10,15 +11,16 @@ use crate::steady;
 use eyebox_base::reason;
 use std::time::Duration;
 
-/// How far from now a tick's light may be.
+/// The largest time between now and the light of a tick.
 const REACH: Duration = Duration::from_secs(1);
-/// How often a tick looks whether the session has ended.
+/// The interval at which a tick checks for the end of the session.
 const OFTEN: Duration = Duration::from_millis(100);
 
-/// A session whose video frames go to the program that holds it. Reading, tracking, refining and encoding go on on threads of
-/// their own; a tick waits for the decision which video frame is next, and for none of them.
+/// A session whose video frames go to the calling program. Reading, tracking, refinement and encoding run on threads of
+/// their own. A tick waits only for the decision on the next video frame.
 pub struct TickedSession {
-    // Before the session, which waits for its thread when it is dropped, and that for a tick.
+    // This field is dropped before the session. The session waits for its thread when it is dropped, and the thread
+    // waits for a tick.
     last: LastTick,
     session: Session,
     ticks: Ticks,
@@ -27,13 +29,18 @@ pub struct TickedSession {
 }
 
 impl TickedSession {
-    /// Begins, for a display of so many video frames a second (`options.display_rate`, or 60).
+    /// Starts for a display of `options.display_rate` video frames per second, or 60.
     ///
     /// # Errors
-    /// Those of [`Session::start`]; [`SessionError::Setting`] for options with an observer, whose place the ticks take.
+    /// Returns the errors of [`Session::start`], and [`SessionError::Setting`] for options with an observer, because
+    /// the ticks replace it.
     pub fn start(content: impl Into<Content>, mut options: SessionOptions) -> Result<Self, SessionError> {
         if options.observer.is_some() {
-            return Err(reason!("observer", "a session that is ticked has no other observer than its caller").into());
+            return Err(reason!(
+                "observer",
+                "`observer`: a ticked session has no observer, because its caller takes the video frames"
+            )
+            .into());
         }
         let ticks = Ticks::new();
         let given = TickProducer(ticks.clone());
@@ -43,11 +50,12 @@ impl TickedSession {
         Ok(Self { last: LastTick(ticks.clone()), session, ticks, period, frame: TickedFrame::default() })
     }
 
-    /// The next video frame, which lights up at `lit_ns` of the steady clock ([`trackers::now_ns`](crate::trackers::now_ns)), or
-    /// a period from now; none once content has ended.
+    /// Returns the next video frame. It lights up at `lit_ns` of the steady clock
+    /// ([`trackers::now_ns`](crate::trackers::now_ns)), or a period from now. Returns `None` after the end of the
+    /// content.
     ///
     /// # Errors
-    /// [`SessionError::Setting`] for a time that is more than a second from now.
+    /// Returns [`SessionError::Setting`] for a time that is more than a second from now.
     pub fn tick(&mut self, lit_ns: Option<u64>) -> Result<Option<&TickedFrame>, SessionError> {
         let now = steady::now_ns();
         let lit_ns = lit_ns.unwrap_or_else(|| now.saturating_add(self.period.as_nanos() as u64));
@@ -55,7 +63,7 @@ impl TickedSession {
             let off = (i128::from(lit_ns) - i128::from(now)) as f64 * 1e-9;
             return Err(reason!(
                 "lights-up",
-                "a video frame that lights up {off:.3} s from now: it must be within a second, on the steady clock"
+                "`lit_ns` is {off:.3} s from now, but it must be within a second on the steady clock"
             )
             .into());
         }
@@ -68,7 +76,7 @@ impl TickedSession {
             }
         };
         let Some(frame) = given else {
-            // So does the next tick.
+            // The next tick also ends.
             self.ticks.frames.push(None);
             return Ok(None);
         };
@@ -77,22 +85,22 @@ impl TickedSession {
         Ok(Some(&self.frame))
     }
 
-    /// What it shows, and how often.
+    /// Returns the description of the output and its rates.
     pub fn about(&self) -> &About {
         self.session.about()
     }
 
-    /// How it is doing, as of the last tick.
+    /// Returns the status as of the last tick.
     pub fn status(&self) -> Status {
         self.session.status()
     }
 
-    /// Whether a live hologram follows the eye.
+    /// Turns refinement for the tracked pupil on or off.
     pub fn steer(&self, steered: bool) {
         self.session.steer(steered);
     }
 
-    /// Ends it, and says what came of it.
+    /// Ends the session and returns its result.
     pub fn stop(self) -> Ended {
         let Self { last, session, .. } = self;
         drop(last);
@@ -157,7 +165,7 @@ mod tests {
         let begun = Instant::now();
         assert_eq!(never.stop().statistics.ended_by, Ending::Stopped);
         assert!(begun.elapsed() < Duration::from_secs(5));
-        // Nor does one that is dropped.
+        // A session that is dropped does not need a tick either.
         drop(TickedSession::start(live(None), SessionOptions::default()).unwrap());
     }
 }

@@ -1,4 +1,4 @@
-//! Tests of a refiner of all colours at once.
+//! Tests a refiner for simultaneous color.
 
 use crate::encode::Encoder;
 use crate::optics::Color;
@@ -13,7 +13,8 @@ fn phases(refiner: &mut LiveRefiner) -> Vec<Vec<f32>> {
     refiner.phases().unwrap().iter().map(|of_color| of_color.to_vec()).collect()
 }
 
-/// A step is one of all colours, whose phases stay those of one drive; a jump begins again with that of the whole eyebox.
+/// A step covers all colors, whose phases stay phases of one drive. A jump starts again from the drive for the whole
+/// eyebox.
 #[test]
 fn colours_are_stepped_together_and_begin_again_together() {
     let whole = joint_colors(&joint_display());
@@ -50,7 +51,7 @@ fn colours_are_stepped_together_and_begin_again_together() {
     assert_eq!(refiner.counts(), [1, 12]);
 }
 
-/// Where every colour makes more than a turn over all drives, what is sent are the drives, and not a colour's phases.
+/// If every color covers more than a turn over all drives, the drives are sent instead of the phases of a color.
 #[test]
 fn an_slm_of_two_turns_receives_its_drives() {
     let mut display = joint_display();
@@ -70,8 +71,8 @@ fn an_slm_of_two_turns_receives_its_drives() {
     }
 }
 
-/// Content that moves takes the drives with it, round the edges, and all colours with them; where it is looked and that loses more, they
-/// stay.
+/// Moving content shifts the drives with wraparound, and all colors with them. If the losses are compared and the shift
+/// has the higher loss, the drives stay.
 #[test]
 fn drives_go_with_the_content() {
     let whole = joint_colors(&joint_display());
@@ -80,7 +81,7 @@ fn drives_go_with_the_content() {
     refiner.aim(aim(0.0)).unwrap();
     (0..6).for_each(|_| assert_eq!(refiner.round_while(|_, _| true).unwrap(), 3));
     let before = phases(&mut refiner);
-    // The scene stands still: phases that move lose.
+    // The scene is still, so shifted phases have a higher loss.
     assert_eq!(refiner.shift_phases(&[[5, 2]], &lighting, true).unwrap(), (false, 6));
     assert!(phases(&mut refiner) == before);
     assert_eq!(refiner.shift_phases(&[[5, 2]], &lighting, false).unwrap(), (true, 0));
@@ -92,7 +93,7 @@ fn drives_go_with_the_content() {
             assert_eq!(*is, before[frame * height * width + from], "colour {color}, value {at}");
         }
     }
-    // Another view of it, in the light of the same lasers: the drives stay. Other lasers are refused.
+    // Another view of the scene with the same lasers keeps the drives. Other lasers are refused.
     let moved: Vec<LiveColor> =
         whole.iter().map(|color| LiveColor { phases: Vec::new(), ..shifted_color(color, 5) }).collect();
     let kept = phases(&mut refiner);
@@ -101,7 +102,7 @@ fn drives_go_with_the_content() {
     let mut other = moved;
     other[1].laser.as_mut().unwrap().powers = vec![1.0; 3];
     assert_eq!(ErrorData::of(&refiner.follow(&other).unwrap_err()).code, "setting/other-lasers");
-    // A scene's own hologram: whichever loses less.
+    // For the scene's own hologram, the phases with the lower loss are used.
     let followed = refiner.follow(&whole).unwrap();
     assert_eq!((followed.own + followed.kept, followed.looks), (3, 6));
 }

@@ -1,19 +1,20 @@
-//! The phase of every level, from a table as laboratories write them.
+//! Reads the phase of every level from a table in the usual forms of laboratories.
 
 use super::EncodeError;
 use crate::files::{FileError, FileKind, Wanted, decode_text, read};
 use eyebox_base::{Reason, reason};
 use std::path::Path;
 
-/// Turns that a calibrated SLM reaches, at least and at most: what a named unit has to give.
+/// Smallest and largest range in turns of a calibrated SLM. A table with a named unit must be within it.
 const REACH: [f64; 2] = [1.0 / 6.0, 8.0];
-/// The same where no unit is named: narrower, so that few numbers can mean two things.
+/// The same range if no unit is named. It is narrower, so that few numbers fit two units.
 const USUAL_REACH: [f64; 2] = [0.75, 2.5];
-const FORMS: &str = "a table has two columns, level and phase, in either order, with commas, semicolons, tabs or blanks between them \
-                     (decimal commas but with commas), under a first line such as 'level,phase_rad', 'Gray level;Phase [pi]' or \
-                     'Phase (deg), Grey level'; units are rad, pi, turns and deg; lines that begin with # or % are comments";
+const FORMS: &str = "A table has two columns, level and phase, in either order. Commas, semicolons, tabs or blanks \
+                     separate them, and only tables without commas between columns have decimal commas. Write a first \
+                     line such as 'level,phase_rad', 'Gray level;Phase [pi]' or 'Phase (deg), Gray level'. Units are \
+                     rad, pi, turns and deg. Lines that begin with # or % are comments";
 
-/// What phases are counted in.
+/// The unit of phases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Unit {
     Radians,
@@ -25,7 +26,7 @@ enum Unit {
 impl Unit {
     const ALL: [Self; 4] = [Self::Radians, Self::Pi, Self::Turns, Self::Degrees];
 
-    /// The size of the unit in turns, its name, and the words of a column's name that mean it.
+    /// Returns the size of the unit in turns, its name, and the words in a column's name that mean it.
     fn row(self) -> (f64, &'static str, &'static [&'static str]) {
         match self {
             Self::Radians => (0.5 / std::f64::consts::PI, "radians", &["rad", "rads", "radian", "radians"]),
@@ -39,7 +40,7 @@ impl Unit {
         }
     }
 
-    /// One of it.
+    /// Returns the turns of one unit.
     fn turns(self) -> f64 {
         self.row().0
     }
@@ -48,20 +49,20 @@ impl Unit {
         self.row().1
     }
 
-    /// From a word of a column's name.
+    /// Returns the unit of a word in a column's name.
     fn of(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|unit| unit.row().2.contains(&word))
     }
 }
 
-/// What a column's name says.
+/// The meaning of a column's name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Column {
     Level,
     Phase(Option<Unit>),
 }
 
-/// Which column is which.
+/// The indices of the columns, and the unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Head {
     level: usize,
@@ -69,7 +70,7 @@ struct Head {
     unit: Option<Unit>,
 }
 
-/// What is between columns.
+/// The separator of columns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Separator {
     Char(char),
@@ -86,7 +87,7 @@ impl Separator {
         }
     }
 
-    /// A number; with a decimal comma where commas are not between columns.
+    /// Parses a number. It may have a decimal comma, unless commas separate columns.
     fn number(self, cell: &str) -> Option<f64> {
         match self != Self::Char(',') && cell.matches(',').count() == 1 && !cell.contains('.') {
             true => cell.replace(',', ".").parse().ok(),
@@ -94,7 +95,7 @@ impl Separator {
         }
     }
 
-    /// The one that makes columns of numbers of this row.
+    /// Returns the separator that splits this row into columns of numbers.
     fn of(row: &str) -> Option<Self> {
         let numbers = |s: &Self| {
             let cells = s.split(row);
@@ -104,14 +105,15 @@ impl Separator {
     }
 }
 
-/// Reads (level, turns) from a table of a level and its phase a line, as laboratories write them.
+/// Reads (level, turns) from a table with one level and its phase per line, in the usual forms of laboratories.
 ///
-/// A first line names the columns, which may be a comment, and the phase's unit. Where it names no unit phases are radians, if
-/// they can be nothing else. Empty lines and comments (# or %) are passed over. Levels may come in any order, and phases
-/// need not rise.
+/// A first line, which may be a comment, names the columns and the unit of phase. If it names no unit, phases are
+/// radians, but only if no other unit fits. Empty lines and comments (# or %) are skipped. Levels may have any order,
+/// and phases need not increase.
 ///
 /// # Errors
-/// [`EncodeError::File`]; [`EncodeError::Table`] naming the line that is wrong, and where phases fit no unit, or two.
+/// Returns [`EncodeError::File`]. Returns [`EncodeError::Table`] with the wrong line, and for phases that fit no unit
+/// or two units.
 pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
     let bytes = read::bytes(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
     let kind = FileKind::of_bytes(&bytes[..bytes.len().min(4096)]);
@@ -119,7 +121,7 @@ pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, Enc
     parse(&text, levels).map_err(|(line, reason)| EncodeError::Table { file: file.display().to_string(), line, reason })
 }
 
-/// Text of older programs, in which a degree sign is one byte.
+/// Decodes text of older programs, in which a degree sign is one byte.
 fn latin1(bytes: Vec<u8>) -> Result<String, ()> {
     let text = bytes.iter().all(|b| *b >= 0xa0 || (0x20..0x7f).contains(b) || b"\t\r\n".contains(b));
     if text { Ok(bytes.into_iter().map(char::from).collect()) } else { Err(()) }
@@ -130,13 +132,13 @@ fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, Reason)> {
     let mut rows: Vec<(usize, Vec<&str>)> = Vec::new();
     let data = text.lines().map(str::trim).find_map(|row| if is_comment(row) { None } else { Separator::of(row) });
     for (line, row) in (1..).zip(text.lines()) {
-        // A tab at the end of a line is not between columns.
+        // A tab at the end of a line does not separate columns.
         let row = row.trim();
         if row.is_empty() {
             continue;
         }
         if is_comment(row) {
-            // What names both columns is a first line, comment or not.
+            // A line that names both columns is the first line, even if it is a comment.
             let named = row.trim_start_matches(['#', '%', '/', ' ', '\t']);
             if rows.is_empty() {
                 head = head.or_else(|| header(named, data).ok());
@@ -155,18 +157,14 @@ fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, Reason)> {
     if rows.len() < 2 {
         return Err((
             last,
-            reason!(
-                "levels-count",
-                "is the last, and there are {} levels: at least two are wanted; {FORMS}",
-                rows.len()
-            ),
+            reason!("levels-count", "the table ends with {} levels, but at least two are wanted. {FORMS}", rows.len()),
         ));
     }
     let columns = rows[0].1.len();
     if let Some((line, cells)) = rows.iter().find(|r| r.1.len() != columns || r.1.len() < 2) {
         return Err((
             *line,
-            reason!("columns-count", "has {} columns: level and phase are wanted; {FORMS}", cells.len()),
+            reason!("columns-count", "has {} columns, but level and phase are needed. {FORMS}", cells.len()),
         ));
     }
     let separator = separator.unwrap_or(Separator::Char(','));
@@ -189,7 +187,7 @@ fn has_no_number(row: &str) -> bool {
     Separator::ALL[..3].iter().all(|s| no_number(*s)) && !row.starts_with(|c: char| c.is_ascii_digit())
 }
 
-/// (level, turns) of every row.
+/// Returns (level, turns) of every row.
 fn values(
     rows: &[(usize, Vec<&str>)],
     separator: Separator,
@@ -201,15 +199,15 @@ fn values(
     for (line, cells) in rows {
         let (line, count) = (*line, cells.len());
         if count <= head.level.max(head.phase) {
-            return Err((line, reason!("columns-count", "has {count} columns: level and phase are wanted")));
+            return Err((line, reason!("columns-count", "has {count} columns, but level and phase are needed")));
         }
         let (level, phase) = (cells[head.level], cells[head.phase]);
         let level = level_of(separator, level, levels).ok_or_else(|| {
-            (line, reason!("level", "has the level '{level}': a number from 0 to {} is wanted", levels.min(256) - 1))
+            (line, reason!("level", "has the level '{level}', not a number from 0 to {}", levels.min(256) - 1))
         })?;
         let turns = separator.number(phase).map(|p| p * unit.turns()).filter(|t| t.abs() <= 1000.0);
         let turns = turns.ok_or_else(|| {
-            (line, reason!("phase", "has the phase '{phase}': a finite number of at most 1000 turns is wanted"))
+            (line, reason!("phase", "has the phase '{phase}', not a finite number of at most 1000 turns"))
         })?;
         if found.iter().any(|l| l.0 == level) {
             return Err((line, reason!("level-twice", "has level {level} a second time")));
@@ -219,19 +217,19 @@ fn values(
     Ok(found)
 }
 
-/// A level, which some programs write as 1.8e1.
+/// Parses a level, which some programs write as 1.8e1.
 fn level_of(separator: Separator, cell: &str, levels: u32) -> Option<u8> {
     let level = separator.number(cell)?;
     (level.fract() == 0.0 && (0.0..f64::from(levels.min(256))).contains(&level)).then_some(level as u8)
 }
 
-/// Which column is which where no line says so: levels are the whole numbers.
+/// Returns the columns if no line names them. Levels are the column of whole numbers.
 fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Result<Head, (usize, Reason)> {
     let (line, columns) = (rows[0].0, rows[0].1.len());
     if columns != 2 {
         return Err((
             line,
-            reason!("columns-not-named", "has {columns} columns, and no line before it names them; {FORMS}"),
+            reason!("columns-not-named", "has {columns} columns, but no line before it names them. {FORMS}"),
         ));
     }
     let whole = |column: usize| {
@@ -239,28 +237,28 @@ fn unnamed(rows: &[(usize, Vec<&str>)], separator: Separator, levels: u32) -> Re
             |cells: &Vec<&str>| cells.get(column).is_none_or(|cell| level_of(separator, cell, levels).is_some());
         rows.iter().all(|(_, cells)| level(cells))
     };
-    // More than two and a half turns in degrees: no phase that an SLM of one turn reaches.
+    // This is more than two and a half turns in degrees, a phase that no SLM of one turn reaches.
     let driver = |column: usize| {
         let values = rows.iter().map(|(_, cells)| cells.get(column).and_then(|cell| separator.number(cell)));
         let values: Option<Vec<f64>> = values.collect();
         values.is_some_and(|v| v.iter().all(|v| v.fract() == 0.0) && v.iter().any(|v| *v > 900.0))
     };
     if (whole(0) && driver(1)) || (whole(1) && driver(0)) {
-        let reason = "and those after it hold levels and other whole numbers, as the values of an SLM's driver (voltages) are: \
-                      give the phase that was measured at each level, under a first line such as 'level,phase_rad'";
+        let reason = "and those after it hold levels and other whole numbers, like the values of an SLM's driver \
+                      (voltages). Give the measured phase of each level, under a first line such as 'level,phase_rad'";
         return Err((line, Reason::new("driver-values", reason)));
     }
     match (whole(0), whole(1)) {
         (true, true) => Err((
             line,
-            reason!("levels-in-either", "and those after it could be levels in either column: name them; {FORMS}"),
+            reason!("levels-in-either", "and those after it could be levels in either column. Name them. {FORMS}"),
         )),
         (false, true) => Ok(Head { level: 1, phase: 0, unit: None }),
         _ => Ok(Head { level: 0, phase: 1, unit: None }),
     }
 }
 
-/// What a first line says.
+/// Returns the columns that a first line names.
 fn header(row: &str, data: Option<Separator>) -> Result<Head, Reason> {
     let between = [data, Some(Separator::Char('\t')), Some(Separator::Char(';')), Some(Separator::Char(','))];
     let between = between.into_iter().flatten().filter(|s| *s != Separator::Blanks);
@@ -276,11 +274,11 @@ fn header(row: &str, data: Option<Separator>) -> Result<Head, Reason> {
         named.iter().filter_map(|&(i, c)| if let Column::Phase(unit) = c { Some((i, unit)) } else { None }).collect();
     match (&levels[..], &phases[..]) {
         (&[level], &[(phase, unit)]) => Ok(Head { level, phase, unit }),
-        _ => Err(reason!("columns", "'{row}' does not name one column of levels and one of phases; {FORMS}")),
+        _ => Err(reason!("columns", "'{row}' does not name one column of levels and one of phases. {FORMS}")),
     }
 }
 
-/// Two names of several words, with blanks between all of them: the second begins at its own word.
+/// Splits two names of several words with blanks between all of them. The second name begins at its own word.
 fn two_names(row: &str) -> Vec<&str> {
     let starts = |is: fn(&str) -> bool| {
         let words = row.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty());
@@ -303,7 +301,7 @@ fn is_phase(word: &str) -> bool {
     ["phase", "phases", "phi", "\u{3c6}", "\u{3d5}", "retardance", "retardation"].contains(&word)
 }
 
-/// What a name says, if it names one of the two.
+/// Returns the meaning of a name, if it names one of the two columns.
 fn column_of(name: &str) -> Result<Option<Column>, Reason> {
     let name = name.to_lowercase();
     let words: Vec<&str> =
@@ -314,7 +312,7 @@ fn column_of(name: &str) -> Result<Option<Column>, Reason> {
     if !words.iter().any(|w| is_phase(w)) && (words.is_empty() || words.iter().any(|w| Unit::of(w).is_none())) {
         return Ok(None);
     }
-    // The unit stands in brackets, or after the name.
+    // The unit is in brackets, or after the name.
     let bracketed = name.split_once(['(', '[']).and_then(|(_, rest)| rest.split_once([')', ']'])).map(|(unit, _)| unit);
     let unit: Vec<&str> = match bracketed {
         Some(unit) => unit.split(|c: char| !c.is_alphanumeric() && c != '\u{b0}').filter(|w| !w.is_empty()).collect(),
@@ -323,26 +321,26 @@ fn column_of(name: &str) -> Result<Option<Column>, Reason> {
     let plain = ["in", "of", "x", "unit", "units", "shift", "modulation", "delay"];
     let mut found: Vec<Unit> = Vec::new();
     for word in unit.iter().filter(|w| !plain.contains(w)) {
-        // "2 pi" is one word more.
+        // The words "2 pi" are a turn.
         let known = if *word == "2" && unit.iter().any(|w| Unit::of(w) == Some(Unit::Pi)) {
             Some(Unit::Turns)
         } else {
             Unit::of(word)
         };
         let known = known
-            .ok_or_else(|| reason!("unit", "calls a column '{name}', and '{word}' is no unit of phase; {FORMS}"))?;
+            .ok_or_else(|| reason!("unit", "names a column '{name}', but '{word}' is not a unit of phase. {FORMS}"))?;
         found.push(known);
     }
-    // "pi rad" is pi, "2 pi" is a turn, and "2 pi rad" too.
+    // The words "pi rad" mean pi, and "2 pi" and "2 pi rad" mean a turn.
     let strongest = [Unit::Turns, Unit::Pi].into_iter().find(|u| found.contains(u));
     if found.contains(&Unit::Degrees) && found.iter().any(|u| *u != Unit::Degrees) {
-        return Err(reason!("two-units", "calls a column '{name}', which names two units of phase; {FORMS}"));
+        return Err(reason!("two-units", "names a column '{name}', which has two units of phase. {FORMS}"));
     }
     Ok(Some(Column::Phase(strongest.or(found.first().copied()))))
 }
 
-/// Refuses phases that no SLM has in their unit and, where none is named, those that are no radians or could be something
-/// else too.
+/// Refuses phases that no SLM has in their unit. If no unit is named, it also refuses phases that are not radians, or
+/// that fit another unit as well.
 fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<(), Reason> {
     let largest = found.iter().map(|l| l.1).fold(f64::NEG_INFINITY, f64::max);
     let smallest = found.iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
@@ -360,7 +358,7 @@ fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<()
         let others = if others.is_empty() { String::new() } else { format!(" (it would be {})", others.join(" or ")) };
         return Err(reason!(
             "span",
-            "is the last, and the table spans {span:.4} {}, {turns:.3} turns: an SLM reaches 1/6 to 8{others}; {FORMS}",
+            "the table spans {span:.4} {}, {turns:.3} turns, but an SLM reaches 1/6 to 8{others}. {FORMS}",
             unit.name()
         ));
     }
@@ -369,11 +367,8 @@ fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<()
         return Ok(());
     }
     let readings = readings(if fitting.is_empty() { REACH } else { USUAL_REACH });
-    let could = if readings.is_empty() { "no unit that is known".into() } else { readings.join(" or ") };
-    Err(reason!(
-        "no-unit",
-        "is the last, and the table spans {span:.4} and names no unit: it could be {could}; {FORMS}"
-    ))
+    let could = if readings.is_empty() { "no known unit".into() } else { readings.join(" or ") };
+    Err(reason!("no-unit", "the table spans {span:.4} and names no unit. It could be {could}. {FORMS}"))
 }
 
 #[cfg(test)]

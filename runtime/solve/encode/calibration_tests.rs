@@ -1,10 +1,10 @@
-//! Tables as laboratories write them: read right, or refused with the forms that are read.
+//! Tests tables in the forms of laboratories, which are read correctly or refused with the supported forms.
 
 use super::super::tests::numbers;
 use super::*;
 use proptest::prelude::*;
 
-/// Two levels half a turn apart, however they are written.
+/// Two levels half a turn apart, in many forms.
 #[test]
 fn tables_of_laboratories_are_read() {
     for text in [
@@ -31,13 +31,13 @@ fn tables_of_laboratories_are_read() {
     }
 }
 
-/// 256 levels that reach so far.
+/// Returns a table of 256 levels that reach this phase.
 fn table(head: &str, reach: f64) -> String {
     let row = |level: u32| format!("{level},{:.6}\n", f64::from(level) / 255.0 * reach);
     format!("{head}\n{}", (0..256).map(row).collect::<String>())
 }
 
-/// The numbers of turns, which have three digits.
+/// Returns the numbers of turns, which have three digits.
 fn turns(reason: &Reason) -> Vec<&str> {
     numbers(reason.text())
         .into_iter()
@@ -69,7 +69,7 @@ fn without_a_unit_only_what_can_be_nothing_but_radians_is_read() {
             }
         }
     }
-    // Nor can one unit be taken for another that was named.
+    // A named unit cannot be mistaken for another either.
     for (head, reach, is) in [
         ("level,phase_rad", 360.0, "57.296"),
         ("level,phase_rad", 1.0, "0.159"),

@@ -1,15 +1,16 @@
-//! What is added to the phase of every pixel: corrections and gratings, in 2^-32 turns, so that adding wraps exactly
-//! and what is added and taken away again leaves nothing.
+//! Adds corrections and gratings to the phase of every pixel.
+//!
+//! Sums are in 2^-32 turns. So adding wraps exactly, and subtracting the same value leaves no error.
 
 use super::{EncodeError, turning::Turning};
 use crate::files::{FileError, FileKind, read_grey, read_npy};
 use crate::optics::{Color, Correction, Display, Grating, Orientation};
 use eyebox_base::reason;
 
-/// The sum of everything that the display adds to this colour, per pixel of the SLM; empty where it adds nothing.
+/// Returns the sum of all corrections and gratings of this color, per pixel of the SLM. It is empty if there are none.
 ///
 /// # Errors
-/// [`EncodeError::File`] for a file that cannot be read, or is not of the right size.
+/// Returns [`EncodeError::File`] for a file that cannot be read, or has the wrong size.
 pub(super) fn offsets(display: &Display, color: Color, turning: &Turning) -> Result<Vec<u32>, EncodeError> {
     let ours = |of: Option<Color>| of.is_none_or(|c| c == color);
     let corrections: Vec<_> = display.encoding.correction.iter().filter(|c| ours(c.color)).collect();
@@ -42,12 +43,12 @@ pub(super) fn offsets(display: &Display, color: Color, turning: &Turning) -> Res
     Ok(sum)
 }
 
-/// A number of turns in 2^-32 turns, wrapped.
+/// Converts a number of turns to 2^-32 turns, wrapped.
 pub(super) fn units(turns: f64) -> u32 {
     ((turns - turns.floor()) * 4_294_967_296.0).round() as u64 as u32
 }
 
-/// The grating's phase at a pixel, zero at the first.
+/// Returns the grating's phase at a pixel. It is zero at the first pixel.
 fn blaze(grating: &Grating, [row, column]: [usize; 2]) -> u32 {
     // Right angles are exact.
     let (down, right) = match grating.direction_deg.rem_euclid(360.0) {
@@ -70,13 +71,16 @@ fn read(correction: &Correction, [height, width]: [usize; 2]) -> Result<Vec<u32>
             Orientation::Hologram => "a correction in the hologram's orientation must have the hologram's size",
             Orientation::Slm => "a correction in the SLM's orientation must have the SLM's size",
         };
-        Err(FileError::content(file, reason!("correction-size", "is {h}x{w} pixels, not {height}x{width}: {what}"))
-            .into())
+        Err(FileError::content(
+            file,
+            reason!("correction-size", "has {h}x{w} pixels, not {height}x{width}, and {what}"),
+        )
+        .into())
     };
     if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Npy {
         let array = read_npy(file)?;
         let [h, w] = array.shape[..] else {
-            let reason = reason!("correction-shape", "has the shape {:?}: (row, column) is wanted", array.shape);
+            let reason = reason!("correction-shape", "has the shape {:?}, not (row, column)", array.shape);
             return Err(FileError::content(file, reason).into());
         };
         size(h, w)?;
@@ -86,7 +90,7 @@ fn read(correction: &Correction, [height, width]: [usize; 2]) -> Result<Vec<u32>
             (true, None) => {
                 let reason = reason!(
                     "correction-integers",
-                    "holds integers: say their level of 2 pi with two_pi_level, or store radians as floats"
+                    "holds integers. Set two_pi_level to their level of 2 pi, or store radians as floats"
                 );
                 return Err(FileError::content(file, reason).into());
             }

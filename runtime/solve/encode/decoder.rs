@@ -1,4 +1,4 @@
-//! The encoder's inverse: video frames to the phases that the SLM shows, or to those of the hologram that was encoded.
+//! Converts video frames back to the phases that the SLM shows, or to the phases of the encoded hologram.
 
 use super::encoder::scale;
 use super::turning::Turning;
@@ -8,24 +8,24 @@ use crate::optics::{Color, Display};
 use eyebox_base::{Reason, reason};
 use rayon::prelude::*;
 
-/// What is left in decoded phases as the SLM shows it. The default undoes everything: what comes out is the hologram that
-/// was encoded, in the SLM's levels.
+/// The steps of encoding that decoding does not undo. The default undoes all of them. Then the result is the encoded
+/// hologram, in the SLM's levels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct AsShown {
-    /// Gratings stay: the light goes where they send it, which in a relay is another part of the eyebox.
+    /// Gratings stay, and the light goes to their direction, which in a relay is another part of the eyebox.
     pub gratings: bool,
-    /// Wavefront corrections stay: what an SLM would show that is flat already.
+    /// Wavefront corrections stay, as for an SLM that is flat already.
     pub corrections: bool,
-    /// Flip, rotation and offset stay: phases lie as the SLM's pixels do.
+    /// Flip, rotation and offset stay, so that phases are on the SLM's pixels.
     pub turns: bool,
 }
 
 impl AsShown {
-    /// The names of its parts.
+    /// The names of the steps.
     pub const PARTS: [&'static str; 3] = ["gratings", "corrections", "turns"];
 
-    /// Leaves a part by its name, or `all`; says whether there is such a part.
+    /// Selects a step that stays, by its name, or `all`. Returns false if the name is unknown.
     pub fn leave(&mut self, part: &str) -> bool {
         match part {
             "gratings" => self.gratings = true,
@@ -38,7 +38,7 @@ impl AsShown {
     }
 }
 
-/// Turns video frames of one display back into phases.
+/// Converts video frames of one display back into phases.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     encoder: Encoder,
@@ -47,16 +47,16 @@ pub struct Decoder {
     of_colors: Vec<OfColor>,
 }
 
-/// How one colour is decoded.
+/// The decoding of one color.
 #[derive(Debug, Clone)]
 struct OfColor {
-    /// The phase of every code, 2^-32 turns.
+    /// The phase of every code, in 2^-32 turns.
     phases: Box<[Option<u32>; 256]>,
-    /// Taken away from every pixel of the SLM, 2^-32 turns; empty where nothing is.
+    /// Phases to subtract from every pixel of the SLM, in 2^-32 turns. It is empty if there are none.
     undone: Vec<u32>,
 }
 
-/// A bit of a level's code, and where a pixel of the video frame holds it.
+/// A bit of a level's code, and its position in a pixel of the video frame.
 struct Bit {
     cell: [usize; 2],
     channel: usize,
@@ -65,10 +65,10 @@ struct Bit {
 }
 
 impl Decoder {
-    /// A decoder of sets of these colours, `sub_frames` of each. Reads the display's calibration.
+    /// Creates a decoder for sets of these colors with `sub_frames` each. It reads the display's calibration.
     ///
     /// # Errors
-    /// Those of [`Encoder::new`].
+    /// Returns the errors of [`Encoder::new`].
     pub fn new(display: &Display, colors: &[Color], sub_frames: usize, left: AsShown) -> Result<Self, EncodeError> {
         let encoder = Encoder::new(display, colors, sub_frames)?;
         let turning = Turning::new(&display.encoding, display.height, display.width);
@@ -88,23 +88,23 @@ impl Decoder {
         Ok(Self { encoder, turning, keeps_turns: left.turns, of_colors })
     }
 
-    /// The encoder whose inverse it is: how many frames it makes, of which size, and what they hold.
+    /// Returns the encoder whose inverse it is, with the number, size and content of frames.
     pub fn encoder(&self) -> &Encoder {
         &self.encoder
     }
 
-    /// Rows and columns of what is decoded: the hologram's, or the SLM's where it stays turned.
+    /// Returns the rows and columns of the decoded phases, which are the hologram's, or the SLM's if turns stay.
     pub fn size(&self) -> [usize; 2] {
         let display = &self.encoder.display;
         if self.keeps_turns { [display.height, display.width] } else { self.encoder.hologram_size() }
     }
 
-    /// The phases of a set, (sub-frame, row, column) per colour, radians in [-pi, pi). `name` says what a frame is called
-    /// in errors.
+    /// Returns the phases of a set, (sub-frame, row, column) per color, in radians in [-pi, pi). `name` returns the
+    /// name of a frame for errors.
     ///
     /// # Errors
-    /// [`EncodeError::Mismatch`] for frames of another shape; [`EncodeError::Frame`] where a frame holds what no level of
-    /// the display is, or light in bits that its packing leaves black.
+    /// Returns [`EncodeError::Mismatch`] for frames of another shape. Returns [`EncodeError::Frame`] if a frame holds a
+    /// code that is not a level of the display, or light in bits that its packing leaves black.
     pub fn decode(
         &self,
         frames: &VideoFrames,
@@ -129,7 +129,7 @@ impl Decoder {
         Ok(phases)
     }
 
-    /// One sub-frame.
+    /// Decodes the phases of one sub-frame.
     fn slot(&self, slot: &PackedSlot, frame: &[u8]) -> Result<Vec<f32>, Reason> {
         let OfColor { phases, undone } = &self.of_colors[slot.color];
         let bits = self.bits(slot);
@@ -155,14 +155,14 @@ impl Decoder {
         let (color, display) = (self.encoder.colors()[slot.color], &self.encoder.display);
         reason!(
             "no-level",
-            "{color} sub-frame {} holds {code} at the SLM's row {y}, column {x}, which is no level of the display '{}': give \
-             the display that it was encoded for with `display`",
+            "{color} sub-frame {} holds {code} at the SLM's row {y}, column {x}, which is not a level of the \
+             display '{}'. Set `display` to the display of the encoding",
             slot.sub_frame,
             display.name
         )
     }
 
-    /// Where a slot's bits are.
+    /// Returns the positions of a slot's bits.
     fn bits(&self, slot: &PackedSlot) -> Vec<Bit> {
         let place = |cell, bit: u8, of_code| Bit { cell, channel: usize::from(bit / 8), to: bit % 8, of_code };
         let cells = &self.encoder.display.encoding.cells;
@@ -176,7 +176,7 @@ impl Decoder {
         cells.iter().enumerate().flat_map(row).collect()
     }
 
-    /// Index of a byte of the video frame: a cell of the SLM's pixel, and a channel of it.
+    /// Returns the index of a byte of the video frame, for a cell of an SLM pixel and a channel.
     fn byte(&self, [y, x]: [usize; 2], [dy, dx]: [usize; 2], channel: usize) -> usize {
         let (args, flip) = (&self.encoder.plan().args, self.encoder.display.encoding.flip_video);
         let (height, width) = (args.video_height(), args.video_width());
@@ -186,7 +186,7 @@ impl Decoder {
         (row * width + column) * args.channels as usize + channel
     }
 
-    /// Refuses light in bits that the packing leaves black: then it is another packing, or another display's frame.
+    /// Refuses light in bits that the packing leaves black. Then the frame is of another packing or display.
     fn check_unused(&self, frames: &VideoFrames, index: usize) -> Result<(), Reason> {
         let mut used = vec![0u8; frames.channels];
         for bit in self.encoder.packed().slots.iter().filter(|s| s.video_frame == index).flat_map(|s| &s.bits) {
@@ -200,8 +200,8 @@ impl Decoder {
         let (row, column) = (at / frames.width, at % frames.width);
         Err(reason!(
             "lit-bit",
-            "bit {} of {channel} is lit at row {row}, column {column}, and the packing of the display '{}' leaves it black: \
-             give the display that it was encoded for with `display`",
+            "bit {} of {channel} is lit at row {row}, column {column}, but the packing of the display '{}' leaves \
+             it black. Set `display` to the display of the encoding",
             bits.trailing_zeros(),
             self.encoder.display.name
         ))

@@ -1,4 +1,4 @@
-//! The encoder: everything decided once, then run over phases.
+//! Encodes phases with a plan that is computed once per display and shape.
 
 use super::levels::{Scale, levels};
 use super::turning::Turning;
@@ -8,7 +8,7 @@ use eyebox_base::{Reason, reason};
 use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
 use rayon::prelude::*;
 
-/// Turns multiplex sets of one shape into video frames of one display.
+/// Converts multiplex sets of one shape into video frames of one display.
 #[derive(Debug, Clone)]
 pub struct Encoder {
     pub(super) display: Display,
@@ -20,23 +20,23 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// An encoder for sets of these colours, `sub_frames` of each. Reads the display's calibration.
+    /// Creates an encoder for sets of these colors with `sub_frames` each. It reads the display's calibration.
     ///
     /// # Errors
-    /// [`EncodeError::Mismatch`] where the packing holds another number of colours or sub-frames;
-    /// [`EncodeError::Display`] where the encoding contradicts itself or lacks a colour's calibration;
-    /// [`EncodeError::File`] and [`EncodeError::Table`] for calibration files.
+    /// - [`EncodeError::Mismatch`] if the packing holds another number of colors or sub-frames.
+    /// - [`EncodeError::Display`] if the encoding contradicts itself or lacks a color's calibration.
+    /// - [`EncodeError::File`] and [`EncodeError::Table`] for calibration files.
     pub fn new(display: &Display, colors: &[Color], sub_frames: usize) -> Result<Self, EncodeError> {
         let wrong = |reason| EncodeError::Display { display: display.name.clone(), reason };
         let mismatch = |reason| EncodeError::Mismatch { display: display.name.clone(), reason };
         let (encoding, height, width) = (&display.encoding, display.height, display.width);
         let Some(pixels) = (height.checked_mul(width)).filter(|n| (1..=1 << 32).contains(n)) else {
-            return Err(wrong(reason!("size", "it is {height}x{width} pixels: each axis must be 1 to 65536")));
+            return Err(wrong(reason!("size", "it has {height}x{width} pixels, but each axis must be 1 to 65536")));
         };
         if let Some(color) = colors.iter().find(|c| !display.wavelengths.iter().any(|w| w.color == **c)) {
             let has: Vec<_> = display.wavelengths.iter().map(|w| w.color.to_string()).collect();
             let has = has.join(", ");
-            return Err(mismatch(reason!("no-such-color", "it has a {color} part, and the display has {has} only")));
+            return Err(mismatch(reason!("no-such-color", "it has the color {color}, but the display has only {has}")));
         }
         let packed = Packed::new(encoding, colors, sub_frames).map_err(mismatch)?;
         let turning = Turning::new(encoding, height, width);
@@ -80,7 +80,7 @@ impl Encoder {
         if most.is_none() {
             return Err(wrong(reason!(
                 "too-many-frames",
-                "{} video frames of that size fit no memory",
+                "{} video frames of that size do not fit into memory",
                 packed.video_frames
             )));
         }
@@ -88,89 +88,91 @@ impl Encoder {
         Ok(Self { display: display.clone(), colors: colors.to_vec(), packed, hologram: turning.hologram, plan, notes })
     }
 
-    /// Rows and columns of the holograms that it takes: the SLM's, turned back.
+    /// Returns the rows and columns of its holograms, which are the SLM's before rotation.
     pub fn hologram_size(&self) -> [usize; 2] {
         self.hologram
     }
 
-    /// The display that it encodes for.
+    /// Returns the display for which it encodes.
     pub fn display(&self) -> &Display {
         &self.display
     }
 
-    /// What the kernel takes.
+    /// Returns the plan for the kernel.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The colours, in the order of a set.
+    /// Returns the colors in the order of a set.
     pub fn colors(&self) -> &[Color] {
         &self.colors
     }
 
-    /// When the sub-frames of a set are lit, as the packing has them follow each other; whether sets are shown whole or roll.
+    /// Returns the times at which the sub-frames of a set are lit, in the order of the packing. If `rolls`, sets are
+    /// rolling updates, otherwise they are shown whole.
     pub fn lighting(&self, rolls: bool) -> Lighting {
         Lighting::of(&self.packed, rolls)
     }
 
-    /// Where every sub-frame goes.
+    /// Returns the position of every sub-frame.
     pub fn packed(&self) -> &Packed {
         &self.packed
     }
 
-    /// What a user should know about the calibration, in sentences.
+    /// Returns notes for the user about the calibration, in sentences.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Video frames for a set, to be filled.
+    /// Returns empty video frames for a set.
     pub fn frames(&self) -> VideoFrames {
         let [count, height, width, channels] = self.video_shape();
         VideoFrames::new(count, height, width, channels)
     }
 
-    /// Encodes a set.
+    /// Encodes a set into new frames.
     ///
     /// # Errors
-    /// Those of [`encode_into`](Self::encode_into).
+    /// Returns the errors of [`encode_into`](Self::encode_into).
     pub fn encode(&self, phases: &PhaseSet<'_>) -> Result<VideoFrames, EncodeError> {
         let mut frames = self.frames();
         self.encode_into(phases, &mut frames)?;
         Ok(frames)
     }
 
-    /// Encodes a set into frames of [`frames`](Self::frames), every byte of them, on all threads of the current pool.
-    /// Allocates nothing when it is called from a thread of that pool.
+    /// Encodes a set into frames of [`frames`](Self::frames), with every byte written, on all threads of the current
+    /// pool. It allocates nothing when it is called from a thread of that pool.
     ///
     /// # Errors
-    /// [`EncodeError::Mismatch`] for phases or frames of another shape; then nothing was written.
+    /// Returns [`EncodeError::Mismatch`] for phases or frames of another shape. Then nothing was written.
     pub fn encode_into(&self, phases: &PhaseSet<'_>, frames: &mut VideoFrames) -> Result<(), EncodeError> {
         self.check(phases, frames)?;
         self.fill(phases, &mut frames.bytes);
         Ok(())
     }
 
-    /// The same into memory of the caller's own, as long as [`VideoFrames::bytes`].
+    /// Encodes a set into memory of the caller, which has the length of [`VideoFrames::bytes`].
     ///
     /// # Errors
-    /// [`EncodeError::Mismatch`] for phases of another shape or memory of another length; then nothing was written.
+    /// Returns [`EncodeError::Mismatch`] for phases of another shape or memory of another length. Then nothing was
+    /// written.
     pub fn encode_bytes(&self, phases: &PhaseSet<'_>, out: &mut [u8]) -> Result<(), EncodeError> {
         self.check_phases(phases)?;
         let wanted = self.bytes();
         if out.len() != wanted {
-            let reason = reason!("frames-length", "its video frames take {wanted} bytes, and there are {}", out.len());
+            let reason = reason!("frames-length", "its video frames take {wanted} bytes, but there are {}", out.len());
             return Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         }
         self.fill(phases, out);
         Ok(())
     }
 
-    /// Bytes of a set's video frames.
+    /// Returns the bytes of a set's video frames.
     pub fn bytes(&self) -> usize {
         self.plan.args.row_bytes() * self.plan.args.height as usize * self.packed.video_frames
     }
 
-    /// How many video frames a set is, their rows, columns and channels.
+    /// Returns the number of video frames of a set, and their rows, columns and channels.
     pub fn video_shape(&self) -> [usize; 4] {
         let args = &self.plan.args;
         [self.packed.video_frames, args.video_height(), args.video_width(), self.packed.channels]
@@ -181,7 +183,7 @@ impl Encoder {
         let phases = phases.colors();
         let row = args.row_bytes();
         let height = args.height as usize;
-        // Some blocks of the kernel at once.
+        // Several blocks of the kernel run in one task.
         let rows = (4 * encode::BLOCK).div_ceil(args.width as usize).min(height);
         let frame = row * height;
         bytes.par_chunks_exact_mut(frame).zip(video_frames).for_each(|(frame, slots)| {
@@ -191,10 +193,10 @@ impl Encoder {
         });
     }
 
-    /// Whether phases and frames are of this encoder's shape.
+    /// Checks that phases and frames have this encoder's shape.
     ///
     /// # Errors
-    /// [`EncodeError::Mismatch`].
+    /// Returns [`EncodeError::Mismatch`] for another shape.
     pub fn check(&self, phases: &PhaseSet<'_>, frames: &VideoFrames) -> Result<(), EncodeError> {
         self.check_phases(phases)?;
         self.check_frames(frames)
@@ -204,7 +206,7 @@ impl Encoder {
         let wrong = |reason| Err(EncodeError::Mismatch { display: self.display.name.clone(), reason });
         let phases = phases.colors();
         if phases.len() != self.colors.len() {
-            return wrong(reason!("colors-count", "it has {} colours, not {}", phases.len(), self.colors.len()));
+            return wrong(reason!("colors-count", "it has {} colors, not {}", phases.len(), self.colors.len()));
         }
         let [height, width] = self.hologram;
         let expected = self.plan.sub_frames * height * width;
@@ -212,17 +214,17 @@ impl Encoder {
             let count = self.plan.sub_frames;
             return wrong(reason!(
                 "phases-count",
-                "colour {i} has {} phases, not {count} x {height} x {width}",
+                "color {i} has {} phases, not {count} x {height} x {width}",
                 p.len()
             ));
         }
         Ok(())
     }
 
-    /// Whether frames are of this encoder's shape.
+    /// Checks that frames have this encoder's shape.
     ///
     /// # Errors
-    /// [`EncodeError::Mismatch`].
+    /// Returns [`EncodeError::Mismatch`] for another shape.
     pub(super) fn check_frames(&self, frames: &VideoFrames) -> Result<(), EncodeError> {
         let args = &self.plan.args;
         let size = (args.video_height(), args.video_width(), self.packed.channels);
@@ -236,7 +238,7 @@ impl Encoder {
     }
 }
 
-/// The phases of the levels at one colour.
+/// Returns the phases of the levels at one color.
 pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeError> {
     let wrong = |reason| EncodeError::Display { display: display.name.clone(), reason };
     let (encoding, levels) = (&display.encoding, display.levels);
@@ -244,13 +246,13 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
     if given.iter().filter(|g| **g).count() > 1 {
         return Err(wrong(reason!(
             "two-tables",
-            "look_up, phases_turns and two_pi_level exclude each other: give one"
+            "look_up, phases_turns and two_pi_level exclude each other. Give one"
         )));
     }
     if levels > 256 {
-        return Err(wrong(reason!("levels", "it has {levels} levels: a video frame carries at most 256")));
+        return Err(wrong(reason!("levels", "it has {levels} levels, but a video frame carries at most 256")));
     }
-    let missing = |what: &str| wrong(reason!("no-table", "it has {what} for other colours, and none for {color}"));
+    let missing = |what: &str| wrong(reason!("no-table", "it has {what} for other colors, but none for {color}"));
     if !encoding.look_up.is_empty() {
         let file = encoding.look_up.get(&color).ok_or_else(|| missing("a look_up table"))?;
         return Ok(Scale::Listed(calibration::read_table(file, levels)?));
@@ -266,7 +268,7 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
     Ok(Scale::Even { two_pi, levels })
 }
 
-/// The pieces that a slot's bits come in: runs of neighbouring bits of one channel; or, with cells, one bit of each.
+/// Returns the pieces of a slot's bits. They are runs of neighboring bits of one channel, or one bit of each cell.
 fn parts(slot: &PackedSlot, cells: &[u8], bits: u32) -> Result<Vec<Part>, Reason> {
     let part = |cell: usize, from: u32, bit: u8| Part {
         cell: cell as u32,
@@ -279,18 +281,19 @@ fn parts(slot: &PackedSlot, cells: &[u8], bits: u32) -> Result<Vec<Part>, Reason
         let [bit] = slot.bits[..] else {
             return Err(reason!(
                 "cells-and-bits",
-                "pixels of several cells take one bit of the video frame each: use planes24, planes8 or a map of single bits"
+                "pixels of several cells take one bit of the video frame each. Use planes24, planes8 or a map of \
+                 single bits"
             ));
         };
         if let Some(lost) = (0..bits as u8).find(|b| !cells.contains(b)) {
-            return Err(reason!("lost-bit", "its codes have {bits} bits, and no cell holds bit {lost}"));
+            return Err(reason!("lost-bit", "its codes have {bits} bits, but no cell holds bit {lost}"));
         }
         return Ok(cells.iter().enumerate().map(|(cell, from)| part(cell, u32::from(*from), bit)).collect());
     }
     if bits as usize > slot.bits.len() {
         return Err(reason!(
             "bits",
-            "its levels need {bits} bits, and the packing has {} for each sub-frame: say levels = {}",
+            "its levels need {bits} bits, but the packing has {} for each sub-frame. Set levels = {}",
             slot.bits.len(),
             1u32 << slot.bits.len()
         ));

@@ -1,21 +1,21 @@
-//! What goes in and what comes out: phases that are known to be phases, and video frames.
+//! Holds the input of encoding, which is checked phases, and its output, which is video frames.
 
 use super::EncodeError;
 use eyebox_kernels::encode::LARGEST_PHASE;
 use rayon::prelude::*;
 
-/// The phases of a multiplex set: (sub-frame, row, column) per colour, radians.
+/// The phases of a multiplex set in radians, (sub-frame, row, column) per color.
 #[derive(Debug, Clone, Copy)]
 pub struct PhaseSet<'a>(&'a [&'a [f32]]);
 
 impl<'a> PhaseSet<'a> {
-    /// Phases of any origin, (row, column) of this size; all of them are looked at.
+    /// Checks all phases of any origin, (row, column) of this size.
     ///
     /// # Errors
-    /// [`EncodeError::Phase`] for one that is not finite or too large to be told from others.
+    /// Returns [`EncodeError::Phase`] for a phase that is not finite or too large for the resolution of float32.
     pub fn new(colors: &'a [&'a [f32]], [height, width]: [usize; 2]) -> Result<Self, EncodeError> {
         for (color, phases) in colors.iter().enumerate() {
-            // Whole parts first: that is a loop without an exit, and fast.
+            // Whole parts come first, because a loop without an exit is fast.
             const PART: usize = 1 << 16;
             let wrong = phases.par_chunks(PART).position_first(|part| {
                 eyebox_kernels::simd(
@@ -33,13 +33,13 @@ impl<'a> PhaseSet<'a> {
         Ok(Self(colors))
     }
 
-    /// Phases that were checked when they were read, as those of a [`Hologram`](crate::hologram::Hologram) are. Others
-    /// make a picture of no meaning, and nothing worse.
+    /// Accepts phases that were checked when they were read, such as the phases of a
+    /// [`Hologram`](crate::hologram::Hologram). Unchecked phases make a meaningless picture, and nothing worse.
     pub fn trusted(colors: &'a [&'a [f32]]) -> Self {
         Self(colors)
     }
 
-    /// (sub-frame, row, column) per colour.
+    /// Returns the phases (sub-frame, row, column) per color.
     pub fn colors(&self) -> &'a [&'a [f32]] {
         self.0
     }
@@ -49,14 +49,14 @@ fn is_phase(value: f32) -> bool {
     value.abs() < LARGEST_PHASE
 }
 
-/// Video frames, 8 bits a channel, in the order in which they are shown.
+/// Video frames with 8 bits per channel, in the order in which they are shown.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VideoFrames {
     /// Rows of a frame.
     pub height: usize,
-    /// Columns.
+    /// Columns of a frame.
     pub width: usize,
-    /// 1 (grey) or 3 (red, green, blue).
+    /// Channels of a frame, 1 (gray) or 3 (red, green, blue).
     pub channels: usize,
     pub(super) bytes: Vec<u8>,
 }
@@ -66,32 +66,32 @@ impl VideoFrames {
         Self { height, width, channels, bytes: vec![0; count * height * width * channels] }
     }
 
-    /// How many.
+    /// Returns the number of frames.
     pub fn count(&self) -> usize {
         self.bytes.len() / self.frame_bytes()
     }
 
-    /// Bytes of one.
+    /// Returns the bytes of one frame.
     pub fn frame_bytes(&self) -> usize {
         self.height * self.width * self.channels
     }
 
-    /// One of them: (row, column, channel).
+    /// Returns one of the frames, (row, column, channel).
     pub fn frame(&self, index: usize) -> &[u8] {
         &self.bytes[index * self.frame_bytes()..][..self.frame_bytes()]
     }
 
-    /// All of them, one after the other.
+    /// Returns all frames, one after the other.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// All of them, to be filled by an encoder of another kind.
+    /// Returns all frames, to be filled by an encoder of another kind.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         &mut self.bytes
     }
 
-    /// The name of a frame's file.
+    /// Returns the name of a frame's file.
     pub fn file_name(index: usize) -> String {
         format!("frame-{index:05}.png")
     }

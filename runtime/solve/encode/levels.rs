@@ -1,4 +1,4 @@
-//! Which level a phase becomes: the one whose phase is nearest, round the turn.
+//! Maps each phase to a level, the one with the nearest phase modulo a turn.
 
 use eyebox_kernels::encode::{Levels, TABLE};
 
@@ -6,16 +6,16 @@ use eyebox_kernels::encode::{Levels, TABLE};
 pub(super) enum Scale {
     /// Level `i` is `i / two_pi` turns.
     Even {
-        /// Grey level of 2 pi.
+        /// Gray level of 2 pi.
         two_pi: f64,
-        /// Levels of the SLM.
+        /// Number of levels of the SLM.
         levels: u32,
     },
-    /// (level, turns).
+    /// Pairs (level, turns) of a table.
     Listed(Vec<(u8, f64)>),
 }
 
-/// The phase of every code that the memory may hold, turns; none for what no level is.
+/// Returns the phase in turns of every code that the memory may hold, or none for codes that are not levels.
 pub(super) fn phases(scale: &Scale, codes: &[u8]) -> [Option<f64>; 256] {
     let listed = match scale {
         Scale::Even { two_pi, levels } => (0..*levels).map(|level| (level as u8, f64::from(level) / two_pi)).collect(),
@@ -29,15 +29,15 @@ pub(super) fn phases(scale: &Scale, codes: &[u8]) -> [Option<f64>; 256] {
     phases
 }
 
-/// The levels of one colour, and what has to be said about them, if anything.
+/// Returns the levels of one color, and a note for the user, if there is one.
 ///
-/// `codes` is what the memory holds for each level; empty, where that is the level.
+/// `codes` lists the memory's code for each level. If it is empty, the code is the level.
 pub(super) fn levels(scale: &Scale, codes: &[u8]) -> (Levels, Option<String>) {
     let mut listed = match scale {
         Scale::Even { two_pi, levels }
             if codes.is_empty() && two_pi.fract() == 0.0 && *two_pi <= f64::from(*levels) =>
         {
-            // A turn of one level is level 0 always; a table says so as well as anything.
+            // If one level is a turn, every phase is level 0, and a table represents that as well.
             if *two_pi >= 2.0 {
                 return (Levels::Even(*two_pi as u32), None);
             }
@@ -46,7 +46,7 @@ pub(super) fn levels(scale: &Scale, codes: &[u8]) -> (Levels, Option<String>) {
         Scale::Even { two_pi, levels } => (0..*levels).map(|level| (level as u8, f64::from(level) / two_pi)).collect(),
         Scale::Listed(listed) => listed.clone(),
     };
-    // Of an SLM that reaches further than a turn, what is needed is used: the first turn.
+    // If an SLM reaches further than a turn, only the first turn is used.
     let smallest = listed.iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
     listed.retain(|l| l.1 - smallest < 1.0 - 1e-9);
     let largest = listed.iter().map(|l| l.1).fold(smallest, f64::max);
@@ -63,12 +63,12 @@ pub(super) fn levels(scale: &Scale, codes: &[u8]) -> (Levels, Option<String>) {
         if far(turns, after.1) <= far(before.1, turns) { code(after.0) } else { code(before.0) }
     };
     let table = (0..TABLE).map(nearest).collect();
-    // The step over the end of the turn against the largest of the others.
+    // The step over the end of the turn is compared with the largest of the others.
     let widest = listed.windows(2).map(|w| w[1].1 - w[0].1).fold(0.0, f64::max);
     let missing = 1.0 - (largest - smallest);
     let note = (missing > 2.0 * widest && missing > 0.02).then(|| {
         format!(
-            "the SLM reaches {:.3} of a turn: phases beyond become its last or its first level, whichever is nearer",
+            "the SLM reaches {:.3} of a turn. Phases beyond become its last or its first level, the nearer one",
             largest - smallest
         )
     });

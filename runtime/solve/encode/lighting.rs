@@ -1,32 +1,34 @@
-//! When the sub-frames of a set are lit: of sets that are shown whole, and of sets that roll; and sets that are slower than the eye fuses.
+//! Computes the times at which the sub-frames of a set are lit, and finds sets that flicker.
+//!
+//! Sets are shown whole or as a rolling update.
 
 use super::Packed;
 use crate::optics::{Color, Display, Encoding, Packing};
 
-/// When the sub-frames of one colour are lit, as evenly as they come.
+/// The times at which the sub-frames of one color are lit, approximated as evenly spaced.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LitTimes {
-    /// The sub-frame that is lit first. The others follow in their order, those before it behind the last.
+    /// The sub-frame that is lit first. The others follow in their order, and the ones before it follow the last.
     pub first: usize,
-    /// The middle of the time in which all of them are lit, and its length, sets.
+    /// The middle of the time in which all of them are lit, and its length, in sets.
     pub lit: [f64; 2],
 }
 
-/// When the sub-frames of a set are lit, whichever of its video frames comes first (OPTICS 15).
+/// The times at which the sub-frames of a set are lit, for any of its video frames as the first (OPTICS 15).
 ///
-/// Of sets that are shown whole there is one turn, and times are reckoned from the middle of the set. Of sets that roll each
-/// video frame is decided on by itself and has a turn of its own; times are reckoned from the middle of that video frame, which
-/// is the first of the set's length of time from then on.
+/// Sets that are shown whole have one turn, and times are relative to the middle of the set. In a rolling update each
+/// video frame is chosen separately and has its own turn. Its times are relative to the middle of that video frame,
+/// with which a set's length of time begins.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lighting {
-    /// By turn, of each colour.
+    /// The times of each color, by turn.
     turns: Vec<Vec<LitTimes>>,
-    /// With which turn each sub-frame of each colour is lit.
+    /// The turn of each sub-frame of each color.
     turn_of: Vec<Vec<usize>>,
 }
 
 impl Lighting {
-    /// Of sets of this packing, which are shown whole or roll.
+    /// Returns the lighting of sets of this packing, which are shown whole or roll.
     pub(crate) fn of(packed: &Packed, rolls: bool) -> Self {
         let turns = if rolls { packed.video_frames.max(1) } else { 1 };
         let colors = packed.slots.iter().map(|slot| slot.color + 1).max().unwrap_or(0);
@@ -46,7 +48,7 @@ impl Lighting {
         }
     }
 
-    /// The same of so many colours that share the sub-frames of the first (OPTICS 13).
+    /// Returns the lighting of `colors` colors that share the sub-frames of the first (OPTICS 13).
     #[must_use]
     pub fn shared_by(mut self, colors: usize) -> Self {
         let Self { turns, turn_of } = &mut self;
@@ -58,24 +60,25 @@ impl Lighting {
         self
     }
 
-    /// How many turns there are: the video frames of a set that rolls, else 1.
+    /// Returns the number of turns, which is the video frames of a set that rolls, otherwise 1.
     pub fn turns(&self) -> usize {
         self.turns.len()
     }
 
-    /// When the sub-frames of each colour are lit from this turn on.
+    /// Returns the times at which the sub-frames of each color are lit from this turn on.
     pub fn times(&self, turn: usize) -> &[LitTimes] {
         &self.turns[turn % self.turns.len()]
     }
 
-    /// With which turn each sub-frame of a colour is lit.
+    /// Returns the turn of each sub-frame of a color.
     pub fn turn_of(&self, color: usize) -> &[usize] {
         self.turn_of.get(color).map_or(&[], Vec::as_slice)
     }
 }
 
-/// Of a colour's slots, beginning with a video frame, the times of slots that follow each other evenly; `since`: from what they are
-/// reckoned from to the middle of the set, sets. Colours of one slot that are lit at once are all there from its beginning to its end.
+/// Returns the times of a color's slots from a video frame on, as evenly spaced slots. `since` is the time in sets from
+/// the origin of times to the middle of the set. Colors with one slot that are lit at once are lit during the whole
+/// set.
 fn times(packed: &Packed, turn: usize, color: usize, since: f64) -> LitTimes {
     let begins = packed.slots.iter().position(|slot| slot.video_frame >= turn).unwrap_or(0);
     let (before, from) = packed.slots.split_at(begins);
@@ -85,7 +88,7 @@ fn times(packed: &Packed, turn: usize, color: usize, since: f64) -> LitTimes {
     let (first, last) = (of().map(time).next().unwrap_or(0.0), of().map(time).last().unwrap_or(0.0));
     let n = of().count().max(1) as f64;
     let middle = of().map(time).sum::<f64>() / n;
-    // n of them from the first to the last, and half a step before and behind.
+    // There are n of them from the first to the last, and half a step before and after.
     let length = if n > 1.0 { (last - first) * n / (n - 1.0) } else { 1.0 };
     LitTimes {
         first: of().next().map_or(0, |(_, slot)| slot.sub_frame),
@@ -93,11 +96,12 @@ fn times(packed: &Packed, turn: usize, color: usize, since: f64) -> LitTimes {
     }
 }
 
-/// Sets a second from which an eye sees no flicker: what is bright and wide flickers longest, up to about 60 Hz.
+/// Sets per second above which an eye sees no flicker. Bright and wide content flickers longest, up to about 60 Hz.
 const FUSION_HZ: f64 = 50.0;
 
-/// What to say where multiplex sets of these colours, `sub_frames` of each, come slower than an eye fuses at `video_hz` video
-/// frames a second: how slow, and what would help. None where they do not, or where the packing does not hold them.
+/// Returns a message if multiplex sets of these colors are too slow for the eye at `video_hz` video frames per second.
+/// It states the rate and the remedies. Returns none if they are fast enough, or if the packing cannot hold
+/// `sub_frames` of each color.
 pub fn flicker(display: &Display, colors: &[Color], sub_frames: usize, video_hz: f64) -> Option<String> {
     let frames_of = |encoding: &Encoding, n: usize| Packed::new(encoding, colors, n).ok().map(|p| p.video_frames);
     let frames = frames_of(&display.encoding, sub_frames)?;
@@ -113,16 +117,16 @@ pub fn flicker(display: &Display, colors: &[Color], sub_frames: usize, video_hz:
     if display.encoding.packing != Packing::Fields && colors.len() > 1 {
         let fields = Encoding { packing: Packing::Fields, ..Encoding::default() };
         let most = (1..=sub_frames).rev().find(|n| frames_of(&fields, *n).is_some_and(fast));
-        helps.extend(most.map(|n| format!("an SLM of colour fields with {n} sub-frame{}", s(n))));
+        helps.extend(most.map(|n| format!("an SLM of color fields with {n} sub-frame{}", s(n))));
     }
     let planes = (colors.len() * sub_frames).div_ceil(24);
     if frames > planes && fast(planes) {
-        helps.push("an SLM of bit-planes (24 to a video frame)".into());
+        helps.push("an SLM of bit-planes (24 per video frame)".into());
     }
-    helps.push(format!("{:.0} video frames a second", FUSION_HZ * frames as f64));
+    helps.push(format!("{:.0} video frames per second", FUSION_HZ * frames as f64));
     Some(format!(
-        "a set of {sub_frames} sub-frame{} of {} takes {frames} video frame{}: at {hz} Hz {sets:.2} sets a second, and an eye \
-         sees flicker below about {FUSION_HZ:.0}; what would help: {}",
+        "a set of {sub_frames} sub-frame{} of {} takes {frames} video frame{}. {hz} Hz gives {sets:.2} sets per \
+         second, but an eye sees flicker below about {FUSION_HZ:.0}. Use {}",
         s(sub_frames),
         colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
         s(frames),
@@ -155,7 +159,7 @@ mod tests {
             close(*times, 0, [middle, 1.0 / 3.0]);
         }
         close(lighting("planes8", &ALL[1..2], 8, false).times(0)[0], 0, [0.0, 1.0]);
-        // Fields of colours in turn: all the set, a third of a sub-frame apart.
+        // In fields of colors in turn, each takes all the set, a third of a sub-frame apart.
         let fields = lighting("fields", &ALL, 8, false);
         for (times, middle) in fields.times(0).iter().zip([-1.0 / 24.0, 0.0, 1.0 / 24.0]) {
             close(*times, 0, [middle, 1.0]);
@@ -165,19 +169,19 @@ mod tests {
 
     #[test]
     fn of_sets_that_roll_every_video_frame_is_the_first_of_those_to_come() {
-        // Eight sub-frames one after the other: whichever is first is lit now, and the last seven eighths of a set later.
+        // Eight sub-frames follow each other. Any first one is lit now, and the last one seven eighths of a set later.
         let one = lighting("grey8", &ALL[1..2], 8, true);
         assert_eq!((one.turns(), one.turn_of(0)), (8, &[0, 1, 2, 3, 4, 5, 6, 7][..]));
         (0..8).for_each(|turn| close(one.times(turn)[0], turn, [7.0 / 16.0, 1.0]));
-        // Two sub-frames of three colours in turn: red, green, blue, red, green, blue.
+        // Two sub-frames of three colors in turn, in the order red, green, blue, red, green, blue.
         let three = lighting("grey8", &ALL, 2, true);
         assert_eq!((three.turns(), three.turn_of(2)), (6, &[2, 5][..]));
         let middle = |after: f64| [after / 6.0 + 0.25, 1.0];
-        // From the first green one on red's second is before its first.
+        // When the first green one is first, red's second is before its first.
         for (times, (first, after)) in three.times(1).iter().zip([(1, 2.0), (0, 0.0), (0, 1.0)]) {
             close(*times, first, middle(after));
         }
-        // A colour's eight planes in one video frame, of three in turn.
+        // A color's eight planes in one video frame, of three in turn.
         let planes = lighting("planes8", &ALL, 8, true);
         assert_eq!((planes.turns(), planes.turn_of(1)), (3, &[1; 8][..]));
         for (times, after) in planes.times(2).iter().zip([1.0, 2.0, 0.0]) {

@@ -1,16 +1,21 @@
-//! Converts phases to the bytes that the SLM receives: calibration, levels, packing.
+//! Converts phases to the bytes that the SLM receives, by calibration, levels and packing.
 //!
-//! An [`Encoder`] is made once for a display, its calibration read and its tables built; then
-//! [`Encoder::encode_into`] turns the phases of a multiplex set ([`PhaseSet`]) into its video frames
-//! ([`VideoFrames`]), without allocating. In this order: the wavefront corrections are added as phase, then the
-//! gratings; the hologram is flipped, rotated and moved; phases wrap; the nearest level is taken (the level after the
-//! last is level 0); the level's bits go where the packing says.
+//! An [`Encoder`] is made once for a display. It reads the calibration and builds the tables. Then
+//! [`Encoder::encode_into`] converts the phases of a multiplex set ([`PhaseSet`]) into its video frames
+//! ([`VideoFrames`]) without allocation. The steps are in this order:
 //!
-//! `packing` decides which bits that is, `turning` which pixel shows which phase, `levels` which level a phase becomes,
-//! `calibration` and `correction` read files. All of it is decided before a phase is seen, as a [`Plan`] for the
-//! kernel `encode`; this room runs it on the CPU, the Vulkan engine on a device,
-//! and both give the same bytes. A [`Decoder`] is its inverse: video frames to the phases that they show, of a folder that this
-//! program wrote or of pictures of any origin ([`Encoded`](crate::encoded::Encoded)).
+//! - The wavefront corrections are added as phase, then the gratings.
+//! - The hologram is flipped, rotated and moved.
+//! - Phases wrap.
+//! - Each phase becomes the nearest level. The level after the last is level 0.
+//! - The level's bits are written to the bits of the packing.
+//!
+//! `packing` chooses the bits, `turning` the phase of each pixel, and `levels` the level of each phase. `calibration`
+//! and `correction` read files. All of it is fixed before the first phase, as a [`Plan`] for the kernel `encode`. This
+//! module runs the kernel on the CPU, the Vulkan engine runs it on a device, and both give the same bytes.
+//!
+//! A [`Decoder`] is the inverse. It converts video frames to the phases that they show, from a folder that this program
+//! wrote or from pictures of any origin ([`Encoded`](crate::encoded::Encoded)).
 
 mod calibration;
 mod correction;
@@ -35,63 +40,63 @@ pub use packing::{Packed, PackedSlot};
 use crate::files::FileError;
 use eyebox_base::error::Reason;
 
-/// What can be wrong with an encoding, its calibration, or the phases given to it.
+/// An error of an encoding, its calibration, or the phases given to it.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EncodeError {
-    /// A calibration file could not be read, or video frames not be written.
+    /// A calibration file could not be read, or video frames could not be written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A line of a table that cannot be.
+    /// A line of a table is wrong.
     #[error("{file}, line {line}: {reason}")]
     Table {
-        /// The file.
+        /// The path of the file.
         file: String,
-        /// Its line, from 1.
+        /// The number of the line, from 1.
         line: usize,
-        /// What is wrong, and what would be right.
+        /// The problem of the line, and a correct form.
         reason: Reason,
     },
-    /// The display's encoding contradicts itself, or does not fit these colours.
+    /// The display's encoding contradicts itself, or does not fit these colors.
     #[error("the display '{display}': {reason}")]
     Display {
-        /// Its name.
+        /// The name of the display.
         display: String,
-        /// What is wrong, and what would be right.
+        /// The problem, and a correct form.
         reason: Reason,
     },
-    /// Phases of another size, or another number of colours or sub-frames.
+    /// The phases have another size, or another number of colors or sub-frames.
     #[error("the hologram does not fit the display '{display}': {reason}")]
     Mismatch {
-        /// The display's name.
+        /// The name of the display.
         display: String,
-        /// What is there, and what would be right.
+        /// The size found, and the correct size.
         reason: Reason,
     },
-    /// Video frames that no encoder makes for this display.
+    /// No encoder makes these video frames for this display.
     #[error("{frame}: {reason}")]
     Frame {
         /// The frame's file, or its number.
         frame: String,
-        /// What is wrong with it, where, and what would be right.
+        /// The problem, its position, and the remedy.
         reason: Reason,
     },
-    /// A phase that is none.
+    /// A phase is not finite or too large.
     #[error(
-        "the phase at colour {color}, sub-frame {sub_frame}, row {row}, column {column} is {value}: it must be finite and \
-         below 4194304 radians, for float32 tells phases beyond that no more apart"
+        "the phase at color {color}, sub-frame {sub_frame}, row {row}, column {column} is {value}, but it must be \
+         finite and below 4194304 radians, because float32 does not resolve larger phases"
     )]
     Phase {
-        /// Index of the colour.
+        /// Index of the color.
         color: usize,
         /// Index of the sub-frame.
         sub_frame: usize,
         /// Row of the hologram.
         row: usize,
-        /// Column of it.
+        /// Column of the hologram.
         column: usize,
-        /// What it is.
+        /// The value of the phase.
         value: f32,
     },
 }

@@ -1,35 +1,36 @@
-//! Packings: a map (colour, sub-frame) -> (video frame, channel, bits), as data.
+//! Describes packings as data, a map from color and sub-frame to video frame, channel and bits.
 
 use crate::optics::{Channel, Color, Encoding, Packing, Place};
 use eyebox_base::{Reason, reason};
 
-/// Where the levels of one sub-frame go.
+/// The position of the levels of one sub-frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PackedSlot {
-    /// Index of the colour among those encoded.
+    /// Index of the color among those encoded.
     pub color: usize,
-    /// Sub-frame.
+    /// Index of the sub-frame.
     pub sub_frame: usize,
-    /// Video frame.
+    /// Index of the video frame.
     pub video_frame: usize,
-    /// Bits of the pixel's word, for the level's bits from the lowest on; a channel has 8, red lowest.
+    /// Bits of the pixel's word that hold the level's bits, from the lowest on. A channel has 8 bits, and red is
+    /// lowest.
     pub bits: Vec<u8>,
 }
 
-/// A packing for some colours and sub-frames.
+/// A packing for some colors and sub-frames.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Packed {
-    /// Sub-frames of a colour.
+    /// Number of sub-frames per color.
     pub sub_frames: usize,
-    /// Video frames.
+    /// Number of video frames in the packing.
     pub video_frames: usize,
-    /// Bytes of a pixel: 1 or 3.
+    /// Number of bytes per pixel, 1 or 3.
     pub channels: usize,
-    /// In the order of the video frames.
+    /// The slots in the order of the video frames.
     pub slots: Vec<PackedSlot>,
 }
 
-/// First bit of a channel's, how many it has, and how many channels its frames have.
+/// Returns the first bit of a channel, its number of bits, and the number of channels of its frames.
 fn place(channel: Channel) -> (u8, u8, usize) {
     match channel {
         Channel::Grey => (0, 8, 1),
@@ -41,7 +42,8 @@ fn place(channel: Channel) -> (u8, u8, usize) {
 }
 
 impl Packed {
-    /// The packing for these colours and so many sub-frames of each. Says what would be right if they do not fit.
+    /// Returns the packing for these colors with `sub_frames` each. If they do not fit, the error states a number that
+    /// fits.
     pub fn new(encoding: &Encoding, colors: &[Color], sub_frames: usize) -> Result<Self, Reason> {
         let one = Self::set(encoding, colors)?;
         if sub_frames == 0 || !sub_frames.is_multiple_of(one.sub_frames) {
@@ -50,7 +52,7 @@ impl Packed {
             return Err(reason!(
                 "sub-frames",
                 "it has {sub_frames} sub-frames, and {video} video frame{plural} of this packing hold{} {per} of each \
-                 of {n} colour{}: {per} sub-frames would be right, or a multiple of it",
+                 of {n} color{}. Use {per} sub-frames or a multiple of it",
                 if video == 1 { "s" } else { "" },
                 if n == 1 { "" } else { "s" },
             ));
@@ -66,7 +68,8 @@ impl Packed {
         Ok(Self { sub_frames, video_frames: sets * one.video_frames, channels: one.channels, slots: slots.collect() })
     }
 
-    /// What a video frame holds, as a display file's map says it: bits of one channel, or of the whole word.
+    /// Returns the content of a video frame in the form of a display file's map, as bits of one channel or of the whole
+    /// word.
     pub(crate) fn places(&self, colors: &[Color], video_frame: usize) -> Vec<Place> {
         let place = |s: &PackedSlot| {
             let one = s.bits.iter().all(|b| b / 8 == s.bits[0] / 8);
@@ -84,15 +87,16 @@ impl Packed {
         self.slots.iter().filter(|s| s.video_frame == video_frame).map(place).collect()
     }
 
-    /// The packing of so many video frames that hold these colours. Says what would be right if they hold no whole sets.
+    /// Returns the packing of `video_frames` video frames of these colors. If they are not whole sets, the error states
+    /// the remedy.
     pub fn of_video_frames(encoding: &Encoding, colors: &[Color], video_frames: usize) -> Result<Self, Reason> {
         let one = Self::set(encoding, colors)?;
         if video_frames == 0 || !video_frames.is_multiple_of(one.video_frames) {
             let names: Vec<_> = colors.iter().map(Color::to_string).collect();
             return Err(reason!(
                 "video-frames",
-                "there are {video_frames} video frames, and a set of {} takes {}: give whole sets, or say with `color` \
-                 which colour they are",
+                "there are {video_frames} video frames, but a set of {} takes {}. Give whole sets, or set `color` \
+                 to their color",
                 names.join(", "),
                 one.video_frames
             ));
@@ -100,11 +104,11 @@ impl Packed {
         Self::new(encoding, colors, video_frames / one.video_frames * one.sub_frames)
     }
 
-    /// The shortest run of sub-frames that fills whole video frames.
+    /// Returns the shortest run of sub-frames that fills whole video frames.
     fn set(encoding: &Encoding, colors: &[Color]) -> Result<Self, Reason> {
         let count = colors.len();
         if count == 0 {
-            return Err(reason!("no-colors", "it has no colours"));
+            return Err(reason!("no-colors", "it has no colors"));
         }
         let order = encoding.channel_order.channels();
         let whole = |first: u8| (first..first + 8).collect::<Vec<u8>>();
@@ -115,7 +119,7 @@ impl Packed {
                 if bits != 8 {
                     return Err(reason!(
                         "channel",
-                        "channel = \"rgb\" is no single channel: use grey, red, green or blue"
+                        "channel = \"rgb\" is not a single channel. Use grey, red, green or blue"
                     ));
                 }
                 if encoding.packing == Packing::Grey8 {
@@ -134,7 +138,7 @@ impl Packed {
                 if !24usize.is_multiple_of(count) {
                     return Err(reason!(
                         "colors-of-planes",
-                        "it has {count} colours, and 24 planes hold 1, 2 or 3 evenly"
+                        "it has {count} colors, but 24 planes hold 1, 2 or 3 evenly"
                     ));
                 }
                 let each = 24 / count;
@@ -146,7 +150,7 @@ impl Packed {
     }
 
     fn of_map(encoding: &Encoding, colors: &[Color]) -> Result<Self, Reason> {
-        // A set has at most so many sub-frames and video frames: what a map means has to stay small.
+        // The largest number of sub-frames and of video frames in a set. It bounds the size of a map's packing.
         const MOST: u32 = 4096;
         let wanted: Vec<_> = encoding.map.iter().filter(|p| colors.contains(&p.color)).collect();
         let channels = place(encoding.map[0].channel).2;
@@ -160,7 +164,7 @@ impl Packed {
             if of != channels {
                 return Err(reason!(
                     "mixed-frames",
-                    "{what} is in a grey frame, others in a coloured one: all must be of one kind"
+                    "{what} is in a gray frame, but others are in a color frame. Use one kind for all"
                 ));
             }
             if p.bits.is_empty() || p.bits.len() > 8 || p.bits.iter().any(|bit| *bit >= width) {
@@ -174,7 +178,7 @@ impl Packed {
                     p.video_frame
                 ));
             }
-            let color = colors.iter().position(|c| *c == p.color).expect("only these colours were kept");
+            let color = colors.iter().position(|c| *c == p.color).expect("only these colors were kept");
             slots.push(PackedSlot {
                 color,
                 sub_frame: p.sub_frame as usize,
@@ -190,15 +194,15 @@ impl Packed {
                 if count != 1 {
                     return Err(reason!(
                         "map-entries",
-                        "the map has {count} entries for {color} sub-frame {f}: it must have one for each of \
-                         {sub_frames} sub-frames of each colour of the hologram"
+                        "the map has {count} entries for {color} sub-frame {f}, but it must have one for each of \
+                         {sub_frames} sub-frames of each color of the hologram"
                     ));
                 }
             }
         }
         let video_frames = 1 + encoding.map.iter().map(|p| p.video_frame as usize).max().unwrap_or(0);
         if sub_frames == 0 {
-            return Err(reason!("map-without-color", "the map has no entry for the hologram's colours"));
+            return Err(reason!("map-without-color", "the map has no entry for the hologram's colors"));
         }
         Ok(Self { sub_frames, video_frames, channels, slots })
     }

@@ -1,5 +1,6 @@
-//! Every packing undone by a decoder that shares nothing with the encoder: it knows presets by their description, and
-//! levels by float64.
+//! Tests every packing with a decoder that shares nothing with the encoder.
+//!
+//! It knows presets by their description, and levels by float64.
 
 #[cfg(feature = "image-formats")]
 mod calibrated;
@@ -63,14 +64,14 @@ fn encode(display: &Display, colors: &[Color], sub_frames: usize, phases: &[Vec<
     let encoder = Encoder::new(display, colors, sub_frames).unwrap_or_else(|e| panic!("{e}"));
     let slices = slices(phases);
     let set = PhaseSet::new(&slices, encoder.hologram_size()).unwrap();
-    // Bytes that were there before must not matter.
+    // Earlier bytes must not matter.
     let mut frames = encoder.frames();
     frames.bytes_mut().fill(0xa5);
     encoder.encode_into(&set, &mut frames).unwrap();
     frames
 }
 
-/// Whether `level` is the nearest of `count` over `two_pi`, or as near as the next, as far as 2^-20 turns can tell.
+/// Returns true if `level` is the nearest of `count` over `two_pi`, or within 2^-20 turns of the nearest.
 fn is_nearest(level: u8, phase: f32, turns_of: impl Fn(u8) -> f64, count: u32) -> bool {
     let far = |l: u8| {
         let off = f64::from(phase) / TAU - turns_of(l);
@@ -86,7 +87,7 @@ fn even(count: u32) -> impl Fn(u8) -> f64 {
 
 #[test]
 fn edges_become_the_levels_that_arithmetic_says() {
-    // 0, just under 2 pi, 2 pi, one level's half below and above 2 pi, negative, a million radians.
+    // The phases 0, just under 2 pi, 2 pi, half a level below and above 2 pi, negative, and a million radians.
     let step = TAU / 256.0;
     let phases: Vec<f32> = [0.0, TAU - 3e-7, TAU, TAU - 0.4 * step, TAU - 0.6 * step, -step, 0.6 * step, 1e6]
         .map(|p: f64| p as f32)
@@ -176,7 +177,7 @@ fn planes24_are_undone_in_either_order() {
     }
 }
 
-/// The mirrors of TI's device as its table has them: per cent of the largest displacement, and the memory's code.
+/// The mirrors of TI's device in its table, as percent of the largest displacement, and the memory's code.
 const MIRROR: [(f64, u8); 16] = [
     (0.0, 3),
     (1.07, 2),
@@ -206,7 +207,7 @@ fn plm_is_undone_by_its_table() {
             for f in 0..n {
                 let plane = c * (24 / colors) + f;
                 let bit = |row: usize, column: usize| {
-                    // The frame was flipped left to right when all was in place.
+                    // The frame was flipped left to right after everything else.
                     let at = row * 2 * w + (2 * w - 1 - column);
                     frames.frame(0)[3 * at + plane / 8] >> (plane % 8) & 1
                 };
@@ -217,7 +218,7 @@ fn plm_is_undone_by_its_table() {
                         let code = m0 | m1 << 1 | m2 << 2 | m3 << 3;
                         let level = MIRROR.iter().position(|m| m.1 == code).unwrap() as u8;
                         let phase = phases[(f * h + y) * w + x];
-                        // The phase is taken to 1/65536 of a turn.
+                        // The phase is rounded to 1/65536 of a turn.
                         let turns = |l: u8| MIRROR[usize::from(l)].0 / 100.0 * 15.0 / 16.0;
                         let far = |l: u8| {
                             let off = f64::from(phase) / TAU - turns(l);
@@ -244,7 +245,7 @@ fn every_level_of_the_plm_has_its_code() {
     }
 }
 
-/// What `docs/displays.md` gives as the preset's file is the preset.
+/// The preset's file in `docs/displays.md` must equal the preset.
 #[test]
 fn the_documented_plm_is_the_preset() {
     let text = include_str!("../../../docs/displays.md");
@@ -255,7 +256,7 @@ fn the_documented_plm_is_the_preset() {
     assert_eq!(read, Display::preset("plm").unwrap().encoding);
 }
 
-/// A display whose encoding is this text.
+/// Returns a display with this text as its encoding.
 fn with(text: &str, folder: &std::path::Path, [height, width]: [usize; 2], levels: u32) -> Display {
     let head = format!(
         "resolution = [{height}, {width}]\npitch_um = 8.0\nfocal_length_mm = 400.0\nlevels = {levels}\n\
@@ -272,7 +273,7 @@ fn here() -> tempfile::TempDir {
 #[test]
 fn a_map_of_ones_own_is_undone() {
     let here = here();
-    // Two sub-frames of red in 4 bits each of a word, across the channels, the second backwards; green in one byte.
+    // Two sub-frames of red have 4 bits each of a word, across the channels, the second backwards. Green has one byte.
     let text = r#"
 packing = "map"
 two_pi_level = 16
@@ -319,10 +320,10 @@ fn nothing_is_written_of_phases_that_are_none() {
         phases[1][12 + 4 + 2] = bad;
         let said = PhaseSet::new(&slices(&phases), encoder.hologram_size()).unwrap_err();
         assert!(matches!(said, EncodeError::Phase { color: 1, sub_frame: 1, row: 1, column: 2, .. }), "{said}");
-        // Trusted by mistake: some picture, no panic.
+        // Phases that are trusted by mistake give some picture and no panic.
         encoder.encode(&PhaseSet::trusted(&slices(&phases))).unwrap();
     }
-    // Of another shape: not a byte is touched.
+    // For phases of another shape no byte is written.
     let mut frames = encoder.frames();
     frames.bytes_mut().fill(7);
     let before = frames.clone();

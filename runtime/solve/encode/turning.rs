@@ -1,24 +1,25 @@
-//! Which pixel of the hologram each pixel of the SLM shows: flipped, rotated, moved.
+//! Maps each pixel of the SLM to a pixel of the hologram, which is flipped, rotated and moved.
 
 use crate::optics::Encoding;
 
-/// The hologram's place on the SLM.
+/// The position of the hologram on the SLM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Turning {
     /// Rows and columns of the SLM.
     slm: [usize; 2],
     /// Rows and columns of the hologram.
     pub hologram: [usize; 2],
-    /// Row of the hologram: from `(yy, xx)` as constant, per yy, per xx; then its column.
+    /// The row of the hologram from `(yy, xx)`, as a constant, a factor of yy and a factor of xx. `column` is the same
+    /// for its column.
     row: [i64; 3],
     column: [i64; 3],
-    /// `yy = (y + shift) mod height`, and the same of x.
+    /// The shift in `yy = (y + shift) mod height`, and the same for x.
     pub shift: [usize; 2],
 }
 
 impl Turning {
-    /// For an SLM of `height` x `width`: the hologram is flipped, rotated clockwise, then moved down and right, round
-    /// the edges.
+    /// Creates the map for an SLM of `height` x `width`. The hologram is flipped, rotated clockwise, then moved down
+    /// and right, around the edges.
     pub fn new(encoding: &Encoding, height: usize, width: usize) -> Self {
         let [h, w] = if encoding.rotation_deg % 180 == 90 { [width, height] } else { [height, width] };
         let (bottom, right) = (h as i64 - 1, w as i64 - 1);
@@ -39,14 +40,15 @@ impl Turning {
         Self { slm: [height, width], hologram: [h, w], row, column, shift: [shift(down, height), shift(along, width)] }
     }
 
-    /// Index of the phase at `(yy, xx) = (0, 0)`, and from one to the next: [first, step_y, step_x], wrapping.
+    /// Returns the index of the phase at `(yy, xx) = (0, 0)` and the steps to the next, as [first, step_y, step_x],
+    /// wrapping.
     pub fn steps(&self) -> [u32; 3] {
         let width = self.hologram[1] as i64;
-        // Indices are below 2^32: what is taken off wraps.
+        // Indices are below 2^32, so a negative step wraps.
         std::array::from_fn(|i| (self.row[i] * width + self.column[i]) as u32)
     }
 
-    /// Row and column of the hologram that pixel (y, x) of the SLM shows.
+    /// Returns the row and column of the hologram that pixel (y, x) of the SLM shows.
     pub fn source(&self, y: usize, x: usize) -> [usize; 2] {
         let yy = ((y + self.shift[0]) % self.slm[0]) as i64;
         let xx = ((x + self.shift[1]) % self.slm[1]) as i64;

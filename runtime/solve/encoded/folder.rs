@@ -1,4 +1,4 @@
-//! Video frames on the disk: a folder that says its display and what its frames hold, and pictures of any origin.
+//! Reads and writes video frames on the disk, in folders with their display or as pictures of any origin.
 
 use crate::encode::{AsShown, Decoder, EncodeError, Encoder, Packed, VideoFrames};
 use crate::files::{FileError, Folder, FolderDraft, encode_png8, read, read_png8, write_file};
@@ -11,29 +11,29 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What the frames are.
+/// The file that describes the frames.
 const DOCUMENT: &str = "frames.json";
-/// The display, as a file that `--display` takes.
+/// The display, as a file that `--display` accepts.
 const DISPLAY: &str = "display.toml";
-/// Beginnings of the names of calibration files that are kept beside it.
+/// The first letters of the names of calibration files that are stored in the folder.
 const CALIBRATION: [&str; 2] = ["look-up-", "correction-"];
-/// The lasers' powers, sub-frame by sub-frame, of all colours at once.
+/// The powers of the lasers in each sub-frame, for simultaneous color.
 const POWERS: &str = "powers.csv";
-/// The switchable sources' powers, sub-frame by sub-frame.
+/// The powers of the switchable sources in each sub-frame.
 const SOURCES: &str = "sources.csv";
 const FORMAT: u32 = 1;
 
-/// Whether there is a folder of video frames that says its display and what they hold.
+/// Returns true if there is a folder of video frames with their display and description.
 pub fn is_encoded(path: &Path) -> bool {
     path.join(DOCUMENT).is_file()
 }
 
-/// A video frame's file, and where what is in it.
+/// The file of a video frame, and the sub-frames in it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameContents {
-    /// Name of the file.
+    /// The name of the file.
     pub file: String,
-    /// The sub-frames, as a display file's map says them.
+    /// The sub-frames, in the form of a display file's map.
     pub holds: Vec<Place>,
 }
 
@@ -47,7 +47,7 @@ struct Document {
     hologram: Option<Origin>,
 }
 
-/// What was encoded, but for the phases.
+/// The encoded hologram without its phases.
 #[derive(Serialize, Deserialize)]
 struct Origin {
     scene: String,
@@ -58,11 +58,11 @@ struct Origin {
     settings: Metadata,
 }
 
-/// Writes the powers of the lasers of a hologram whose colours share their sub-frames beside its video frames, into a folder that is
-/// there; whether it has such lasers.
+/// Writes the powers of a hologram's lasers into the existing folder of its video frames, if its colors share their
+/// sub-frames. Returns true if it has such lasers.
 ///
 /// # Errors
-/// [`FileError`].
+/// Returns [`FileError`] if the file cannot be written.
 pub fn write_powers(hologram: &Hologram, folder: &Path) -> Result<bool, FileError> {
     let Some(joint) = &hologram.metadata.joint_color else { return Ok(false) };
     write_file(&folder.join(POWERS), |out| out.write_all(joint.table().as_bytes()))?;
@@ -70,20 +70,21 @@ pub fn write_powers(hologram: &Hologram, folder: &Path) -> Result<bool, FileErro
 }
 
 impl Encoder {
-    /// What each video frame holds.
+    /// Returns the contents of each video frame.
     pub fn contents(&self) -> Vec<FrameContents> {
         let holds = |index| self.packed().places(self.colors(), index);
         let one = |index| FrameContents { file: VideoFrames::file_name(index), holds: holds(index) };
         (0..self.packed().video_frames).map(one).collect()
     }
 
-    /// Writes video frames as PNGs into `folder`, which appears whole, with the display, its calibration, and what the
-    /// frames hold: all that [`Encoded`] needs; of all colours at once, with the powers of their lasers (`powers.csv`), and of switchable
-    /// sources with theirs (`sources.csv`). `of` is the hologram that they show, where it is known. A folder of such frames is replaced;
-    /// any other that is not empty is left alone.
+    /// Writes video frames as PNGs into `folder`, which appears only when complete. It also has the display, its
+    /// calibration and the contents of the frames, which is all that [`Encoded`] needs. For simultaneous color it has
+    /// the powers of the lasers (`powers.csv`), and for switchable sources their powers (`sources.csv`). `of` is the
+    /// hologram that the frames show, if any. A folder of such frames is replaced. Any other folder must be
+    /// empty.
     ///
     /// # Errors
-    /// [`EncodeError::File`].
+    /// Returns [`EncodeError::File`] if a file cannot be written.
     pub fn save(&self, frames: &VideoFrames, of: Option<&Hologram>, folder: &Path) -> Result<(), EncodeError> {
         let draft = FolderDraft::new(folder, holds_only_frames)?;
         let mut display = self.display().clone();
@@ -118,8 +119,8 @@ impl Encoder {
     }
 }
 
-/// Whether a folder holds nothing but what [`Encoder::save`] wrote: its document says which frames there are. Where that is
-/// damaged, their names do.
+/// Returns true if a folder holds only files of [`Encoder::save`]. Its document lists the frames. If the document is
+/// damaged, the names of the frames decide.
 fn holds_only_frames(folder: &Path) -> bool {
     let Ok(document) = read::bytes(&folder.join(DOCUMENT), read::TABLE) else { return false };
     let document = serde_json::from_slice::<Document>(&document).ok();
@@ -135,7 +136,7 @@ fn holds_only_frames(folder: &Path) -> bool {
     fs::read_dir(folder).is_ok_and(|mut all| all.all(|e| e.is_ok_and(|e| e.file_name().to_str().is_some_and(ours))))
 }
 
-/// Keeps a calibration file in the folder; answers its name there.
+/// Copies a calibration file into the folder, and returns its name there.
 fn keep(draft: &FolderDraft, file: &Path, stem: &str) -> Result<PathBuf, EncodeError> {
     let bytes = read::bytes(file, read::PICTURE).map_err(|e| FileError::read(file, e))?;
     let ending = file.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
@@ -145,7 +146,7 @@ fn keep(draft: &FolderDraft, file: &Path, stem: &str) -> Result<PathBuf, EncodeE
 }
 
 impl Origin {
-    /// As it is kept in `folder`.
+    /// Describes a hologram for the document in `folder`.
     fn of(hologram: &Hologram, folder: &Path) -> Self {
         let each = |value: fn(&ColorHologram) -> f64| {
             hologram.colors.iter().filter_map(|c| Some((c.color?, value(c)))).collect()
@@ -161,25 +162,25 @@ impl Origin {
     }
 }
 
-/// Video frames on the disk, and the display that they are for.
+/// Video frames on the disk, with their display.
 pub struct Encoded {
     display: Display,
     colors: Vec<Color>,
     sub_frames: usize,
     files: Vec<PathBuf>,
     hologram: Option<Origin>,
-    /// The folder that they are in, to know it again.
+    /// The folder of the frames, to detect its replacement.
     folder: Option<Folder>,
 }
 
 impl Encoded {
-    /// The video frames at `path`: a folder of this program's, a folder of PNGs of any origin in the order of the numbers
-    /// in their names, or one PNG. `display` is what they are seen with: the folder's own where there is none. `color` says
-    /// which colour frames of any origin are; all of the display's without.
+    /// Opens the video frames at `path`. It may be a folder of this program, a folder of PNGs of any origin, or one
+    /// PNG. PNGs are in the order of the numbers in their names. `display` is their display. If it is none, the
+    /// folder's own is used. `color` is the color of frames of any origin, by default all colors of the display.
     ///
     /// # Errors
-    /// [`EncodeError::File`] for what cannot be read; [`EncodeError::Frame`] where there are no frames, where nobody says
-    /// for which display they are, and where they are no whole sets.
+    /// Returns [`EncodeError::File`] for files that cannot be read. Returns [`EncodeError::Frame`] if there are no
+    /// frames, if their display is not given, and if they are not whole sets.
     pub fn open(path: &Path, display: Option<&Display>, color: Option<Color>) -> Result<Self, EncodeError> {
         let wrong = |reason: Reason| EncodeError::Frame { frame: path.display().to_string(), reason };
         let folder = Folder::open(path).ok();
@@ -191,18 +192,18 @@ impl Encoded {
             let Document { format, colors, sub_frames, frames, mut hologram } =
                 serde_json::from_slice(&bytes).map_err(damaged)?;
             if format != FORMAT {
-                return Err(content(reason!("format", "has the format {format}: {FORMAT} is known")));
+                return Err(content(reason!("format", "has the format {format}, but only {FORMAT} is supported")));
             }
             if let Some(asked) = color.filter(|c| colors != [*c]) {
                 let has: Vec<_> = colors.iter().map(Color::to_string).collect();
                 return Err(wrong(reason!(
                     "other-color",
-                    "it holds {}, not {asked} alone: leave out `color`",
+                    "it holds {}, not {asked} alone. Leave out `color`",
                     has.join(", ")
                 )));
             }
             if let Some(outside) = frames.iter().find(|f| Path::new(&f.file).components().count() != 1) {
-                return Err(content(reason!("missing-frame", "names {}, which is not beside it", outside.file)));
+                return Err(content(reason!("missing-frame", "names {}, which is not in its folder", outside.file)));
             }
             let own = || {
                 let own = path.join(DISPLAY);
@@ -217,52 +218,49 @@ impl Encoded {
         }
         let files = pictures(path)?;
         if files.is_empty() {
-            return Err(wrong(reason!("no-png", "it holds no PNG: video frames are wanted")));
+            return Err(wrong(reason!("no-png", "it holds no PNG, but video frames are needed")));
         }
         let display = display.ok_or_else(|| {
-            wrong(reason!(
-                "no-display",
-                "it does not say for which display its frames are (it has no {DOCUMENT}): give `display`"
-            ))
+            wrong(reason!("no-display", "the display of its frames is not known (it has no {DOCUMENT}). Set `display`"))
         })?;
         let colors = color.map_or_else(|| display.wavelengths.iter().map(|w| w.color).collect(), |c| vec![c]);
         let packed = Packed::of_video_frames(&display.encoding, &colors, files.len()).map_err(wrong)?;
         Ok(Self { display: display.clone(), colors, sub_frames: packed.sub_frames, files, hologram: None, folder })
     }
 
-    /// What it is taken for, in a sentence.
+    /// Returns a description of the frames in a sentence.
     pub fn describe(&self) -> String {
         let (files, sub_frames, name) = (self.files.len(), self.sub_frames, &self.display.name);
         let colors: Vec<_> = self.colors.iter().map(Color::to_string).collect();
         let s = |n: usize| if n == 1 { "" } else { "s" };
         format!(
-            "{files} video frame{} for the display '{name}': {sub_frames} sub-frame{} of {}",
+            "{files} video frame{} for the display '{name}' with {sub_frames} sub-frame{} of {}",
             s(files),
             s(sub_frames),
             colors.join(", ")
         )
     }
 
-    /// The hologram that the frames show, with its phases in the SLM's levels: what was encoded, but for what is `left` as
-    /// the SLM shows it.
+    /// Returns the hologram that the frames show, with its phases in the SLM's levels. It is the encoded hologram,
+    /// except for the steps in `left`, which stay as the SLM shows them.
     ///
     /// # Errors
-    /// Those of [`Decoder::new`] and [`Decoder::decode`]; [`EncodeError::File`] for pictures that cannot be read;
-    /// [`EncodeError::Frame`] for those of another size or kind than the display's.
+    /// Returns the errors of [`Decoder::new`] and [`Decoder::decode`], [`EncodeError::File`] for pictures that cannot
+    /// be read, and [`EncodeError::Frame`] for pictures of another size or kind than the display's.
     pub fn decode(&self, left: AsShown) -> Result<Hologram, EncodeError> {
         let decoder = Decoder::new(&self.display, &self.colors, self.sub_frames, left)?;
         let mut frames = decoder.encoder().frames();
         if frames.count() != self.files.len() {
             let (display, n) = (self.display.name.clone(), self.files.len());
             let reason =
-                reason!("frames-count", "there are {n} video frames, and its packing takes {}", frames.count());
+                reason!("frames-count", "there are {n} video frames, but its packing takes {}", frames.count());
             return Err(EncodeError::Mismatch { display, reason });
         }
         let (size, channels, bytes) = ([frames.height, frames.width], frames.channels, frames.frame_bytes());
         let read = |(file, out): (&PathBuf, &mut [u8])| self.read(file, size, channels, out);
         self.files.par_iter().zip(frames.bytes_mut().par_chunks_exact_mut(bytes)).try_for_each(read)?;
         if let Some(folder) = self.folder.as_ref().filter(|folder| folder.is_replaced()) {
-            let reason = reason!("replaced", "another program replaced it while it was read: do it again");
+            let reason = reason!("replaced", "another program replaced it while it was read. Try again");
             return Err(EncodeError::Frame { frame: folder.path().display().to_string(), reason });
         }
         let phases = decoder.decode(&frames, |i| self.files[i].display().to_string())?;
@@ -294,7 +292,8 @@ impl Encoded {
         Ok(hologram)
     }
 
-    /// Its colours with their phases: of all colours at once the frames hold the drive, from which every colour's follow.
+    /// Returns its colors with their phases. For simultaneous color the frames hold the drive, which gives the phases
+    /// of all colors.
     fn all_colors(&self, mut phases: Vec<Vec<f32>>) -> Vec<(Color, Vec<f32>)> {
         let joint = self.hologram.as_ref().and_then(|origin| origin.settings.joint_color.as_ref());
         match joint.filter(|joint| joint.reference().is_some_and(|color| self.colors == [color])) {
@@ -306,7 +305,8 @@ impl Encoded {
         }
     }
 
-    /// One frame. A grey picture is what a display of three channels shows as equal ones, and the other way round.
+    /// Reads one frame. On a display of three channels a gray picture counts as three equal channels, and the other way
+    /// round.
     fn read(
         &self,
         file: &Path,
@@ -321,8 +321,8 @@ impl Encoded {
             let (name, [sh, sw]) = (&self.display.name, [h / cell_rows.max(1), w / cell_columns.max(1)]);
             return wrong(reason!(
                 "frame-size",
-                "it is {h}x{w} pixels, and a video frame of the display '{name}' is {height}x{width}: give `size` {sh}x{sw}, or \
-                 the display that it was made for"
+                "it has {h}x{w} pixels, but a video frame of the display '{name}' has {height}x{width}. \
+                 Set `size` {sh}x{sw}, or `display` to the display of the frames"
             ));
         }
         match (has, channels) {
@@ -332,7 +332,7 @@ impl Encoded {
                     let (row, column, name) = (at / w, at % w, &self.display.name);
                     return wrong(reason!(
                         "frame-colored",
-                        "it is coloured at row {row}, column {column}, and the display '{name}' takes grey video frames"
+                        "it has color at row {row}, column {column}, but the display '{name}' takes gray video frames"
                     ));
                 }
                 out.iter_mut().zip(bytes.iter().step_by(3)).for_each(|(to, from)| *to = *from);
@@ -343,7 +343,7 @@ impl Encoded {
     }
 }
 
-/// The PNGs of a folder in the order of the numbers in their names; or the one.
+/// Returns the PNGs of a folder in the order of the numbers in their names, or a single PNG.
 fn pictures(path: &Path) -> Result<Vec<PathBuf>, EncodeError> {
     let is_png = |file: &Path| file.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
     if !fs::metadata(path).map_err(|e| FileError::read(path, e))?.is_dir() {
@@ -355,7 +355,7 @@ fn pictures(path: &Path) -> Result<Vec<PathBuf>, EncodeError> {
     Ok(files)
 }
 
-/// A name by which files are in the order of their numbers: digits with so many zeros before them that all are as long.
+/// Returns a key that sorts files in the order of their numbers. Digits get leading zeros to the same length.
 fn numbers_in(name: &str) -> String {
     let (mut out, mut digits) = (String::new(), String::new());
     for c in name.chars().chain(['\0']) {

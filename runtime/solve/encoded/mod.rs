@@ -1,8 +1,8 @@
 //! Writes holograms as folders of video frames, and reads such folders back.
 //!
 //! [`Hologram::encode`](crate::hologram::Hologram::encode) makes the video frames of one hologram.
-//! [`Encoder::save`](crate::encode::Encoder::save) writes a folder that states its display and what its frames hold; [`Encoded`] reads such
-//! a folder, or pictures of any origin, back into a hologram.
+//! [`Encoder::save`](crate::encode::Encoder::save) writes a folder with the display and the contents of the frames.
+//! [`Encoded`] reads such a folder, or pictures of any origin, back into a hologram.
 
 mod folder;
 
@@ -14,16 +14,17 @@ use crate::optics::Display;
 use eyebox_base::reason;
 
 impl Hologram {
-    /// Its video frames on a display; of all colours at once, those of the drives that they share. For frame after frame make an [`Encoder`] once, and let it encode into memory that is
-    /// there, of its [colours that are sent](Self::sent_colors).
+    /// Returns its video frames on a display. For simultaneous color they are the frames of the drives that the colors
+    /// share. To encode many holograms, make an [`Encoder`] of its [sent colors](Self::sent_colors) once, and encode
+    /// into existing memory.
     ///
     /// # Errors
-    /// [`EncodeError::Display`] for colours that have no name or that the display does not have, and for an encoding that
-    /// cannot be; [`EncodeError::Mismatch`] for another size; [`EncodeError::Phase`].
+    /// Returns [`EncodeError::Display`] for colors that have no name or that the display does not have, and for an
+    /// impossible encoding. Returns [`EncodeError::Mismatch`] for another size, or [`EncodeError::Phase`].
     pub fn encode(&self, display: &Display) -> Result<VideoFrames, EncodeError> {
         let colors = self.named_colors();
         if colors.len() != self.colors.len() {
-            let reason = reason!("colors-not-named", "the hologram's colours are not all named");
+            let reason = reason!("colors-not-named", "not all colors of the hologram have names");
             return Err(EncodeError::Display { display: display.name.clone(), reason });
         }
         let (sent, phases) = (self.sent_colors(), self.sent_phases());

@@ -1,5 +1,6 @@
-//! What should be seen in a far field larger than memory: views of the scene from around a region or a pupil, no larger and
-//! no more than it needs.
+//! Provides target images for a far field larger than memory, from views around a region or a pupil.
+//!
+//! The views are no larger and no more than the region or pupil needs.
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
@@ -12,52 +13,58 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-/// Most views around a region, both axes together.
+/// The largest number of views around a region, both axes together.
 pub(crate) const MOST_VIEWS: usize = 81;
-/// Pixels that content may move between neighbouring views before there are more of them.
+/// Pixels that content may move between neighboring views. Above it, more views are made.
 const MAX_VIEW_STEP_PX: f64 = 1.5;
-/// Most views over all of the eyebox that are made once, both axes together, and the bytes that they may take.
+/// The largest number of views over the whole eyebox that are made once, both axes together. `MOST_BYTES` limits their
+/// memory.
 const MAX_CACHED_VIEWS: usize = 441;
 const MOST_BYTES: u64 = 512 << 20;
 
-/// A scene in one colour of a far-field display, seen from wherever it is asked for.
+/// A scene in one color of a far-field display, with views from any position.
 pub struct Views {
     kind: Kind,
     optics: Optics,
     share: f64,
-    /// What the display does to the light, and of it the iris alone: they decide which piece and which window a pupil needs.
+    /// The model of the display, and the model of its iris alone. They determine the piece and the window that a pupil
+    /// needs.
     model: Option<[Arc<ModelTables>; 2]>,
     size: usize,
-    /// Farthest and nearest depth, metres, and where they come from.
+    /// Farthest and nearest depth in meters, and their source.
     reach: ([f64; 2], DepthSource),
-    /// Pixels by which near and far content of a light field part from one of its own views to the next.
+    /// Relative movement in pixels of near and far content between neighboring views of a light field.
     apart: f64,
     held: u64,
-    /// Views along each axis of the whole eyebox, where they are made [once](Views::once); 0 where around each region.
+    /// Number of views along each axis of the whole eyebox, if they are made [once](Views::once). It is 0 if they are
+    /// made around each region.
     once: usize,
-    /// Those views, and where they stand.
+    /// The views of the whole eyebox and their positions.
     everywhere: OnceLock<(Arc<Pyramid>, ViewGrid)>,
 }
 
 enum Kind {
-    /// Rendered from around each region: parallax over the whole eyebox is exact.
+    /// Rendered around each region, with exact parallax over the whole eyebox.
     Stage(Box<Stage>),
-    /// A light field of its own, at the picture's size.
+    /// A light field with its own views, at the picture's size.
     Field(Arc<Pyramid>, ViewGrid),
-    /// A light field whose views stand too far apart: views between them are made around each region. Which colour.
+    /// A light field with too large a distance between its views. Views between them are made around each region. The
+    /// number is the index of the color.
     Between(Arc<Interpolator>, usize),
-    /// The same where layers show them well. Which colour, and how well, dB.
+    /// A sparse light field that Fourier disparity layers represent well, with the index of the color and the PSNR in
+    /// dB.
     Layers(Arc<Layers>, usize, f64),
     /// A picture with its depths, reprojected around each region.
     Picture(Arc<Reprojection>, Color),
 }
 
 impl Views {
-    /// `source` as [`scene::load`] takes it, in each colour of `request`, in pictures of at most `size` x `size` pixels. Pictures
-    /// have no more pixels than the display's, and show the field of view of its shortest wavelength. What the colours have in common they share.
+    /// Opens `source`, as for [`scene::load`], in each color of `request`, with pictures of at most `size` x `size`
+    /// pixels. Pictures have no more pixels than the display's pictures, and show the field of view of its shortest
+    /// wavelength. The colors share common data.
     ///
     /// # Errors
-    /// Those of loading the scene.
+    /// Returns the errors of loading the scene.
     pub fn of_colors(source: &str, request: &Request, size: usize) -> Result<Vec<Self>, SceneError> {
         let size = size.min(request.display.picture_size().0);
         scene::check_map(source, request)?;
@@ -70,12 +77,12 @@ impl Views {
             };
             return request.colors.iter().map(one).collect();
         }
-        // Views that are smaller than the picture show no more for being larger.
+        // Views that are smaller than the picture do not gain detail from a larger size.
         let native = scene::native_size(source)?.map_or(size, |[rows, columns]| rows.max(columns));
         let work = native.clamp(1, size);
         let small = small(display, work);
         let request = Request { display: &small, ..*request };
-        // Of colours that share what `bytes` hold: the first counts them.
+        // The colors share the data of `bytes`, so only the first color counts them.
         let shared = |reach, apart: f64, bytes: u64, kind: &dyn Fn(usize, Color) -> Kind| {
             let one = |(i, &color): (usize, &Color)| {
                 let held = if i == 0 { bytes } else { 0 };
@@ -148,8 +155,9 @@ impl Views {
         Ok(Self { kind, optics, share, model, size, reach, apart: 0.0, held: 0, once: 0, everywhere })
     }
 
-    /// The same for who looks from around many regions: of a measured light field whose views stand too far apart, those in
-    /// between are made once for all of the eyebox, when they are first asked for, if there are not too many of them.
+    /// Returns the same views for use around many regions. If a measured light field has too large a distance between
+    /// its views, the views between them are made once for the whole eyebox, at the first request, unless there are too
+    /// many.
     pub(crate) fn once(self) -> Self {
         let n = self.wanted(self.extent()).max(3);
         let few = n * n <= MAX_CACHED_VIEWS && self.bytes_of(n) <= MOST_BYTES;
@@ -157,17 +165,18 @@ impl Views {
         Self { once: if few && measured { n } else { 0 }, ..self }
     }
 
-    /// Bytes of a pyramid of `n` x `n` views.
+    /// Returns the bytes of a pyramid of `n` x `n` views.
     fn bytes_of(&self, n: usize) -> u64 {
         (n * n * self.size * self.size) as u64 * 8 / 3
     }
 
-    /// The larger side of the SLM, in whose plane the pupil is, metres.
+    /// Returns the larger side of the SLM, in whose plane the pupil is, in meters.
     fn extent(&self) -> f64 {
         self.optics.height.max(self.optics.width) as f64 * self.optics.pitch
     }
 
-    /// How many views along an axis show so many metres without gaps: an odd number, so that one stands in the middle.
+    /// Returns the number of views along an axis that cover `extent` meters without gaps. It is odd, so that one is in
+    /// the middle.
     fn wanted(&self, extent: f64) -> usize {
         let parallax = match &self.kind {
             Kind::Field(..) => 0.0,
@@ -179,32 +188,33 @@ impl Views {
         (parallax / MAX_VIEW_STEP_PX).ceil() as usize | 1
     }
 
-    /// The whole SLM in that colour.
+    /// Returns the optics of the whole SLM in that color.
     pub fn optics(&self) -> &Optics {
         &self.optics
     }
 
-    /// Pixels along each axis of a picture.
+    /// Returns the number of pixels along each axis of a picture.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Share of the field of view that the picture takes (OPTICS 9).
+    /// Returns the share of the field of view that the picture takes (OPTICS 9).
     pub fn share(&self) -> f64 {
         self.share
     }
 
-    /// Farthest and nearest depth that matter, metres: as asked, as the scene states, or as its views show.
+    /// Returns the farthest and nearest relevant depth in meters, as requested, as stated by the scene, or as
+    /// shown by its views.
     ///
     /// # Errors
-    /// [`SceneError::Request`] where nothing is asked or stated, and the views show too little.
+    /// Returns [`SceneError::Request`] if nothing is requested or stated, and the views show too little.
     pub fn depths(&self, asked: Option<[f64; 2]>) -> Result<[f64; 2], SceneError> {
         scene::asked_or_found(asked, || self.reach, self.optics.focal_length)
     }
 
-    /// How its views come to be, for people.
+    /// Returns a description of the origin of its views.
     pub fn in_words(&self) -> String {
-        let apart = format!("its own, of which near and far part by {:.1} pixels from one to the next", self.apart);
+        let apart = format!("its own, between which near and far move by {:.1} pixels", self.apart);
         let made = match self.once {
             0 => "around each region".to_owned(),
             n => format!("once, {n} x {n} over all of the SLM"),
@@ -213,21 +223,22 @@ impl Views {
             Kind::Stage(_) => "rendered around each region".into(),
             Kind::Picture(..) => "the picture, reprojected around each region".into(),
             Kind::Field(_, grid) => format!("{} x {}, {apart}", grid.rows, grid.columns),
-            Kind::Between(..) => format!("interpolated between {apart}; made {made}"),
+            Kind::Between(..) => format!("interpolated between {apart}, made {made}"),
             Kind::Layers(layers, _, shown) => {
                 let count = layers.count();
-                let shown = format!("which show a view in between to {shown:.1} dB");
-                format!("of {count} Fourier disparity layers, {shown}; made {made} from {apart}")
+                let shown = format!("which show a view between its own at {shown:.1} dB");
+                format!("from {count} Fourier disparity layers, {shown}, made {made} from {apart}")
             }
         }
     }
 
-    /// Bytes that a solve holds beside what a region's own plan counts: the views that others are made of.
+    /// Returns the bytes of a solve in addition to the plan of a region, which are the views from which others are
+    /// made.
     pub fn held(&self) -> u64 {
         self.held + self.bytes_of(self.once)
     }
 
-    /// What is seen from a square of `extent` metres around `center` (x, y): the views, and where they stand.
+    /// Returns the views from a square of `extent` meters around `center` (x, y), and their positions.
     pub fn around(&self, center: [f64; 2], extent: f64) -> (Arc<Pyramid>, plan::ViewLayout) {
         if let Kind::Field(pyramid, grid) = &self.kind {
             return (Arc::clone(pyramid), plan::ViewLayout::new(*grid, pyramid));
@@ -242,7 +253,7 @@ impl Views {
         (pyramid, views)
     }
 
-    /// `n` x `n` views of a square of `extent` metres around `center`.
+    /// Returns `n` x `n` views of a square of `extent` meters around `center`.
     fn made(&self, center: [f64; 2], extent: f64, n: usize) -> (Arc<Pyramid>, ViewGrid) {
         let grid = ViewGrid { rows: n, columns: n, cell: extent / n as f64 };
         let place = |i| {
@@ -262,16 +273,17 @@ impl Views {
 }
 
 impl Views {
-    /// The piece of the SLM that a pupil sees.
+    /// Returns the piece of the SLM that a pupil sees.
     pub(crate) fn piece(&self, pupil: &Pupil) -> Optics {
         let (at, size) = ModelTables::under(self.model.as_ref().map(|[model, _]| &**model), &self.optics, pupil);
         self.optics.piece(at, size)
     }
 
-    /// The photograph in the samples of a pupil's window on `grid`, the far-field SLM or a piece of it; the axis comes first.
+    /// Returns the target image in the samples of a pupil's window on `grid`, which is the far-field SLM or a piece of
+    /// it. The axis comes first.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// Returns the errors of the engine.
     pub(crate) fn photograph(
         &self,
         grid: &Optics,
@@ -289,11 +301,11 @@ impl Views {
     }
 }
 
-/// The same eyebox and field of view in fewer, larger pixels: what a scene is loaded for.
+/// Returns a display with the same eyebox and field of view in fewer, larger pixels. The scene is loaded for it.
 fn small(display: &Display, size: usize) -> Display {
     let rate = size as f64 / display.picture_size().0 as f64;
-    // Eyebox: pixels times pitch; field of view: wavelength times f over pitch. Both stay, and so does what a depth means,
-    // for that is said in the picture's pixels.
+    // The eyebox is pixels times pitch, and the field of view is wavelength times f over pitch. Both are unchanged. So
+    // are depths, because they are given in the picture's pixels.
     let pitch = display.pitch / rate;
     let (focal_length, shortest) = (display.focal_length, 1.0 / rate);
     let wavelengths = (display.wavelengths.iter())
@@ -322,7 +334,7 @@ mod tests {
         Display { height: 640, width: 640, ..Display::preset("far-field").unwrap() }
     }
 
-    /// A folder of `n` x `n` views of a built-in scene, and a request for it.
+    /// Returns a folder of `n` x `n` views of a built-in scene.
     fn folder(n: usize) -> tempfile::TempDir {
         let (here, small) = (tempfile::tempdir().unwrap(), small(&display(), SIZE));
         let request = Request { views: n, ..Request::new(&small, &[Color::Green]) };
@@ -340,7 +352,8 @@ mod tests {
         -10.0 * (error / a.len() as f64).log10()
     }
 
-    /// Photographs of few views of a scene are those of the scene itself, in sign and scale, from all over the eyebox.
+    /// Target images from few views of a scene equal those from the scene itself, in sign and scale, from the whole
+    /// eyebox.
     #[test]
     fn a_sparse_folder_is_photographed_like_its_scene() {
         let (few, many, display) = (folder(4), folder(11), display());
@@ -377,7 +390,7 @@ mod tests {
         }
     }
 
-    /// Nobody's depths are 0 because nobody said them: the views show them.
+    /// A depth that is not stated is not taken as 0, because the views show it.
     #[test]
     fn depths_that_are_not_stated_are_measured() {
         let (here, display) = (folder(5), display());
@@ -394,7 +407,7 @@ mod tests {
         assert_eq!(views(here.path().to_str().unwrap()).depths(None).unwrap(), [0.0, 0.0], "nothing is seen in them");
     }
 
-    /// A picture with its depths, from around a region: what it is from all of the eyebox.
+    /// A picture with its depths, from around a region, equals the picture from the whole eyebox.
     #[test]
     fn a_picture_with_depths_is_seen_from_around_a_region() {
         let (here, display) = (tempfile::tempdir().unwrap(), display());

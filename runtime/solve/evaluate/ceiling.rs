@@ -1,40 +1,43 @@
-//! The ceiling that diffraction sets: what no hologram can better through a pupil, whatever solved it.
+//! Computes the ceiling, the highest score that diffraction at a pupil allows for any hologram.
 
 use super::Plane;
 use crate::optics::{Optics, Pupil, Window, WindowFactor};
 use eyebox_kernels::Complex64;
 use eyebox_kernels::fft::{Direction, transform_f64};
 
-/// What diffraction takes from one photograph.
+/// The loss of one target image by diffraction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ceiling {
-    /// Sum of squares of what no light through the pupil can show.
+    /// Sum of squares of the content that no light through the pupil can show.
     pub error: f64,
-    /// Pixels that it is summed over.
+    /// Number of pixels of the sum.
     pub pixels: usize,
 }
 
 impl Ceiling {
-    /// Of the photograph `wanted` through `pupil`, averaged over 2 x 2 pixels as all scores are; `optics` is of the whole
-    /// SLM, and the photograph its whole picture.
+    /// Computes the loss of the target image `wanted` through `pupil`, averaged over 2 x 2 pixels as all scores are.
+    /// `optics` is for the whole SLM, and the target image for its whole picture.
     ///
-    /// The field that a pupil passes has only the frequencies inside its disc (OPTICS 2), and so its intensity, for any
-    /// phases and any number of sub-frames, only the differences of two of them: a disc twice as wide. What the photograph
-    /// has beyond is lost, and the rest is the best that can be: by Parseval's theorem the error is the energy beyond. It is
-    /// exact for SLMs of even rows and columns without padding, which mends a little of what edges lose. No hologram scores more; that one scores as much is not said, for phases are
-    /// shared by all pupils, and light is never negative.
+    /// The field that a pupil passes has only the frequencies inside its disc (OPTICS 2). So its intensity has only the
+    /// differences of two of them, a disc twice as wide, for any phases and any number of sub-frames. The content of
+    /// the target image beyond that disc is lost, and at best the rest is exact. By Parseval's theorem the error is
+    /// then the energy beyond the disc.
+    ///
+    /// It is exact for SLMs of even rows and columns without padding, which recovers a little of the loss at edges. No
+    /// hologram scores more. The ceiling may not be reachable, because all pupils share the phases, and light is never
+    /// negative.
     pub fn new(optics: &Optics, pupil: &Pupil, wanted: &Plane) -> Self {
         let passes = passed(optics, pupil, [wanted.rows, wanted.columns]);
         let spectrum = spectrum(wanted);
         let beyond = spectrum.iter().zip(&passes).filter(|(_, passes)| !**passes);
         let pixels = wanted.rows * wanted.columns;
-        // The threshold is far below what float32 photographs know.
+        // The threshold is far below the precision of float32 target images.
         let (energy, all) = (beyond.map(|(v, _)| v.norm_sqr()).sum::<f64>(), pixels.max(1) as f64);
         Self { error: if energy < 1e-12 * all * all { 0.0 } else { energy / all }, pixels }
     }
 
-    /// The highest PSNR that a pupil can have over these colours, every pixel counting the same, dB; infinite where
-    /// diffraction takes nothing.
+    /// Returns the highest PSNR in dB that a pupil can have over these colors, with the same weight for every pixel. It
+    /// is infinite if diffraction causes no loss.
     pub fn decibels<'a>(colors: impl IntoIterator<Item = &'a Self>) -> f64 {
         let add = |(error, pixels): (f64, usize), one: &Self| (error + one.error, pixels + one.pixels);
         let (error, pixels) = colors.into_iter().fold((0.0, 0), add);
@@ -42,13 +45,15 @@ impl Ceiling {
     }
 }
 
-/// Which frequencies of a picture of so many rows and columns (the whole one averaged to it) an intensity can have.
+/// Returns the frequencies that an intensity can have, for a picture of these rows and columns, to which the whole
+/// picture is averaged.
 fn passed(optics: &Optics, pupil: &Pupil, [rows, columns]: [usize; 2]) -> Vec<bool> {
     let spans = Window::new(optics, pupil, WindowFactor::Full).spans(optics, pupil);
     let spans: Vec<Option<[i64; 2]>> =
         spans.iter().map(|s| (s[0] < s[1]).then(|| [i64::from(s[0]), i64::from(s[1]) - 1])).collect();
     let whole = optics.image_size();
-    // Bins of the averaged picture per bin of the whole: one, but for a last odd row or column that averaging drops.
+    // Bins of the averaged picture per bin of the whole. This is one, except for a last odd row or column, which
+    // averaging drops.
     let share = |few: usize, all: usize| (if few < all { 2 * few } else { few }) as f64 / all as f64;
     let (down, across) = (share(rows, whole.0), share(columns, whole.1));
     let mut passes = vec![false; rows * columns];
@@ -61,7 +66,7 @@ fn passed(optics: &Optics, pupil: &Pupil, [rows, columns]: [usize; 2]) -> Vec<bo
         let (low, high) = ((low as f64 * across).floor() as i64, (high as f64 * across).ceil() as i64);
         let exact = apart as f64 * down;
         for row in [exact.floor() as i64, exact.ceil() as i64] {
-            // An intensity is real: what it has at a frequency, it has at the opposite one.
+            // An intensity is real, so each frequency occurs with its opposite.
             for column in (low..=high).take(columns) {
                 for sign in [1, -1] {
                     let at = [(sign * row).rem_euclid(rows as i64), (sign * column).rem_euclid(columns as i64)];
@@ -73,7 +78,7 @@ fn passed(optics: &Optics, pupil: &Pupil, [rows, columns]: [usize; 2]) -> Vec<bo
     passes
 }
 
-/// The spectrum of a picture, unnormalised.
+/// Returns the spectrum of a picture, not normalized.
 fn spectrum(plane: &Plane) -> Vec<Complex64> {
     let (rows, columns) = (plane.rows, plane.columns);
     let mut lines: Vec<Complex64> = plane.values.iter().map(|v| Complex64::new(f64::from(*v), 0.0)).collect();
@@ -93,7 +98,8 @@ mod tests {
         Optics::new(height, width, 8e-6, 520e-9, 0.4).unwrap()
     }
 
-    /// In the middle, over the edge of the eyebox, so wide that frequencies come round, and even all of it.
+    /// Pupils in the middle, over the edge of the eyebox, so wide that frequencies wrap around, and as wide as all of
+    /// it.
     const PUPILS: [[f64; 4]; 5] = [
         [0.0, 0.0, 6.0, 0.0],
         [3.0, -5.0, 4.0, 1.0],
@@ -125,7 +131,8 @@ mod tests {
         }
     }
 
-    /// Two sub-frames of anything that passes: what light can show loses nothing, and what it cannot show is lost.
+    /// With two sub-frames of any light that passes, an image that light can show loses nothing, and other content is
+    /// lost.
     #[test]
     fn what_light_can_show_has_no_ceiling() {
         let optics = optics(16, 24);
@@ -150,7 +157,7 @@ mod tests {
             let noise = Plane { values: shown.values.iter().map(|_| random.f32()).collect(), ..shown };
             let (lost, narrow) = (Ceiling::new(&optics, &pupil, &noise), pupil.diameter < 0.01);
             assert_eq!(lost.error > 0.1, narrow, "{pupil:?}: {}", lost.error);
-            // Another colour that loses nothing halves the error.
+            // Another color without a loss halves the error.
             let free = Ceiling { error: 0.0, ..lost };
             assert!(!narrow || (Ceiling::decibels([&lost, &free]) - Ceiling::decibels([&lost]) - 3.01).abs() < 0.01);
         }

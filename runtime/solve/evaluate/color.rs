@@ -1,10 +1,10 @@
-//! Colour error where one thing covers another: there the colours of a hologram come apart first.
+//! Computes the color error at depth edges, because there the colors of a hologram separate first.
 
 use std::f64::consts::PI;
 
-/// CIE L*a*b* (white D65) of linear sRGB.
+/// Returns CIE L*a*b* (white D65) of linear sRGB.
 fn lab([r, g, b]: [f64; 3]) -> [f64; 3] {
-    // IEC 61966-2-1, each row over the white's own value.
+    // The matrix of IEC 61966-2-1, each row over the white's own value.
     let [x, y, z] = [
         (0.412_456_4 * r + 0.357_576_1 * g + 0.180_437_5 * b) / 0.950_47,
         0.212_672_9 * r + 0.715_152_2 * g + 0.072_175_0 * b,
@@ -14,9 +14,9 @@ fn lab([r, g, b]: [f64; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// CIEDE2000 of two colours in L*a*b*: equations 2 to 22 of Sharma, Wu and Dalal 2005.
+/// Returns CIEDE2000 of two colors in L*a*b*, by equations 2 to 22 of Sharma, Wu and Dalal 2005.
 fn difference([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
-    // Of a chroma's seventh power: how far it is above 25.
+    // The seventh power of a chroma, relative to 25.
     let saturation = |c: f64| (c.powi(7) / (c.powi(7) + 25f64.powi(7))).sqrt();
     let g = 0.5 * (1.0 - saturation(0.5 * (a1.hypot(b1) + a2.hypot(b2))));
     let chroma_and_hue = |a: f64, b: f64| {
@@ -50,11 +50,11 @@ fn difference([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
     (l * l + c * c + h * h + r_t * c * h).sqrt()
 }
 
-/// CIEDE2000 (Sharma, Wu and Dalal 2005) per pixel between two pictures of red, green and blue planes. The display's
-/// linear channels are taken as linear sRGB with its white, D65.
+/// Returns CIEDE2000 (Sharma, Wu and Dalal 2005) per pixel between two pictures of red, green and blue planes. The
+/// linear channels of the display are used as linear sRGB with its white, D65.
 ///
 /// # Panics
-/// If the planes do not have one size: the caller's mistake.
+/// Panics if the planes differ in size, which is a mistake of the caller.
 pub fn color_difference(seen: [&[f32]; 3], wanted: [&[f32]; 3]) -> Vec<f64> {
     let pixels = seen[0].len();
     assert!(seen.iter().chain(&wanted).all(|p| p.len() == pixels), "all planes have one size");
@@ -62,11 +62,11 @@ pub fn color_difference(seen: [&[f32]; 3], wanted: [&[f32]; 3]) -> Vec<f64> {
     (0..pixels).map(|i| difference(at(&seen, i), at(&wanted, i))).collect()
 }
 
-/// Pixels within `reach` pixels (by the larger of the two axes) of a step in depth of more than `step` between
-/// neighbours; `depth` is (height, width).
+/// Returns the pixels within `reach` pixels (by the larger of the two axes) of an edge. An edge is a difference in
+/// depth of more than `step` between neighbors. `depth` is (height, width).
 ///
 /// # Panics
-/// If `depth` is not `height` x `width`: the caller's mistake.
+/// Panics if `depth` is not `height` x `width`, which is a mistake of the caller.
 pub fn edges(depth: &[f32], height: usize, width: usize, step: f32, reach: usize) -> Vec<bool> {
     assert_eq!(depth.len(), height * width, "the depth map is {height} x {width}");
     let mut near = vec![false; height * width];
@@ -79,7 +79,7 @@ pub fn edges(depth: &[f32], height: usize, width: usize, step: f32, reach: usize
             if !edge {
                 continue;
             }
-            // The step lies between this pixel and the next: both sides get the same reach.
+            // The step is between this pixel and the next, so both sides get the same reach.
             let (right, below) = ((x + 1 + reach).min(width), (y + 1 + reach).min(height));
             for row in y.saturating_sub(reach.saturating_sub(1))..below {
                 near[row * width + x.saturating_sub(reach.saturating_sub(1))..row * width + right].fill(true);
@@ -89,7 +89,8 @@ pub fn edges(depth: &[f32], height: usize, width: usize, step: f32, reach: usize
     near
 }
 
-/// A mask at half the resolution, as [`pool2`](super::pool2) makes pictures: set where any of its four pixels is.
+/// Returns a mask at half the resolution, like pictures of [`pool2`](super::pool2). A pixel is set if any of its four
+/// pixels is.
 pub fn pool_mask(mask: &[bool], height: usize, width: usize) -> Vec<bool> {
     let values: Vec<f32> = mask.iter().map(|&m| f32::from(u8::from(m))).collect();
     super::pool2(&values, height, width).iter().map(|v| *v > 0.0).collect()
@@ -147,7 +148,7 @@ mod tests {
 
     #[test]
     fn linear_light_goes_the_whole_way() {
-        // scikit-image 0.26: deltaE_ciede2000(rgb2lab(a), rgb2lab(b)) of the sRGB-encoded values.
+        // scikit-image 0.26 computed deltaE_ciede2000(rgb2lab(a), rgb2lab(b)) of the sRGB-encoded values.
         let seen: [&[f32]; 3] = [&[0.2, 0.9, 0.01], &[0.4, 0.05, 0.02], &[0.1, 0.3, 0.015]];
         let wanted: [&[f32]; 3] = [&[0.25, 0.7, 0.03], &[0.35, 0.2, 0.02], &[0.12, 0.3, 0.01]];
         let found = color_difference(seen, wanted);

@@ -1,20 +1,20 @@
-//! Where in the eyebox the light is: the energy of the spectrum over the pupil plane, and how even it is.
+//! Measures the energy of the spectrum over the pupil plane, and its evenness over the eyebox.
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Geometry, Optics, Pupil, Window, WindowFactor};
 use crate::plan::{Comparison, Planner};
 
-/// Energy per bin of the spectrum of the phases that `engine` holds, summed over sub-frames: (grid height, grid width)
-/// with the middle of the eyebox in the middle, +y down, and a mean of 1.
+/// Returns the energy per bin of the spectrum of the phases in `engine`, summed over sub-frames. It is (grid height,
+/// grid width) with the middle of the eyebox in the middle, +y down, and a mean of 1.
 ///
 /// The engine must have been loaded with the planner's shape.
 ///
 /// # Errors
-/// Those of the engine.
+/// Returns the errors of the engine.
 pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, views: None, ..planner.clone() };
     let (height, width) = (planner.grid.height, planner.grid.width);
-    // A pupil that passes everything: engines leave columns alone that no pupil passes.
+    // This pupil passes everything, because engines skip columns that no pupil passes.
     let everything = Pupil { x: 0.0, y: 0.0, diameter: 2.0 * planner.grid.eyebox(), depth: 0.0 };
     let step = planner.view_step(vec![planner.pupil_pass(&everything, &Comparison::default())]);
     engine.run_part(&step, 0..step.shared())?;
@@ -22,7 +22,7 @@ pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, En
     let mut energy = vec![0.0; height * width];
     for frame in field.chunks_exact(2 * height * width) {
         for (i, value) in frame.chunks_exact(2).enumerate() {
-            // The far field's pixels lie in that order already.
+            // The far field's pixels already have that order.
             let at = match planner.grid.geometry {
                 Geometry::Relay => (i / width + height / 2) % height * width + (i % width + width / 2) % width,
                 Geometry::FarField => i,
@@ -37,11 +37,11 @@ pub fn energy(engine: &mut dyn Engine, planner: &Planner) -> Result<Vec<f64>, En
     Ok(energy)
 }
 
-/// Mean energy of the bins inside each pupil's disc, 1 for an even eyebox; `energy` is that of [`energy`] over `grid`.
-/// A pupil that reaches no bin has none: 0.
+/// Returns the mean energy of the bins inside each pupil's disc, which is 1 for an even eyebox. `energy` is the result
+/// of [`energy`] over `grid`. The value is 0 for a pupil that contains no bin.
 ///
 /// # Panics
-/// If `energy` does not have the grid's size: the caller's mistake.
+/// Panics if `energy` does not have the grid's size, which is a mistake of the caller.
 pub fn passed(energy: &[f64], grid: &Optics, pupils: &[Pupil]) -> Vec<f64> {
     let width = grid.width;
     assert_eq!(energy.len(), grid.height * width, "one value per bin");
@@ -62,7 +62,7 @@ pub fn passed(energy: &[f64], grid: &Optics, pupils: &[Pupil]) -> Vec<f64> {
     pupils.iter().map(through).collect()
 }
 
-/// Coefficient of variation: standard deviation over mean; 0 for nothing at all.
+/// Returns the coefficient of variation, which is the standard deviation over the mean. It is 0 for no values.
 pub fn variation(values: &[f64]) -> f64 {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -87,14 +87,15 @@ mod tests {
 
     #[test]
     fn a_grating_sends_its_light_where_it_should() {
-        // Three turns down over 12 rows, and minus two across 10 columns: bin (3, -2), so below and left of the middle.
+        // Three turns down over 12 rows, and minus two across 10 columns, give bin (3, -2), below and left of the
+        // middle.
         let optics = Optics::new(12, 10, 8e-6, 520e-9, 0.4).unwrap();
         let turn = std::f32::consts::TAU;
         let phase = |i: usize| turn * (3.0 * (i / 10) as f32 / 12.0 - 2.0 * (i % 10) as f32 / 10.0);
         let map = spectrum_of(&(0..120).map(phase).collect::<Vec<_>>(), optics, 1);
         assert!((map[(6 + 3) * 10 + (5 - 2)] - 120.0).abs() < 1e-3, "{map:?}");
         assert!(map.iter().sum::<f64>() - 120.0 < 1e-6);
-        // The pupil over that bin gets all of it, the one opposite nothing.
+        // The pupil over that bin gets all of it, the opposite one nothing.
         let (bin_y, bin_x) = optics.bin_size();
         let there = Pupil { x: -2.0 * bin_x, y: 3.0 * bin_y, diameter: 0.5 * bin_x, depth: 0.0 };
         let opposite = Pupil { x: -there.x, y: -there.y, ..there };
@@ -108,7 +109,7 @@ mod tests {
         let eyebox = 22e-3;
         let pupils = places(eyebox, eyebox / 8.0, 9, 0.0);
         let flat = passed(&spectrum_of(&[0.5; 4096], optics, 1), &optics, &pupils);
-        // All light in one of 81 pupils: sqrt(80).
+        // All light is in one of 81 pupils, which gives sqrt(80).
         assert!((variation(&flat) - 80f64.sqrt()).abs() < 1e-3);
         let mut state = 1u64;
         let random: Vec<f32> = (0..8 * 4096)

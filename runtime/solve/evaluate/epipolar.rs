@@ -1,12 +1,14 @@
-//! Epipolar slices: one row of the picture, stacked while the eye sweeps sideways. Content at the depth of focus stands
-//! as upright lines, everything else leans; where a hologram has lost its parallax, the lines break.
+//! Makes epipolar slices, which stack one row of the picture while the eye sweeps sideways.
+//!
+//! Content at the depth of focus appears as upright lines, other content as inclined lines. If a hologram has lost its
+//! parallax, the lines break.
 
 use crate::optics::Pupil;
 
-/// Places of the sweep.
+/// Number of positions of the sweep.
 pub(crate) const POSITIONS: usize = 31;
 
-/// A pupil of 1/8 of the eyebox that goes from its left edge to its right, focused at `depth`; metres.
+/// Returns pupils of 1/8 of the eyebox from its left edge to its right, focused at `depth`. All lengths are in meters.
 pub fn sweep(eyebox: f64, depth: f64) -> Vec<Pupil> {
     let diameter = eyebox / 8.0;
     let reach = (eyebox - diameter) / 2.0;
@@ -14,8 +16,8 @@ pub fn sweep(eyebox: f64, depth: f64) -> Vec<Pupil> {
     (0..POSITIONS).map(|i| Pupil { x: x(i), y: 0.0, diameter, depth }).collect()
 }
 
-/// Finds the row that has most to tell: the one whose slice changes most from place to place, by the variance over the
-/// places, summed along the row.
+/// Finds the row whose slice changes most between the positions. The measure is the variance over the positions, summed
+/// along the row.
 #[derive(Debug, Clone)]
 pub struct RowFinder {
     width: usize,
@@ -25,17 +27,17 @@ pub struct RowFinder {
 }
 
 impl RowFinder {
-    /// For photographs of `height` x `width`.
+    /// Creates a finder for target images of `height` x `width`.
     pub fn new(height: usize, width: usize) -> Self {
         Self { width, sum: vec![0.0; height * width], squares: vec![0.0; height * width], count: 0 }
     }
 
-    /// One more place.
+    /// Adds the target image of one more position.
     ///
     /// # Panics
-    /// If the photograph has another size: the caller's mistake.
+    /// Panics if the image has another size, which is a mistake of the caller.
     pub fn add(&mut self, photograph: &[f32]) {
-        assert_eq!(photograph.len(), self.sum.len(), "all photographs have one size");
+        assert_eq!(photograph.len(), self.sum.len(), "all target images have one size");
         for ((sum, square), &v) in self.sum.iter_mut().zip(&mut self.squares).zip(photograph) {
             *sum += f64::from(v);
             *square += f64::from(v).powi(2);
@@ -43,7 +45,7 @@ impl RowFinder {
         self.count += 1;
     }
 
-    /// The row; the first where none stands out.
+    /// Returns the row with the largest change, or the first row if there is no change.
     pub fn row(&self) -> usize {
         let n = self.count.max(1) as f64;
         let variance = |(s, q): (&f64, &f64)| (q / n - (s / n).powi(2)).max(0.0);
@@ -70,7 +72,7 @@ mod tests {
     fn the_row_that_moves_is_found() {
         let mut finder = RowFinder::new(5, 8);
         for place in 0..8 {
-            // Row 1 is bright but stands still; in row 3 something moves.
+            // Row 1 is bright but static. In row 3 something moves.
             let mut image = vec![0.0; 40];
             image[8..16].fill(9.0);
             image[24 + place] = 1.0;

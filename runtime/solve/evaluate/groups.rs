@@ -1,34 +1,36 @@
-//! The five groups of pupils over which the paper compares methods (its figure 12), for any display and scene.
+//! Defines the five groups of pupils with which the paper compares methods, for any display and scene.
+//!
+//! The groups are those in figure 12 of the paper.
 
 use crate::optics::Pupil;
 use serde::{Deserialize, Serialize};
 
-/// A group of pupils.
+/// One of the five groups of pupils.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Group {
-    /// Centred, focused at the middle of the scene, from a narrow to a wide pupil.
+    /// Centered pupils from narrow to wide, focused at the middle of the scene.
     VaryingAperture,
-    /// Centred, as wide as the eyebox, through the scene's depths.
+    /// Centered pupils as wide as the eyebox, focused through the scene's depths.
     FocalStack,
-    /// A quarter of the eyebox wide, all over it, focused at the near end.
+    /// Pupils a quarter of the eyebox wide, all over it, focused at the near end.
     NearFocus,
-    /// The same at the far end.
+    /// Pupils a quarter of the eyebox wide, all over it, focused at the far end.
     FarFocus,
-    /// Place, diameter and focus uniformly random.
+    /// Pupils with uniformly random position, diameter and focus.
     Random,
 }
 
-/// Steps of the aperture and of the focus.
+/// Number of steps of the aperture and of the focus.
 const STEPS: usize = 9;
-/// Places along each axis of the light field groups.
+/// Number of positions along each axis in the light field groups.
 const PLACES: usize = 5;
 
 impl Group {
-    /// All of them, in the paper's order.
+    /// All groups in the paper's order.
     pub const ALL: [Self; 5] = [Self::VaryingAperture, Self::FocalStack, Self::NearFocus, Self::FarFocus, Self::Random];
 
-    /// The paper's name.
+    /// Returns the paper's name of the group.
     pub fn name(self) -> &'static str {
         match self {
             Self::VaryingAperture => "Varying aperture",
@@ -39,28 +41,28 @@ impl Group {
         }
     }
 
-    /// One sentence for people.
+    /// Returns a description of the group in one sentence.
     pub fn about(self) -> &'static str {
         match self {
             Self::VaryingAperture => {
-                "centred pupil focused at the middle of the scene, from 1/11 of the eyebox to all of it"
+                "centered pupil focused at the middle of the scene, from 1/11 of the eyebox to all of it"
             }
-            Self::FocalStack => "centred pupil as wide as the eyebox, focused through the scene",
+            Self::FocalStack => "centered pupil as wide as the eyebox, focused through the scene",
             Self::NearFocus => "a quarter of the eyebox wide, 5 x 5 places, focused at the near end",
             Self::FarFocus => "a quarter of the eyebox wide, 5 x 5 places, focused at the far end",
             Self::Random => "place, diameter and focus uniformly random",
         }
     }
 
-    /// The pupils of a group that has no chance in it (none for [`Group::Random`]), for an eyebox of side `eyebox` that
-    /// all colours serve and the scene's farthest and nearest depth, metres.
+    /// Returns the pupils of a group without randomness, and none for [`Group::Random`]. `eyebox` is the side, in
+    /// meters, that all colors serve. `far` and `near` are the scene's farthest and nearest depth, in meters.
     pub fn pupils(self, eyebox: f64, [far, near]: [f64; 2]) -> Vec<Pupil> {
         let middle = (far + near) / 2.0;
         let share = |i: usize, n: usize| i as f64 / (n - 1) as f64;
         match self {
             Self::VaryingAperture => (0..STEPS)
                 .map(|i| {
-                    // From a narrow pupil to the whole eyebox, evenly in log d.
+                    // The diameters go from a narrow pupil to the whole eyebox, evenly in log d.
                     let diameter = eyebox * 11f64.powf(share(i, STEPS) - 1.0);
                     Pupil { x: 0.0, y: 0.0, diameter, depth: middle }
                 })
@@ -75,23 +77,24 @@ impl Group {
     }
 }
 
-/// Pupils of one diameter on a grid of `n` x `n` places, row by row, the outermost of which touch the eyebox's edge.
+/// Returns pupils of one diameter on a grid of `n` x `n` positions, row by row. The outermost pupils touch the eyebox's
+/// edge.
 pub fn places(eyebox: f64, diameter: f64, n: usize, depth: f64) -> Vec<Pupil> {
     let reach = ((eyebox - diameter) / 2.0).max(0.0);
     let at = |i: usize| if n > 1 { reach * (2.0 * i as f64 / (n - 1) as f64 - 1.0) } else { 0.0 };
     (0..n * n).map(|i| Pupil { x: at(i % n), y: at(i / n), diameter, depth }).collect()
 }
 
-/// A pupil as a member of its group.
+/// A pupil with its group.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Member {
-    /// The group.
+    /// The group of the pupil.
     pub group: Group,
-    /// The pupil, metres.
+    /// The pupil, in meters.
     pub pupil: Pupil,
 }
 
-/// All groups, one after the other; `random` are the pupils of the last.
+/// Returns all groups, one after the other. `random` are the pupils of the last group.
 pub fn members(eyebox: f64, depth: [f64; 2], random: &[Pupil]) -> Vec<Member> {
     let fixed = Group::ALL
         .into_iter()

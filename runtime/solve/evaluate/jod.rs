@@ -1,9 +1,11 @@
-//! What people see of a difference: ColorVideoVDP (Mantiuk et al., ACM Transactions on Graphics 43, 2024), by the crate
-//! `colorvideovdp`, in just-objectionable differences (JOD): 10 for no visible difference, and 1 less where three of four
-//! observers prefer the other.
+//! Measures perceived differences in just-objectionable differences (JOD) with ColorVideoVDP.
 //!
-//! The light of a display is that of its white times the picture (linear sRGB, as [`color_difference`](super::color_difference)
-//! takes it) on top of its black. What is brighter than white stays so: no display panel clips a hologram's grain.
+//! The metric is by Mantiuk et al., ACM Transactions on Graphics 43, 2024, from the crate `colorvideovdp`. A picture of
+//! 10 JOD has no visible difference, and a picture has 1 JOD less if three of four observers prefer the other.
+//!
+//! The light of a display is its white times the picture (linear sRGB, as for
+//! [`color_difference`](super::color_difference)), added to its black. Values brighter than white are kept, because no
+//! display panel clips a hologram's speckle.
 
 use super::EvaluateError;
 use crate::optics::{Color, Viewing};
@@ -11,20 +13,20 @@ use colorvideovdp::{
     Color as Space, Cvvdp, DisplayModel, Error, Geometry, Image, Options, Photometry, Prediction, TemporalPadding,
 };
 
-/// Pictures of fewer rows or columns have no JOD.
+/// Pictures with fewer rows or columns have no JOD.
 const LEAST: usize = 4;
-/// How many times white the brightest light is that counts.
+/// The brightest light that the metric distinguishes, in units of white.
 const HEADROOM: f64 = 16.0;
-/// Dimmer light than this, cd/m2, counts as this: the metric's own floor.
+/// The metric's own floor in cd/m2. Dimmer light counts as this.
 const FLOOR: f64 = 0.005;
-/// Memory that one judgement may take: about 50 bytes a pixel and channel.
+/// The memory limit of one evaluation, which needs about 50 bytes per pixel and channel.
 const MEMORY: usize = 6 << 30;
 
-/// The planes of a picture as red, green and blue, linear light with 1 as white, (row, column) each.
+/// The planes of a picture as red, green and blue. Each is linear light (row, column) with 1 as white.
 pub type Rgb<'a> = [&'a [f32]; 3];
 
-/// Planes by their colours as a picture: the one plane of a picture in one colour is a grey picture, colours without a name
-/// are red, green and blue in their order, and `black`, a plane of zeros, is what is missing.
+/// Arranges planes by their colors as a picture. A single plane makes a gray picture. Colors without a name are red,
+/// green and blue in their order. `black`, a plane of zeros, replaces missing colors.
 pub fn rgb<'a>(planes: &[(Option<Color>, &'a [f32])], black: &'a [f32]) -> Rgb<'a> {
     if let [(_, one)] = planes {
         return [one; 3];
@@ -36,44 +38,45 @@ pub fn rgb<'a>(planes: &[(Option<Color>, &'a [f32])], black: &'a [f32]) -> Rgb<'
     rgb
 }
 
-/// What was found of one picture, or of one video.
+/// The result for one picture or one video.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
-    /// JOD, 10 at most; below 0 for what has little in common.
+    /// The quality in JOD, 10 at most. It is below 0 for pictures with little in common.
     pub jod: f64,
-    /// Where it is lost, JOD by pixel, (row, column), of a video its mean over the frames; empty where it was not asked for.
+    /// The loss in JOD per pixel, (row, column), as the mean over the frames of a video. It is empty if it was not
+    /// requested.
     pub lost: Vec<f32>,
 }
 
-/// Judges pictures of one display, seen from one place.
+/// Compares pictures of one display, viewed from one position.
 pub struct JodMetric {
     metric: Cvvdp,
     viewing: Viewing,
 }
 
 impl JodMetric {
-    /// For pictures of so many pixels a degree; with `maps`, [`Judged::lost`] is found, too.
+    /// Creates the metric for a number of pixels per degree. With `maps`, it also computes [`Judged::lost`].
     ///
     /// # Errors
-    /// [`EvaluateError::Jod`] for a viewing or a number of pixels a degree that cannot be.
+    /// Returns [`EvaluateError::Jod`] for an impossible viewing or number of pixels per degree.
     pub fn new(viewing: &Viewing, pixels_per_degree: f64, maps: bool) -> Result<Self, EvaluateError> {
         viewing.check().map_err(|reason| EvaluateError::Jod { reason })?;
         let peak = HEADROOM * viewing.luminance_cd_m2;
         let photometry = Photometry::new(peak, peak / FLOOR, 0.0, 0.0, 1.0).map_err(refused)?;
-        // The resolution is that of a panel, and counts for nothing where the pixels a degree are given.
+        // The resolution of the panel has no effect, because the pixels per degree are given.
         let geometry = Geometry::from_ppd([LEAST; 2], pixels_per_degree).map_err(refused)?;
         let display = DisplayModel::new("eyebox", photometry, geometry, "BT.709-linear").map_err(refused)?;
         let options = Options::default().with_distortion_map(maps).with_memory_limit_bytes(MEMORY);
-        // What repeats goes on so before it begins.
+        // A repeating video repeats also before its first frame.
         let options = options.with_temporal_padding(TemporalPadding::Symmetric);
         Ok(Self { metric: Cvvdp::new(display, options).map_err(refused)?, viewing: *viewing })
     }
 
-    /// What is lost of the picture `wanted` in the picture `seen`, both `height` x `width`; none for pictures of under 4
-    /// rows or columns, and where it would take more than 6 GiB.
+    /// Compares the picture `seen` with the picture `wanted`, both `height` x `width`. Returns none for pictures of
+    /// under 4 rows or columns, and if the metric would need more than 6 GiB.
     ///
     /// # Errors
-    /// [`EvaluateError::Sizes`]; [`EvaluateError::Jod`] for pictures that hold something else than finite numbers.
+    /// Returns [`EvaluateError::Sizes`], or [`EvaluateError::Jod`] for pictures with values that are not finite.
     pub fn picture(
         &self,
         seen: &Rgb,
@@ -85,10 +88,11 @@ impl JodMetric {
         judged(self.metric.predict_image(&seen, &wanted, Space::Display), height * width)
     }
 
-    /// The same of a video of `rate_hz` frames a second, beside one picture that stands still.
+    /// Compares a video of `rate_hz` frames per second with one static picture.
     ///
     /// # Errors
-    /// Those of [`picture`](Self::picture); [`EvaluateError::Jod`] for a rate that is not above 0 and at most 16384.
+    /// Returns the errors of [`picture`](Self::picture), and [`EvaluateError::Jod`] for a rate that is not above 0 and
+    /// at most 16384.
     pub fn video(
         &self,
         seen: &[Rgb],
@@ -107,7 +111,7 @@ impl JodMetric {
         judged(self.metric.predict_video(&frames, &still, rate_hz as f32, Space::Display), height * width)
     }
 
-    /// Pictures in cd/m2; none where they are too small.
+    /// Returns pictures in cd/m2, or none if they are too small.
     fn images<const N: usize>(
         &self,
         pictures: [&Rgb; N],
@@ -125,7 +129,7 @@ impl JodMetric {
         let light = |v: f32| white * v.max(0.0) + black;
         let image = |[red, green, blue]: &Rgb| {
             let pixels = red.iter().zip(*green).zip(*blue);
-            // max(NaN, 0) is 0: what is no number has to stay one, so that it is refused.
+            // `max(NaN, 0)` is 0, but NaN must stay NaN, so that it is refused.
             let pixel = |v: f32| if v.is_nan() { v } else { light(v) };
             let data = pixels.flat_map(|((r, g), b)| [pixel(*r), pixel(*g), pixel(*b)]).collect();
             Image::new(width, height, 3, data).map_err(refused)
@@ -158,11 +162,11 @@ fn judged(found: colorvideovdp::Result<Prediction>, pixels: usize) -> Result<Opt
     Ok(Some(Judged { jod: f64::from(found.jod), lost }))
 }
 
-/// A picture of where it is lost, as red, green and blue to be written as they are: the picture `wanted` in pale grey, and
-/// over it, from nothing over yellow to dark red at 8 JOD, what is lost there.
+/// Returns a picture of the loss as red, green and blue, to be written unchanged. It is the picture `wanted` in pale
+/// gray. The loss covers it in colors from transparent through yellow to dark red at 8 JOD.
 pub fn lost_picture(wanted: &Rgb, lost: &[f32]) -> [Vec<f32>; 3] {
     const MOST: f32 = 8.0;
-    /// From nothing to [`MOST`], encoded.
+    /// Colors from no loss to [`MOST`], encoded.
     const RAMP: [[f32; 3]; 4] = [[1.0, 0.95, 0.35], [1.0, 0.62, 0.1], [0.86, 0.15, 0.1], [0.4, 0.0, 0.13]];
     let mut out = [const { Vec::new() }; 3];
     for (i, lost) in lost.iter().enumerate() {
@@ -174,7 +178,7 @@ pub fn lost_picture(wanted: &Rgb, lost: &[f32]) -> [Vec<f32>; 3] {
         let cover = (share * 6.0).min(1.0);
         for (c, out) in out.iter_mut().enumerate() {
             let heat = RAMP[low][c] * (1.0 - part) + RAMP[low + 1][c] * part;
-            // Encoded values: writing encodes linear light once more.
+            // The values are encoded here, because writing encodes linear light once more.
             out.push((grey * (1.0 - cover) + (0.35 + 0.75 * grey) * heat * cover).powf(2.2));
         }
     }
@@ -185,7 +189,7 @@ pub fn lost_picture(wanted: &Rgb, lost: &[f32]) -> [Vec<f32>; 3] {
 mod tests {
     use super::*;
 
-    /// Whole numbers, so that Python makes the same pictures.
+    /// Whole numbers, so that Python computes the same pictures.
     fn noise(height: usize, width: usize, salt: usize) -> Vec<f32> {
         let of = |i: usize| ((((i * 7919 + salt * 104_729) % 65521).pow(2) % 65521) % 1001) as f64 / 1000.0 - 0.5;
         (0..height * width).map(|i| of(i) as f32).collect()
@@ -237,8 +241,8 @@ mod tests {
         JodMetric::new(&viewing, pixels_per_degree, maps).unwrap()
     }
 
-    /// Rows, columns, picture, distortion and how much of it; pixels a degree, white and black, cd/m2; and what the original
-    /// in Python says (cvvdp 0.5.7 with torch 2.15 on a CPU, 2026-11-23).
+    /// Rows, columns, picture, distortion and its amount, pixels per degree, white and black in cd/m2. The last value
+    /// is the JOD of the original in Python (cvvdp 0.5.7 with torch 2.15 on a CPU).
     type Recorded = (usize, usize, usize, usize, f64, f64, f64, f64, f64);
     const RECORDED: [Recorded; 20] = [
         (64, 96, 0, 0, 0.05, 60.0, 200.0, 0.2, 9.68293),
@@ -274,8 +278,8 @@ mod tests {
         }
     }
 
-    /// The same original, with its symmetric padding in time: what flickers faster is seen less, and none of it as little as
-    /// its mean.
+    /// The same original, with its symmetric padding in time. Faster flicker is less visible, but always more visible
+    /// than its mean.
     #[test]
     fn sub_frames_are_the_video_that_the_original_sees() {
         let wanted = base(64, 96, 0);
@@ -312,7 +316,7 @@ mod tests {
         };
         assert!(mean(72, 96) > 1.0 && mean(0, 40) < 0.1, "{} {}", mean(72, 96), mean(0, 40));
         let picture = lost_picture(&borrow(&wanted), &judged.lost);
-        // Grey where nothing is lost, and of a warm colour where much is.
+        // Gray without a loss, and a warm color with a large loss.
         let spread = |i: usize| picture[0][i] - picture[2][i];
         assert!(spread(96 * 32 + 8).abs() < 0.05 && spread(96 * 32 + 88) > 0.2);
     }

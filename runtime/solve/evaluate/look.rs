@@ -1,4 +1,4 @@
-//! What an eye sees and what it should see, through any engine.
+//! Computes the images that an eye sees, and their target images, on any engine.
 
 use super::pool2;
 use crate::engine::{Buffer, Engine, EngineError};
@@ -6,23 +6,23 @@ use crate::optics::{Geometry, PictureMap, Pupil, WindowFactor};
 use crate::plan::{Comparison, Kernel, Planner, PupilPass, Step, Viewpoint};
 use crate::scene::{Bend, crop_share};
 
-/// The time-averaged intensity through each pupil of the phases that `engine` holds, divided by the pupil's share of
-/// the eyebox (OPTICS 2), on the SLM's pixels: (height, width) each, row-major; in the far field on the square of
-/// [`Optics::image_size`](crate::optics::Optics::image_size). No exposure is applied.
+/// Returns the time-averaged intensity through each pupil of the phases in `engine`. It is divided by the pupil's
+/// share of the eyebox (OPTICS 2). Each image has the SLM's pixels, (height, width), row-major. In the far field it is
+/// the square of [`Optics::image_size`](crate::optics::Optics::image_size). No exposure is applied.
 ///
 /// The engine must have been loaded with the planner's shape.
 ///
 /// # Errors
-/// Those of the engine.
+/// Returns the errors of the engine.
 pub fn views(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     let planner = Planner { views: None, ..planner.clone() };
     images(engine, &planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
-/// The same for anything that can be looked through.
+/// Returns the same images as [`views`] for any viewpoints.
 ///
 /// # Errors
-/// Those of the engine.
+/// Returns the errors of the engine.
 pub fn images(
     engine: &mut dyn Engine,
     planner: &Planner,
@@ -35,7 +35,7 @@ pub fn images(
     })
 }
 
-/// Runs what all pupil passes share, then each pupil pass by itself, and takes from each what `take` reads.
+/// Runs the shared work of all pupil passes, then each pupil pass by itself, and collects the results of `take`.
 pub(super) fn pass_by_pass<T>(
     engine: &mut dyn Engine,
     step: Step,
@@ -52,18 +52,18 @@ pub(super) fn pass_by_pass<T>(
     step.pupil_passes.iter().enumerate().map(one).collect()
 }
 
-/// The photograph of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
+/// Returns the target image of the engine's views through each pupil, on the SLM's pixels (OPTICS 3).
 ///
 /// # Errors
-/// Those of the engine.
+/// Returns the errors of the engine.
 pub fn photographs(engine: &mut dyn Engine, planner: &Planner, pupils: &[Pupil]) -> Result<Vec<Vec<f32>>, EngineError> {
     targets(engine, planner, &pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
 }
 
-/// The same for anything that can be looked through.
+/// Returns the same target images as [`photographs`] for any viewpoints.
 ///
 /// # Errors
-/// Those of the engine.
+/// Returns the errors of the engine.
 pub fn targets(
     engine: &mut dyn Engine,
     planner: &Planner,
@@ -81,7 +81,8 @@ pub fn targets(
         .collect()
 }
 
-/// The SLM's part of an image on the grid; in the far field, the picture's part, with the axis in its middle.
+/// Returns the SLM's part of an image on the grid. In the far field it is the picture's part, with the axis in its
+/// middle.
 pub fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
     if planner.grid.geometry == Geometry::FarField {
         let (height, width) = planner.grid.image_size();
@@ -92,7 +93,7 @@ pub fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
     if planner.grid == planner.slm {
         return image;
     }
-    // Behind a mask, the mean over a pixel's own.
+    // Behind a mask, each pixel is the mean of its finer pixels.
     let finer = planner.slm.mask_factor;
     let (height, width) = (finer * place.height as usize, finer * place.width as usize);
     let rows = image.chunks_exact(place.grid_width as usize).skip(place.top as usize).take(height);
@@ -109,31 +110,31 @@ pub fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
     means
 }
 
-/// An image (height, width) whose axis comes first, with its axis in the middle.
+/// Moves the axis of an image (height, width) from the first pixel to the middle.
 pub fn centered(image: &[f32], height: usize, width: usize) -> Vec<f32> {
     let (top, left) = (height - height / 2, width - width / 2);
     let rows = (0..height).map(|y| &image[(y + top) % height * width..][..width]);
     rows.flat_map(|row| row[left % width.max(1)..].iter().chain(&row[..left % width.max(1)])).copied().collect()
 }
 
-/// Linear light, or intensity, (row, column).
+/// An image of linear light or intensity, (row, column).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plane {
-    /// Rows.
+    /// Number of rows of pixels.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns of pixels.
     pub columns: usize,
-    /// Row by row.
+    /// The values, row by row.
     pub values: Vec<f32>,
 }
 
 impl Plane {
-    /// As it is seen behind what bends the display's picture.
+    /// Returns the plane as an eye sees it through the distortion of the display's picture.
     pub fn as_seen(&self, map: &PictureMap) -> Self {
         Self { values: Bend::to_viewer(map, [self.rows, self.columns]).apply(&self.values), ..*self }
     }
 
-    /// The mean of every block of 2 x 2 pixels ([`pool2`]).
+    /// Returns the mean of every block of 2 x 2 pixels ([`pool2`]).
     pub(crate) fn pooled(&self) -> Self {
         let values = pool2(&self.values, self.rows, self.columns);
         if self.rows < 2 || self.columns < 2 {

@@ -1,21 +1,23 @@
 //! Measures images: PSNR, SSIM, exposure, energy, speckle and color, for each pupil and for groups of pupils.
 //!
-//! Images are linear light, (row, column), with 1 as full scale; sums are kept in float64. The measures are pure
-//! functions of slices; [`views`] and [`photographs`] get the images from any engine, [`sums`] what exposure and PSNR need
-//! of them.
+//! Images are linear light, (row, column), with 1 as full scale. Sums are in float64. The measures are pure functions
+//! of slices. [`views`] and [`photographs`] compute the images with any engine, and [`sums`] computes the sums that
+//! exposure and PSNR need.
 //!
-//! The order in which a hologram is scored (OPTICS 2 and 8): the intensity of every pupil and its photograph, averaged
-//! over 2 x 2 pixels ([`pool2`]), come to three [`Sums`], made of the images or where they are; one exposure is fitted for
-//! all pupils together, and PSNR follows pupil by pupil ([`Scores`], and with [`ssim`] [`compare`]). Their [`Summary`]: worst,
-//! median and spread say more than the mean. [`members`] are the groups of pupils that the paper compares methods with.
+//! A hologram is scored in this order (OPTICS 2 and 8). The intensity of every pupil and its target image are averaged
+//! over 2 x 2 pixels ([`pool2`]). They give three [`Sums`], computed from the images or on the engine. One exposure is
+//! fitted for all pupils together. PSNR follows for each pupil ([`Scores`], and with [`ssim`] [`compare`]). Their
+//! [`Summary`] with worst, median and spread is more informative than the mean. [`members`] are the groups of pupils
+//! with which the paper compares methods.
 //!
-//! What a hologram scores stands beside the most that any could: the [`Ceiling`] that diffraction at the pupil sets.
+//! The [`Ceiling`] is the highest score that diffraction at the pupil allows for any hologram.
 //!
-//! What people see of it all is said in just-objectionable differences ([`JodMetric`]), at the display's luminance and pixels a
-//! degree.
+//! [`JodMetric`] measures the perceived difference in just-objectionable differences, at the display's luminance and
+//! pixels per degree.
 //!
-//! What else an eye would notice: parallax that breaks ([`sweep`]), light that is not everywhere in the eyebox
-//! ([`energy`], [`passed`]), grain ([`contrast`]) and colours that come apart at edges ([`color_difference`]).
+//! Further measures cover other visible faults. They are broken parallax ([`sweep`]), light that is missing in places
+//! of the eyebox ([`energy`], [`passed`]), speckle ([`contrast`]), and colors that separate at edges
+//! ([`color_difference`]).
 
 mod around;
 mod ceiling;
@@ -47,44 +49,45 @@ pub use sums::{Sums, sums};
 
 use eyebox_base::error::Reason;
 
-/// Why there is no number.
+/// The reason why a measure has no value.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum EvaluateError {
-    /// Two images that cannot be compared.
+    /// Two images differ in size and cannot be compared.
     #[error("an image of {one} pixels cannot be compared with one of {other}")]
     Sizes {
-        /// Pixels of the first.
+        /// Number of pixels of the first image.
         one: usize,
-        /// Pixels of the second, or what its rows and columns come to.
+        /// Number of pixels of the second image, or the product of its rows and columns.
         other: usize,
     },
-    /// An image smaller than the measure's window.
-    #[error("an image of {height}x{width} pixels is too small: {least}x{least} is the least")]
+    /// An image is smaller than the window of the measure.
+    #[error("an image of {height}x{width} pixels is too small, because the smallest size is {least}x{least}")]
     TooSmall {
-        /// Rows.
+        /// Number of rows of pixels.
         height: usize,
-        /// Columns.
+        /// Number of columns of pixels.
         width: usize,
-        /// Least number of either.
+        /// Smallest allowed number of rows and of columns.
         least: usize,
     },
-    /// What people see of a difference cannot be told.
+    /// The perceived difference cannot be computed.
     #[error("JOD: {reason}")]
     Jod {
-        /// Why not.
+        /// The reason why it cannot be computed.
         reason: Reason,
     },
-    /// No exposure makes anything of images without light.
-    #[error("the images are black: no exposure brings them to their targets")]
+    /// The images have no light, so no exposure fits them.
+    #[error("the images are black, so no exposure fits them to their targets")]
     Dark,
 }
 
-/// Peak signal-to-noise ratio in dB, peak 1: `-10 log10(mean((a - b)^2))`; infinite for equal images.
+/// Returns the peak signal-to-noise ratio `-10 log10(mean((a - b)^2))` in dB, with peak 1. It is infinite for equal
+/// images.
 ///
 /// # Errors
-/// [`EvaluateError::Sizes`]; [`EvaluateError::TooSmall`] for images without pixels.
+/// Returns [`EvaluateError::Sizes`], or [`EvaluateError::TooSmall`] for images without pixels.
 pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, EvaluateError> {
     if a.len() != b.len() {
         return Err(EvaluateError::Sizes { one: a.len(), other: b.len() });
@@ -96,12 +99,12 @@ pub fn psnr(a: &[f32], b: &[f32]) -> Result<f64, EvaluateError> {
     Ok(-10.0 * (error / a.len() as f64).log10())
 }
 
-/// Mean of every block of 2 x 2 pixels, (`height / 2`, `width / 2`): a last odd row or column is dropped. The same for
-/// every method compared, it stands for the eye's own resolution (OPTICS 8). An image of
-/// a single row or column has no such block and stays as it is.
+/// Returns the mean of every block of 2 x 2 pixels, (`height / 2`, `width / 2`). A last odd row or column is dropped.
+/// It is the same for every method in a comparison, and represents the resolution of the eye (OPTICS 8). An image of a
+/// single row or column has no such block and is returned unchanged.
 ///
 /// # Panics
-/// If `image` is not `height` x `width`: the caller's mistake.
+/// Panics if `image` is not `height` x `width`, which is a mistake of the caller.
 pub fn pool2(image: &[f32], height: usize, width: usize) -> Vec<f32> {
     assert_eq!(image.len(), height * width, "the image is {height} x {width}");
     if height < 2 || width < 2 {
@@ -116,10 +119,10 @@ pub fn pool2(image: &[f32], height: usize, width: usize) -> Vec<f32> {
     pooled
 }
 
-/// [`Sums::fit_exposure`] over pairs of images and targets.
+/// Applies [`Sums::fit_exposure`] to pairs of images and targets.
 ///
 /// # Errors
-/// [`EvaluateError::Sizes`], [`EvaluateError::TooSmall`], [`EvaluateError::Dark`].
+/// Returns [`EvaluateError::Sizes`], [`EvaluateError::TooSmall`] or [`EvaluateError::Dark`].
 pub fn fit_exposure<'a>(pairs: impl IntoIterator<Item = (&'a [f32], &'a [f32])>) -> Result<f64, EvaluateError> {
     let sums =
         pairs.into_iter().map(|(image, target)| Sums::of_images(image, target)).collect::<Result<Vec<_>, _>>()?;
@@ -139,13 +142,14 @@ mod tests {
         assert!(matches!(psnr(&[], &[]), Err(EvaluateError::TooSmall { .. })));
     }
 
-    /// Whole numbers over whole numbers, so that Python makes the same images.
+    /// Whole numbers divided by whole numbers, so that Python computes the same images.
     #[test]
     fn psnr_is_scikit_images() {
         let image = |n: usize, salt: usize| -> Vec<f32> {
             (0..n).map(|i| ((i * i * 7 + i * salt) % 101) as f32 / 100.0).collect()
         };
-        // scikit-image 0.26: peak_signal_noise_ratio(a, b, data_range=1.0), and structural_similarity as in `ssim`.
+        // Values of scikit-image 0.26, by peak_signal_noise_ratio(a, b, data_range=1.0), and structural_similarity as
+        // in `ssim`.
         assert!((psnr(&image(24 * 37, 3), &image(24 * 37, 5)).unwrap() - 7.457_955_216_659_766).abs() < 1e-4);
         for (h, w, part, db, similarity) in [
             (24, 37, 0.25, 22.232_105_941_015_36, 0.164_629_235_548_317_13),

@@ -1,37 +1,39 @@
-//! The scorer: one exposure for all pupils, what each pupil scores under it, and what a list of scores comes to.
+//! Scores pupils at one exposure for all of them, and summarizes lists of scores.
 
 use super::ssim::ssim_at;
 use super::sums::is_black;
 use super::{EvaluateError, Sums};
 use serde::{Deserialize, Serialize};
 
-/// PSNR of some pupils at one exposure for all of them: never one per pupil, which would hide an uneven eyebox (OPTICS 2).
+/// PSNR of several pupils at one exposure for all of them. An exposure per pupil would hide an uneven eyebox (OPTICS
+/// 2).
 ///
-/// Which exposure? Over pupils that all see about the same light, the fit over all of them ([`fitted`](Self::fitted)).
-/// Over pupils of which some see many times the light of others (the corners of the eyebox, where methods leave what they
-/// have no use for; a narrow pupil on the peak of smooth phase), such a fit follows the few brightest and leaves the rest
-/// in the dark: there it is fitted through the widest pupil, as a photographer would, and given ([`at`](Self::at)).
+/// If all pupils see about the same light, the exposure is the fit over all of them ([`fitted`](Self::fitted)). Some
+/// pupils may see many times the light of others. Examples are the corners of the eyebox, where methods leave unwanted
+/// light, and a narrow pupil on the peak of a smooth phase. Then such a fit follows the few brightest pupils and leaves
+/// the rest dark. In this case the exposure is fitted through the widest pupil, as a photographer would, and given
+/// ([`at`](Self::at)).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scores {
-    /// PSNR of each pupil whose target is not black, dB, after 2 x 2 averaging. If all are black, of each pupil: only to compare
-    /// states, since [`quality`](Self::quality) is `None`.
+    /// PSNR in dB of each pupil whose target is not black, after 2 x 2 averaging. If all targets are black, it holds
+    /// each pupil. Such values only compare states, since [`quality`](Self::quality) is `None`.
     pub psnr: Vec<f64>,
-    /// The exposure.
+    /// The exposure of all pupils.
     pub exposure: f64,
     /// Mean square of the targets of all pupils.
     pub target_power: f64,
 }
 
 impl Scores {
-    /// At the least-squares fit over all pupils.
+    /// Scores at the least-squares fit over all pupils.
     ///
     /// # Errors
-    /// [`EvaluateError::Dark`].
+    /// Returns [`EvaluateError::Dark`] for images without light.
     pub fn fitted(sums: &[Sums]) -> Result<Self, EvaluateError> {
         Ok(Self::at(sums, Sums::fit_exposure(sums)?))
     }
 
-    /// At this exposure.
+    /// Scores at the given exposure.
     pub fn at(sums: &[Sums], exposure: f64) -> Self {
         let target_power = sums.iter().map(Sums::target_power).sum::<f64>() / sums.len().max(1) as f64;
         let lit: Vec<f64> = sums.iter().filter_map(|s| s.quality(exposure)).collect();
@@ -39,23 +41,23 @@ impl Scores {
         Self { psnr, exposure, target_power }
     }
 
-    /// Mean and worst PSNR over pupils as a quality, dB. `None` if all targets are black, since a black hologram of them would
-    /// be perfect.
+    /// Returns the mean and worst PSNR over pupils as a quality in dB. Returns `None` if all targets are black, since a
+    /// black hologram of them would be perfect.
     pub fn quality(&self) -> Option<[f64; 2]> {
         (!is_black(self.target_power)).then(|| [self.mean(), self.worst()])
     }
 
-    /// Mean over pupils, dB.
+    /// Returns the mean over pupils in dB.
     pub fn mean(&self) -> f64 {
         self.psnr.iter().sum::<f64>() / self.psnr.len().max(1) as f64
     }
 
-    /// The worst pupil, dB.
+    /// Returns the PSNR of the worst pupil in dB.
     pub fn worst(&self) -> f64 {
         self.psnr.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    /// For targets that were divided by `unit`: the exposure and the errors that they stand for.
+    /// Converts scores for targets that were divided by `unit` to the exposure and errors of the original targets.
     pub(crate) fn in_units_of(mut self, unit: f64) -> Self {
         self.exposure *= unit;
         self.target_power *= unit * unit;
@@ -64,20 +66,20 @@ impl Scores {
     }
 }
 
-/// What one pupil scored in one colour.
+/// The scores of one pupil in one color.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// dB, peak 1; `None` if the photograph is black.
+    /// PSNR in dB with peak 1, or `None` if the target image is black.
     pub psnr: Option<f64>,
-    /// None where the picture is smaller than SSIM's window.
+    /// SSIM, or `None` if the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
 }
 
-/// PSNR and SSIM of the intensities `seen` against the photographs `wanted`, pupil by pupil, at one exposure for all of them
-/// (see [`Scores`]); all are (height, width) and averaged over 2 x 2 pixels already.
+/// Returns PSNR and SSIM of the intensities `seen` against the target images `wanted`, for each pupil, at one exposure
+/// for all of them (see [`Scores`]). All images are (height, width) and already averaged over 2 x 2 pixels.
 ///
 /// # Errors
-/// [`EvaluateError::Sizes`].
+/// Returns [`EvaluateError::Sizes`] for lists or images of different sizes.
 pub fn compare(
     seen: &[Vec<f32>],
     wanted: &[Vec<f32>],
@@ -95,27 +97,28 @@ pub fn compare(
     seen.iter().zip(wanted).map(score).collect()
 }
 
-/// Statistics of scores of which more is better.
+/// Statistics of scores for which a higher value is better.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Summary {
-    /// Arithmetic mean.
+    /// Arithmetic mean of the scores.
     pub mean: f64,
-    /// Half of the scores are at or below it.
+    /// Median. Half of the scores are at or below it.
     pub median: f64,
-    /// The lowest.
+    /// The lowest of the scores.
     pub worst: f64,
-    /// The highest.
+    /// The highest of the scores.
     pub best: f64,
-    /// Lower quartile.
+    /// Lower quartile of the scores.
     pub q25: f64,
-    /// Upper quartile.
+    /// Upper quartile of the scores.
     pub q75: f64,
-    /// Standard deviation, of these scores and not of a population guessed from them.
+    /// Standard deviation of these scores, not of a population estimated from them.
     pub sd: f64,
 }
 
 impl Summary {
-    /// Quantiles lie linearly between scores, as NumPy's. None for no scores.
+    /// Summarizes scores, or returns none for no scores. Quantiles are interpolated linearly between scores, as in
+    /// NumPy.
     pub fn of(scores: &[f64]) -> Option<Self> {
         let mut sorted = scores.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -139,16 +142,16 @@ mod tests {
 
     #[test]
     fn a_dim_pupil_stays_dim() {
-        // The second pupil sees half the light: one exposure cannot serve both, and the scores say so.
+        // The second pupil sees half the light. One exposure cannot serve both, and the scores must show it.
         let target: Vec<f32> = (0..256).map(|i| 0.2 + (i % 7) as f32 * 0.05).collect();
         let bright: Vec<f32> = target.iter().map(|t| 2.0 * t).collect();
         let scores = compare(&[bright, target.clone()], &[target.clone(), target], 0.5, 16, 16).unwrap();
         assert!(scores[0].psnr.unwrap() > 100.0 && (scores[0].ssim.unwrap() - 1.0).abs() < 1e-6);
-        // Half of 0.35, give or take.
+        // About half of 0.35.
         assert!((14.0..16.0).contains(&scores[1].psnr.unwrap()) && scores[1].ssim.unwrap() < 0.9, "{scores:?}");
     }
 
-    /// A black target has no quality, however small the error is; a target with one lit pixel has one.
+    /// A black target has no quality, even if the error is small. A target with one lit pixel has a quality.
     #[test]
     fn black_targets_have_no_quality() {
         let sums = |image: f32, target: f32| {
@@ -172,7 +175,7 @@ mod tests {
             let colors = [(sums(image, 0.0), 1.0), (sums(image, 0.5), 1.0)];
             assert_eq!(Sums::quality_of_colors(&colors), Some(Sums::psnr_of_colors(&colors)));
         }
-        // Targets that were divided by a unit count as they are.
+        // Targets that were divided by a unit count in their original scale.
         assert!(Scores::at(&[sums(0.0, 0.5)], 1.0).in_units_of(1e-6).quality().is_none());
     }
 
@@ -186,7 +189,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_numpys() {
-        // numpy: percentile([25, 50, 75]) = [21.75, 25.0, 28.25]; std = 4.4503433076062295.
+        // NumPy gives percentile([25, 50, 75]) = [21.75, 25.0, 28.25] and std = 4.4503433076062295.
         let s = Summary::of(&[29.0, 18.0, 24.0, 26.0, 31.0, 21.0]).unwrap();
         assert_eq!((s.q25, s.median, s.q75, s.worst, s.best), (21.75, 25.0, 28.25, 18.0, 31.0));
         assert!((s.mean - 149.0 / 6.0).abs() < 1e-12);

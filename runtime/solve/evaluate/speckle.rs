@@ -1,16 +1,18 @@
-//! Speckle: how grainy an even surface looks, and how sub-frames smooth it (OPTICS 8).
+//! Measures the speckle contrast of an even surface, and its reduction by sub-frames (OPTICS 8).
 
 use super::energy::variation;
 
-/// Contrast of an image of an even surface: standard deviation over mean. 1 for fully developed speckle.
+/// Returns the contrast of an image of an even surface, which is the standard deviation over the mean. It is 1 for
+/// fully developed speckle.
 pub fn contrast(image: &[f32]) -> f64 {
     variation(&image.iter().map(|v| f64::from(*v)).collect::<Vec<_>>())
 }
 
-/// Contrast of the mean of `count` images, averaged over every such set that `images` can be cut into without using one
-/// twice. None where there are fewer than `count`.
+/// Returns the contrast of the mean of `count` images, averaged over all sets into which `images` can be cut without
+/// using an image twice. Returns none if there are fewer than `count` images.
 ///
-/// Of independent images it is `1 / sqrt(count)` of that of one (Goodman, *Speckle Phenomena in Optics*, 2007).
+/// For independent images it is `1 / sqrt(count)` of the contrast of one (Goodman, *Speckle Phenomena in Optics*,
+/// 2007).
 pub fn averaged_contrast(images: &[Vec<f32>], count: usize) -> Option<f64> {
     let sets = images.chunks_exact(count.max(1));
     let number = sets.len();
@@ -30,7 +32,7 @@ mod tests {
 
     #[test]
     fn independent_images_follow_the_root_and_equal_ones_do_not() {
-        // Exponential intensities, as fully developed speckle has them.
+        // Exponential intensities, which fully developed speckle has.
         let mut state = 7u64;
         let mut draw = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);

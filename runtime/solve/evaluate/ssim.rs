@@ -1,23 +1,23 @@
-//! Structural similarity (Wang et al., IEEE Transactions on Image Processing 13, 2004).
+//! Computes structural similarity (Wang et al., IEEE Transactions on Image Processing 13, 2004).
 
 use super::EvaluateError;
 use rayon::prelude::*;
 
-/// Half the window: 3.5 standard deviations of 1.5 pixels, rounded.
+/// Half of the window, which is 3.5 standard deviations of 1.5 pixels, rounded.
 const RADIUS: usize = 5;
 const WINDOW: usize = 2 * RADIUS + 1;
 const SIGMA: f64 = 1.5;
-/// (K L)^2 with the paper's K1 = 0.01 and K2 = 0.03, and L = 1.
+/// The constants (K L)^2 with the paper's K1 = 0.01 and K2 = 0.03, and L = 1.
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
 
-/// Mean structural similarity of two images of `height` x `width`, full scale 1: Gaussian weights of 1.5 pixels cut off
-/// at 5, population covariances, averaged over the windows that lie wholly inside. It is what scikit-image 0.26 calls
-/// `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0)`, whose
-/// cropped mean leaves out every pixel that its border rule touches.
+/// Returns the mean structural similarity of two images of `height` x `width` with full scale 1. It uses Gaussian
+/// weights of 1.5 pixels cut off at 5, and population covariances, averaged over the windows inside the image. It
+/// equals `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1.0)`
+/// of scikit-image 0.26, whose cropped mean excludes every pixel that its border rule affects.
 ///
 /// # Errors
-/// [`EvaluateError::TooSmall`] below 11 x 11, [`EvaluateError::Sizes`].
+/// Returns [`EvaluateError::TooSmall`] below 11 x 11, or [`EvaluateError::Sizes`].
 pub fn ssim(a: &[f32], b: &[f32], height: usize, width: usize) -> Result<f64, EvaluateError> {
     if height < WINDOW || width < WINDOW {
         return Err(EvaluateError::TooSmall { height, width, least: WINDOW });
@@ -44,7 +44,7 @@ pub fn ssim(a: &[f32], b: &[f32], height: usize, width: usize) -> Result<f64, Ev
             })
         })
         .collect();
-    // A sum per row, added in their order: the same on any number of threads.
+    // One sum per row, added in their order, gives the same result on any number of threads.
     let rows: Vec<f64> = (0..height - 2 * RADIUS)
         .into_par_iter()
         .map(|y| {
@@ -63,7 +63,7 @@ pub fn ssim(a: &[f32], b: &[f32], height: usize, width: usize) -> Result<f64, Ev
     Ok(rows.iter().sum::<f64>() / (rows.len() * inside) as f64)
 }
 
-/// [`ssim`] of an image at an exposure; none for images that are smaller than its window.
+/// Returns [`ssim`] of an image at an exposure, or none for images that are smaller than its window.
 pub(crate) fn ssim_at(
     exposure: f64,
     seen: &[f32],
@@ -88,7 +88,7 @@ fn gaussian() -> [f64; WINDOW] {
 mod tests {
     use super::*;
 
-    /// Whole numbers over whole numbers, so that Python makes the same images.
+    /// Whole numbers divided by whole numbers, so that Python computes the same images.
     fn image(height: usize, width: usize, salt: usize) -> Vec<f32> {
         (0..height * width).map(|i| ((i * i * 7 + i * salt) % 101) as f32 / 100.0).collect()
     }

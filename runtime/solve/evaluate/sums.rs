@@ -1,4 +1,4 @@
-//! The three sums from which exposure and PSNR follow, summed where the images are: no image is read back.
+//! Computes the three sums from which exposure and PSNR follow, on the engine, without reading images back.
 
 use super::EvaluateError;
 use super::look::{crop, pass_by_pass};
@@ -8,38 +8,38 @@ use crate::plan::{Comparison, Planner, Viewpoint};
 use eyebox_kernels::exposure::{Args, PART, exposure};
 use eyebox_kernels::modulate;
 
-/// Mean square of a target below which it is black: 1/65535 of full scale.
+/// Mean square of a target below which it is black, for 1/65535 of full scale.
 const BLACK_POWER: f64 = 2.4e-10;
 
-/// Whether a target of this mean square shows no light. A PSNR against it says nothing about quality.
+/// Returns true if a target of this mean square has no light. A PSNR against it has no meaning for quality.
 pub(crate) fn is_black(power: f64) -> bool {
     power < BLACK_POWER
 }
 
-/// What one viewpoint's image `I` and target `T`, averaged over 2 x 2 pixels, come to.
+/// The sums of one viewpoint's image `I` and target `T`, both averaged over 2 x 2 pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sums {
-    /// `<I, T>`.
+    /// The scalar product `<I, T>`.
     pub with_target: f64,
-    /// `<I, I>`.
+    /// The scalar product `<I, I>`.
     pub with_itself: f64,
-    /// `<T, T>`.
+    /// The scalar product `<T, T>`.
     pub of_target: f64,
-    /// Averaged pixels.
+    /// Number of averaged pixels.
     pub pixels: usize,
 }
 
 impl Sums {
-    /// From the parts that the kernel `exposure` leaves.
+    /// Returns the sums of the partial results of the kernel `exposure`.
     pub(crate) fn of_parts(parts: &[f32], pixels: usize) -> Self {
         let sum = |k: usize| parts.chunks_exact(PART).map(|p| f64::from(p[2 * k]) + f64::from(p[2 * k + 1])).sum();
         Self { with_target: sum(0), with_itself: sum(1), of_target: sum(2), pixels }
     }
 
-    /// Of an image and its target, of one size, averaged over 2 x 2 pixels already.
+    /// Returns the sums of an image and its target of the same size, which are already averaged over 2 x 2 pixels.
     ///
     /// # Errors
-    /// [`EvaluateError::Sizes`]; [`EvaluateError::TooSmall`] for images without pixels.
+    /// Returns [`EvaluateError::Sizes`], or [`EvaluateError::TooSmall`] for images without pixels.
     pub fn of_images(image: &[f32], target: &[f32]) -> Result<Self, EvaluateError> {
         if image.len() != target.len() {
             return Err(EvaluateError::Sizes { one: image.len(), other: target.len() });
@@ -57,11 +57,11 @@ impl Sums {
         Ok(sums)
     }
 
-    /// The one exposure over all of them that brings images `I` nearest to their targets `T` in the least-squares sense:
-    /// `sum <I, T> / sum <I, I>`. For comparing what is finished; it settles too low to steer by (OPTICS 6c).
+    /// Returns the single exposure that fits all images `I` to their targets `T` in the least-squares sense, `sum <I,
+    /// T> / sum <I, I>`. It is for comparisons of finished holograms. As a guide for a solve it is too low (OPTICS 6c).
     ///
     /// # Errors
-    /// [`EvaluateError::Dark`].
+    /// Returns [`EvaluateError::Dark`] for images without light.
     pub fn fit_exposure(all: &[Self]) -> Result<f64, EvaluateError> {
         let with_itself: f64 = all.iter().map(|s| s.with_itself).sum();
         if with_itself > 0.0 {
@@ -71,36 +71,37 @@ impl Sums {
         }
     }
 
-    /// Mean square of the target.
+    /// Returns the mean square of the target.
     pub fn target_power(&self) -> f64 {
         self.of_target / self.pixels.max(1) as f64
     }
 
-    /// PSNR at this exposure, dB, as [`psnr`](super::psnr) finds it from the images; infinite where no error is left.
-    /// Within 0.01 dB up to 100 dB: beyond, the 48 bits of sums that an engine made end.
+    /// Returns the PSNR at this exposure in dB, as [`psnr`](super::psnr) computes it from the images. It is infinite
+    /// without an error. It is within 0.01 dB up to 100 dB, because sums of an engine have 48 bits.
     pub fn psnr(&self, exposure: f64) -> f64 {
         Self::psnr_of_colors(&[(*self, exposure)])
     }
 
-    /// [`psnr`](Self::psnr) as a quality, dB: `None` if the target is black.
+    /// Returns [`psnr`](Self::psnr) as a quality in dB, or `None` if the target is black.
     pub fn quality(&self, exposure: f64) -> Option<f64> {
         Self::quality_of_colors(&[(*self, exposure)])
     }
 
-    /// [`psnr_of_colors`](Self::psnr_of_colors) as a quality: `None` if the target is black in all colors, since a black
-    /// picture of it would be perfect.
+    /// Returns [`psnr_of_colors`](Self::psnr_of_colors) as a quality. Returns `None` if the target is black in all
+    /// colors, since a black image of it would be perfect.
     pub fn quality_of_colors(colors: &[(Self, f64)]) -> Option<f64> {
         let is_lit = |(sums, _): &(Self, f64)| !is_black(sums.target_power());
         colors.iter().any(is_lit).then(|| Self::psnr_of_colors(colors))
     }
 
-    /// PSNR of one pupil over several colours, each with its exposure, every pixel counting the same, dB.
+    /// Returns the PSNR in dB of one pupil over several colors, each with its exposure. Every pixel has the same
+    /// weight.
     pub fn psnr_of_colors(colors: &[(Self, f64)]) -> f64 {
         let error: f64 = colors.iter().map(|(sums, exposure)| sums.error(*exposure)).sum();
         -10.0 * (error / colors.iter().map(|(sums, _)| sums.pixels).sum::<usize>() as f64).log10()
     }
 
-    /// Of an image and its target on the SLM's pixels.
+    /// Returns the sums of an image and its target on the SLM's pixels.
     fn of_pixels(place: &modulate::Args, image: &[f32], target: &[f32]) -> Self {
         let modulate::Args { height, width, .. } = *place;
         let args = Args { height, width, pitch: width, top: 0, left: 0 };
@@ -109,7 +110,7 @@ impl Sums {
         Self::of_parts(&parts, args.pixels())
     }
 
-    /// Sum of squared differences at this exposure.
+    /// Returns the sum of squared differences at this exposure.
     fn error(&self, exposure: f64) -> f64 {
         let error = exposure * (exposure * self.with_itself - 2.0 * self.with_target) + self.of_target;
         // NaN stays NaN.
@@ -117,10 +118,11 @@ impl Sums {
     }
 }
 
-/// The sums of each viewpoint: of the phases that `engine` holds and the photographs of its views, on the SLM's pixels.
+/// Returns the sums of each viewpoint, from the phases in `engine` and the target images of its views, on the SLM's
+/// pixels.
 ///
 /// # Errors
-/// Those of the engine.
+/// Returns the errors of the engine.
 pub fn sums(engine: &mut dyn Engine, planner: &Planner, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
     let planner = Planner { factor: WindowFactor::Full, ..planner.clone() };
     let pupil_passes = viewpoints.iter().map(|s| planner.viewpoint(s, &Comparison::default())).collect();
@@ -151,13 +153,13 @@ mod tests {
         Sums::of_parts(&parts, args.pixels())
     }
 
-    /// Odd sizes, single rows and columns, more than one part; from poor images to nearly perfect ones.
+    /// Covers odd sizes, single rows and columns, and more than one part, from poor images to nearly perfect ones.
     #[test]
     fn exposure_and_psnr_are_those_of_the_images() {
         for (height, width) in [(1, 1), (1, 9), (9, 1), (7, 13), (45, 64), (151, 203)] {
             let target = noise(height * width, 1);
             for decibels in [10.0, 30.0, 60.0, 100.0] {
-                // The image lies 1 / 0.7 above the target, and beside it by so much.
+                // The image is 1 / 0.7 brighter than the target, with noise of this size.
                 let beside = noise(height * width, 2);
                 let far = (10f64.powf(-decibels / 20.0) * 12f64.sqrt()) as f32;
                 let image: Vec<f32> =
@@ -168,7 +170,8 @@ mod tests {
                 let wanted = fit_exposure([(&image[..], &target[..])]).unwrap();
                 let found = Sums::fit_exposure(&[sums]).unwrap();
                 assert!((found / wanted - 1.0).abs() < 1e-12, "{height} x {width}: {found}, not {wanted}");
-                // At the fitted exposure (of one pixel nothing is left there), and at another.
+                // Tests the fitted exposure and another. The error of a single pixel is zero at the fitted exposure, so
+                // that is skipped.
                 for exposure in [wanted, 0.9 * wanted].into_iter().skip(usize::from(target.len() < 2)) {
                     let error =
                         image.iter().zip(&target).map(|(i, t)| (exposure * f64::from(*i) - f64::from(*t)).powi(2));

@@ -1,4 +1,4 @@
-//! The files of a hologram folder: their names, its documents, its chunks; sealed, and checked when they are read.
+//! Names, writes and checks the documents and chunks of a hologram folder.
 
 use super::HologramError;
 use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
@@ -12,15 +12,16 @@ use std::path::Path;
 
 pub(super) const GROUP: &str = "zarr.json";
 pub(super) const ARRAY: &str = "phases/zarr.json";
-/// Locked by the program that makes a sequence or tiles.
+/// The file that is locked by the program that makes a sequence or tiles.
 pub(super) const LOCK: &str = "progress.lock";
-/// How often a hologram is opened anew that is replaced while it is read.
+/// The number of attempts to open a hologram that is replaced while it is read.
 const ATTEMPTS: usize = 100;
-/// No document of this format comes near it; it bounds what a wrong file can make us read.
+/// No document of this format comes near this length in bytes. It bounds the reading of a wrong file.
 const LONGEST_DOCUMENT: u64 = 16 << 20;
 
-/// The name of a draft that nobody else takes: who is thought dead may still be writing, and numbers of processes repeat from
-/// machine to machine. It comes from the system and not from a seed, so that no two programs have the same.
+/// Returns a name of a temporary file that no other program uses. A process that seems dead may still be writing, and
+/// process numbers repeat on other machines. The name comes from the system and not from a seed, so that no two
+/// programs have the same.
 pub(super) fn own_draft() -> String {
     format!(".eyebox-{:016x}.part", RandomState::new().build_hasher().finish())
 }
@@ -44,7 +45,7 @@ pub(super) fn open_folder(path: &Path) -> Result<Folder, HologramError> {
     })
 }
 
-/// Reads what stands at `path` through one open folder: all of the old or all of the new where it is replaced meanwhile.
+/// Reads the hologram at `path` through one open folder. If it is replaced meanwhile, the result is all old or all new.
 pub(super) fn read_whole<T>(
     path: &Path,
     read: impl Fn(&Folder) -> Result<T, HologramError>,
@@ -53,7 +54,7 @@ pub(super) fn read_whole<T>(
         let folder = open_folder(path)?;
         match read(&folder) {
             Err(HologramError::Replaced { .. }) => {}
-            // Without descriptors of folders names may have led into either.
+            // Without descriptors of folders, names may have led into either folder.
             Ok(_) if cfg!(not(unix)) && folder.is_replaced() => {}
             other => return other,
         }
@@ -61,7 +62,7 @@ pub(super) fn read_whole<T>(
     Err(HologramError::Replaced { path: path.display().to_string() })
 }
 
-/// Refuses a folder that is no hologram's.
+/// Refuses a folder that is not a hologram.
 pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
     if folder.has(GROUP) || folder.has("phases") {
         return Ok(());
@@ -72,7 +73,7 @@ pub(super) fn check_is_one(folder: &Folder) -> Result<(), HologramError> {
     })
 }
 
-/// Starts a hologram that will stand at `path`: in the place of what `ours` allows and nobody is making, or where there is nothing.
+/// Starts a hologram at `path`. It replaces only a hologram that `ours` allows and that no program is making.
 pub(super) fn draft(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft, HologramError> {
     if Folder::open(path).is_ok_and(|there| there.is_locked(LOCK)) {
         return Err(HologramError::Busy { path: path.display().to_string() });
@@ -80,13 +81,13 @@ pub(super) fn draft(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft,
     Ok(FolderDraft::new(path, ours)?)
 }
 
-/// Takes the lock of a hologram in the making.
+/// Takes the lock of an unfinished hologram.
 pub(super) fn lock(folder: &Folder) -> Result<File, HologramError> {
     let locked = folder.lock(LOCK).map_err(|e| FileError::write(&folder.path().join(LOCK), e))?;
     locked.ok_or_else(|| HologramError::Busy { path: folder.path().display().to_string() })
 }
 
-/// Whether a folder is a hologram, whole or damaged, and nothing else, and nobody is making it.
+/// Returns true if a folder is a hologram, whole or damaged, that holds nothing else and that no program is making.
 pub(super) fn is_hologram(path: &Path) -> bool {
     let Ok(folder) = Folder::open(path) else { return false };
     let document = || serde_json::from_slice::<serde_json::Value>(&read_document(&folder, GROUP).ok()?).ok();
@@ -95,7 +96,7 @@ pub(super) fn is_hologram(path: &Path) -> bool {
         && !folder.is_locked(LOCK)
 }
 
-/// Whether everything in a hologram's folder, down to the last file, was written by this program. Links are not.
+/// Returns true if this program wrote everything in a hologram's folder, down to the last file. Links are refused.
 fn holds_only_ours(folder: &Folder) -> bool {
     const TOP: [&str; 5] = [GROUP, "phases", "progress.json", LOCK, "staged"];
     let mut left = vec![(String::new(), 0)];
@@ -119,13 +120,13 @@ fn holds_only_ours(folder: &Folder) -> bool {
     true
 }
 
-/// The name of a staged tile, of a part of the job that is done, or of a draft beside them.
+/// Returns true for the name of a staged tile, of a finished part of the job, or of a temporary file next to them.
 pub(super) fn is_staged(name: &str) -> bool {
     let numbers = matches!(name.split('.').count(), 1 | 4) && name.bytes().all(|b| b.is_ascii_digit() || b == b'.');
     is_draft(name) || numbers
 }
 
-/// What stands at `path` is no hologram.
+/// The error for a path that holds no hologram.
 pub(super) fn none(path: &Path, reason: Reason) -> HologramError {
     HologramError::NotAHologram { path: path.display().to_string(), reason }
 }
@@ -134,7 +135,7 @@ pub(super) fn damaged(file: &Path, reason: Reason) -> HologramError {
     HologramError::Damaged { file: file.display().to_string(), reason }
 }
 
-/// A file of a hologram that cannot be read: it is missing there, or the hologram was replaced and all of it is gone.
+/// The error for a file that cannot be read. Either the file is missing, or the hologram was replaced as a whole.
 pub(super) fn unreadable(folder: &Folder, name: &str, e: io::Error) -> HologramError {
     let file = folder.path().join(name);
     match e.kind() {
@@ -146,12 +147,12 @@ pub(super) fn unreadable(folder: &Folder, name: &str, e: io::Error) -> HologramE
     }
 }
 
-/// A file of a hologram that cannot be written.
+/// The error for a file that cannot be written.
 pub(super) fn unwritable(folder: &Folder, name: &str, e: io::Error) -> HologramError {
     let file = folder.path().join(name);
     match e.kind() {
-        // What stands in its way is a link, or no file.
-        io::ErrorKind::InvalidInput => damaged(&file, reason!("not-changed", "{e}: nothing was changed")),
+        // The path of the file is a link, or not a file.
+        io::ErrorKind::InvalidInput => damaged(&file, reason!("not-changed", "{e}. Nothing was changed")),
         _ => FileError::write(&file, e).into(),
     }
 }
@@ -160,20 +161,20 @@ pub(super) fn read_document(folder: &Folder, name: &str) -> Result<Vec<u8>, Holo
     folder.bytes(name, LONGEST_DOCUMENT).map_err(|e| unreadable(folder, name, e))
 }
 
-/// Zarr's codecs `bytes` (little-endian) and `crc32c`: the values, then the sum of their bytes.
+/// Writes Zarr's codecs `bytes` (little-endian) and `crc32c`, which are the values and then the sum of their bytes.
 pub(super) fn write_chunk(out: &mut dyn Write, phases: &[f32]) -> io::Result<()> {
     let bytes: Vec<u8> = phases.iter().flat_map(|&p| wrap_phase(p).to_le_bytes()).collect();
     out.write_all(&bytes)?;
     out.write_all(&crc32c::crc32c(&bytes).to_le_bytes())
 }
 
-/// Refuses phases of this shape where memory does not hold them.
+/// Refuses phases of this shape if memory cannot hold them.
 pub(super) fn check_memory(path: &Path, shape: &[usize]) -> Result<(), HologramError> {
     let what = || format!("{}: phases of shape {shape:?}", path.display());
     Ok(memory::check_available(what, memory::bytes_of(shape, 4), "free some, or take a smaller hologram")?)
 }
 
-/// Refuses a chunk that is not as long as so many values; `summed`: whether it ends in its checksum.
+/// Refuses a chunk whose length does not fit the number of `values`. If `summed`, the chunk ends in its checksum.
 pub(super) fn check_length(folder: &Folder, name: &str, values: usize, summed: bool) -> Result<(), HologramError> {
     check_file_length(folder, name, folder.length(name).map_err(|e| unreadable(folder, name, e))?, values, summed)
 }
@@ -192,17 +193,17 @@ fn check_file_length(
     Ok(())
 }
 
-/// Refuses a chunk whose bytes have another checksum than it states.
+/// Refuses a chunk whose bytes have another checksum than the chunk states.
 pub(super) fn check_sum(folder: &Folder, name: &str, bytes: &[u8], stated: [u8; 4]) -> Result<(), HologramError> {
     let (stated, found) = (u32::from_le_bytes(stated), crc32c::crc32c(bytes));
     if stated != found {
-        let reason = reason!("checksum", "its checksum is {found:08x}, and it states {stated:08x}");
+        let reason = reason!("checksum", "its checksum is {found:08x}, but it states {stated:08x}");
         return Err(damaged(&folder.path().join(name), reason));
     }
     Ok(())
 }
 
-/// Reads a chunk, and its checksum if it is `summed`. Allocates nothing unless it fails.
+/// Reads a chunk, and its checksum if it is `summed`. It allocates nothing unless it fails.
 pub(super) fn read_chunk(folder: &Folder, name: &str, summed: bool, values: &mut [f32]) -> Result<(), HologramError> {
     let unreadable = |e| unreadable(folder, name, e);
     let mut opened = folder.file(name).map_err(unreadable)?;
@@ -221,7 +222,7 @@ pub(super) fn read_chunk(folder: &Folder, name: &str, summed: bool, values: &mut
     Ok(())
 }
 
-/// One chunk by itself.
+/// Reads one chunk into a new vector.
 pub(super) fn read_tile(folder: &Folder, name: &str, values: usize) -> Result<Vec<f32>, HologramError> {
     let mut phases = vec![0.0; values];
     read_chunk(folder, name, true, &mut phases)?;

@@ -1,4 +1,4 @@
-//! Holograms through their files, whole and damaged.
+//! Tests holograms through their files, whole and damaged.
 
 use super::*;
 use crate::files::{FileError, write_npy};
@@ -72,7 +72,7 @@ fn a_hologram_comes_back_as_it_was() {
     assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "no draft is left");
 }
 
-/// Whether an error names a file. Windows takes both separators, and shows them as they were put together.
+/// Returns true if an error names a file. Windows accepts both separators, and prints them as they were joined.
 fn names(error: &str, file: &Path) -> bool {
     error.replace('\\', "/").contains(&file.to_str().unwrap().replace('\\', "/"))
 }
@@ -195,7 +195,7 @@ fn phases_travel_as_npy_and_as_pictures() {
     assert!(load_phases(&npy, None).is_err());
 }
 
-/// Loading what a random change made of a file is an answer or an error, never a panic.
+/// Loading a randomly changed file gives a hologram or an error, and never panics.
 #[test]
 fn random_documents_do_not_panic() {
     use proptest::{prelude::*, test_runner::TestRunner};
@@ -219,7 +219,7 @@ fn random_documents_do_not_panic() {
     drop(path);
 }
 
-/// Numbers that a program gives as radians and that are none are refused; wrapped, they are taken.
+/// Numbers given as radians that cannot be radians are refused. When wrapped, they are accepted.
 #[test]
 fn numbers_that_are_no_radians_are_refused() {
     let none: [&[f32]; 8] = [

@@ -1,5 +1,7 @@
-//! The display that a hologram was solved for: what it does to its light (source, lasers, model), and which one it is sent to, which is
-//! the same, found again, unless another is named.
+//! Finds the display for which a hologram was solved, and the one to which it is sent.
+//!
+//! The first gives the effects on the light (source, lasers, model). The second is the same display, found again,
+//! unless another is named.
 
 use super::{Hologram, HologramError};
 use crate::optics::{Display, Optics, OpticsError, SourceMode};
@@ -7,14 +9,15 @@ use crate::plan::ModelTables;
 use std::sync::Arc;
 
 impl Hologram {
-    /// Power of one of its colours' lasers in each sub-frame, over its mean; none where all are alike.
+    /// Returns the power of one color's lasers in each sub-frame, over its mean. Returns none if all powers are equal.
     pub fn powers(&self, color: usize) -> Option<&[f64]> {
         let laser = self.metadata.joint_color.as_ref()?.lasers.get(&self.colors[color].color?)?;
         Some(&laser.powers)
     }
 
-    /// A table of its switchable sources' powers, for whoever drives them: a line a colour and sub-frame, a column a source; 1 is a
-    /// source of power 1 that is always lit. None where its display has no such sources.
+    /// Returns a table of the powers of its switchable sources, for a program that drives them. It has one line per
+    /// color and sub-frame and one column per source. A power of 1 is a source that is always lit at power 1. Returns
+    /// none if the display has no such sources.
     pub fn sources_table(&self) -> Option<String> {
         let sources = &self.metadata.sources;
         if sources.is_empty() {
@@ -34,12 +37,13 @@ impl Hologram {
         Some(table)
     }
 
-    /// The modes of the source that one of its colours was solved for, and is looked at in; none for a laser on the axis.
+    /// Returns the modes of the source for which one of its colors was solved and with which it is simulated. The list
+    /// is empty for a laser on the axis.
     ///
     /// # Errors
-    /// [`HologramError::NoDisplay`].
+    /// Returns [`HologramError::NoDisplay`] if the display is not known.
     pub fn modes(&self, color: usize) -> Result<Vec<SourceMode>, HologramError> {
-        // Only colours that have a name have a source.
+        // Only colors that have a name have a source.
         match self.colors[color].color {
             Some(name) if !(self.metadata.source.is_empty() && self.metadata.sources.is_empty()) => {
                 Ok(self.made_for()?.modes(name))
@@ -48,17 +52,18 @@ impl Hologram {
         }
     }
 
-    /// What the display that it was solved for does to one of its colours, on its SLM inside a grid; none for the ideal one.
+    /// Returns the model of its display for one of its colors, with the SLM inside a grid. Returns none for an ideal
+    /// display.
     ///
     /// # Errors
-    /// [`HologramError::NoDisplay`].
+    /// Returns [`HologramError::NoDisplay`] if the display is not known.
     pub(crate) fn model(
         &self,
         color: usize,
         slm: Optics,
         grid: Optics,
     ) -> Result<Option<Arc<ModelTables>>, HologramError> {
-        // Only colours that have a name have a model, or are known behind a mask.
+        // Only colors that have a name have a model, or can be computed behind a mask.
         match self.colors[color].color {
             None if self.metadata.mask.is_some() => Err(HologramError::NoDisplay),
             Some(name) if !self.metadata.model.is_empty() || self.metadata.mask.is_some() => {
@@ -69,15 +74,15 @@ impl Hologram {
     }
 }
 
-/// Wavelengths, pitches and focal lengths that differ by no more than this share are the same.
+/// Wavelengths, pitches and focal lengths that differ by no more than this share are equal.
 const SAME: f64 = 1e-6;
 
 impl Hologram {
-    /// Returns the display that a preset or file names, or the one that the hologram was solved for, with its encoding as it is
-    /// today. The one that it was solved for is cut to the hologram's size, as it was then.
+    /// Returns the display that a preset or file names, or the one of the solve, with its present encoding. The display
+    /// of the solve is cut to the hologram's size, as it was then.
     ///
     /// # Errors
-    /// [`HologramError::DisplayNotFound`] for a display that is not there any more, or has other optics by now;
+    /// Returns [`HologramError::DisplayNotFound`] for a display that no longer exists or has other optics now, and
     /// [`HologramError::Optics`] for one that cannot be read.
     pub fn shown_on(&self, named: Option<&str>) -> Result<Display, HologramError> {
         let display = match named {
@@ -88,7 +93,7 @@ impl Hologram {
         Ok(if is_own { self.cut(display) } else { display })
     }
 
-    /// A display with as many pixels as the hologram has, if it has no fewer.
+    /// Returns a display with as many pixels as the hologram, if it has at least as many.
     fn cut(&self, display: Display) -> Display {
         let is_turned = display.encoding.rotation_deg % 180 == 90;
         let (height, width) = if is_turned { (self.width, self.height) } else { (self.height, self.width) };
@@ -98,11 +103,11 @@ impl Hologram {
         Display { height, width, portrait: display.portrait || height > width, ..display }
     }
 
-    /// The display that it was solved for, with its encoding.
+    /// Returns the display for which it was solved, with its encoding.
     fn own_display(&self) -> Result<Display, HologramError> {
         let missing = |why: String| HologramError::DisplayNotFound { display: self.display.clone(), why };
         let Some(file) = &self.metadata.display_file else {
-            let why = if self.display.is_empty() { "the hologram names none" } else { "it is no preset" };
+            let why = if self.display.is_empty() { "the hologram names none" } else { "it is not a preset" };
             let preset = Display::preset(&self.display).ok_or_else(|| missing(why.into()))?;
             return self.was_made_for(&preset).map_or(Ok(preset), |why| Err(missing(why)));
         };
@@ -119,22 +124,23 @@ impl Hologram {
             };
             first = first.or(Some(why));
         }
-        Err(missing(first.unwrap_or_else(|| "where its file was is not known".into())))
+        Err(missing(first.unwrap_or_else(|| "the path of its file is not known".into())))
     }
 
-    /// How a display differs in its optics from the one that it was made for; none if it does not.
+    /// Returns the difference in optics between a display and the one for which it was made. Returns none if they are
+    /// equal.
     fn was_made_for(&self, display: &Display) -> Option<String> {
         let differs = |a: f64, b: f64| (a / b - 1.0).abs() > SAME;
         if self.geometry != display.geometry {
             let (made, is) = (self.geometry.name(), display.geometry.name());
-            return Some(format!("the hologram was made for a {made} display, and it is {is}"));
+            return Some(format!("the hologram was made for a {made} display, but this display is {is}"));
         }
         for (what, made, is) in
             [("pitch", self.pitch, display.pitch), ("focal length", self.focal_length, display.focal_length)]
         {
             if differs(made, is) {
                 let [made, is] = [made, is].map(|meters| meters * 1e3);
-                return Some(format!("the hologram was made for a {what} of {made:.4} mm, and it has {is:.4} mm"));
+                return Some(format!("the hologram was made for a {what} of {made:.4} mm, but it is {is:.4} mm"));
             }
         }
         for color in &self.colors {
@@ -143,7 +149,7 @@ impl Hologram {
                 Some(w) if !differs(w.wavelength, color.wavelength) => {}
                 _ => {
                     let nm = color.wavelength * 1e9;
-                    return Some(format!("the hologram was made for {nm:.1} nm, which it does not have"));
+                    return Some(format!("the hologram was made for {nm:.1} nm, which this display does not have"));
                 }
             }
         }

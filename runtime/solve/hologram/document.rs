@@ -1,4 +1,4 @@
-//! The two JSON documents of a hologram, and the checksum that each carries about itself.
+//! Reads and writes the two JSON documents of a hologram, each with its own checksum.
 
 use super::{ColorHologram, Hologram, Metadata};
 use crate::optics::{Color, Geometry, Wavelength};
@@ -12,25 +12,26 @@ use std::path::Path;
 const FORMAT: u64 = 1;
 /// Version of the layout of a sequence.
 const SEQUENCE_FORMAT: u64 = 2;
-/// Version of what an older eyebox would take for something else: a hologram, or a sequence, that is not for a relay.
+/// Version of the layout of a hologram or sequence that is not for a relay. An older eyebox would mistake it for a
+/// relay's, so it has its own number.
 const GEOMETRY_FORMAT: u64 = 3;
-/// What is wrong with a sequence where one hologram is wanted.
+/// The message for a sequence that was given instead of one hologram.
 pub(super) const IS_SEQUENCE: &str =
-    "it is a sequence of holograms, and one hologram is wanted: take one by its number, such as `at` 0 for the first";
+    "it is a sequence of holograms, but one hologram is needed. Choose one by its number, such as `at` 0 for the first";
 /// The last attribute of either document, with eight hexadecimal digits as its value.
 const SEAL: &str = "\"document_crc32c\": \"";
 const BLANK: &[u8; 8] = b"00000000";
 
-/// `attributes.eyebox`, in the units of people.
+/// The content of `attributes.eyebox`, in micrometers, millimeters and nanometers.
 #[derive(Serialize, Deserialize)]
 struct Attributes {
     format: u64,
-    /// None where another program wrote it.
+    /// Empty if another program wrote the document.
     #[serde(default)]
     version: String,
     pitch_um: f64,
     focal_length_mm: f64,
-    /// Of format 3.
+    /// Only documents of format 3 have a geometry.
     #[serde(default, skip_serializing_if = "Geometry::is_relay")]
     geometry: Geometry,
     colors: Vec<ColorAttributes>,
@@ -42,22 +43,22 @@ struct Attributes {
     display_wavelengths_nm: BTreeMap<Color, f64>,
     #[serde(default)]
     scene: String,
-    /// Null where nothing is known.
+    /// Null if the settings are not known.
     #[serde(default)]
     settings: Option<Metadata>,
-    /// Of format 2.
+    /// Only documents of sequences have this, which have format 2, or 3 if not for a relay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sequence: Option<SequenceAttributes>,
 }
 
-/// What a sequence says beside what each of its holograms does.
+/// The attributes that a sequence has in addition to a hologram's attributes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct SequenceAttributes {
-    /// Holograms a second, a fraction.
+    /// Holograms per second, as a fraction.
     pub(super) rate: [u32; 2],
-    /// Of one hologram: colours, sub-frames, rows, columns.
+    /// Colors, sub-frames, rows and columns of one hologram.
     pub(super) shape: [usize; 4],
-    /// How many there are to be.
+    /// The planned number of holograms, if known.
     pub(super) planned: Option<u64>,
 }
 
@@ -66,37 +67,37 @@ struct ColorAttributes {
     #[serde(default)]
     color: Option<Color>,
     wavelength_nm: f64,
-    /// None where nobody knows it.
+    /// It is none if the exposure is not known.
     #[serde(default)]
     exposure: Option<f64>,
     #[serde(default)]
     efficiency: Option<f64>,
 }
 
-/// What the array's document says.
+/// The content of the array's document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Array {
-    /// Colours, sub-frames, rows, columns.
+    /// Numbers of colors, sub-frames, rows and columns.
     pub(super) shape: [usize; 4],
-    /// Side of its tiles, where it has tiles.
+    /// Side of its tiles in pixels, if it has tiles.
     pub(super) side: Option<usize>,
-    /// Whether chunks end in their checksum.
+    /// True if chunks end in their checksum.
     pub(super) summed: bool,
 }
 
-/// The group's document of one hologram, as it is.
+/// Returns the group's document of one hologram with its metadata unchanged.
 #[cfg(test)]
 pub(super) fn group(hologram: &Hologram) -> Vec<u8> {
     group_with(hologram, hologram.metadata.clone(), None)
 }
 
-/// The group's document as it is written at `path`, of a sequence of holograms like this one if there are `sequence`
-/// attributes.
+/// Returns the group's document as it is written at `path`. With `sequence` attributes, it is the document of a
+/// sequence of holograms like this one.
 pub(super) fn group_at(path: &Path, hologram: &Hologram, sequence: Option<SequenceAttributes>) -> Vec<u8> {
     group_with(hologram, hologram.metadata.written_at(path), sequence)
 }
 
-/// The same with other metadata.
+/// Returns the group's document with other metadata.
 pub(super) fn group_with(hologram: &Hologram, metadata: Metadata, sequence: Option<SequenceAttributes>) -> Vec<u8> {
     let attributes = Attributes {
         format: match (hologram.geometry, sequence) {
@@ -132,7 +133,8 @@ pub(super) fn group_with(hologram: &Hologram, metadata: Metadata, sequence: Opti
     }))
 }
 
-/// The array's document: one chunk a sub-frame, or square tiles of this side with all sub-frames.
+/// Returns the array's document, with one chunk per sub-frame, or with square tiles of this side that hold all
+/// sub-frames.
 pub(super) fn array(shape: [usize; 4], tile: Option<usize>) -> Vec<u8> {
     let [_, frames, height, width] = shape;
     let chunk = tile.map_or([1, 1, height, width], |side| [1, frames, side, side]);
@@ -140,7 +142,8 @@ pub(super) fn array(shape: [usize; 4], tile: Option<usize>) -> Vec<u8> {
     array_of(json!(shape), json!(chunk), &["color", "frame", "row", "column"], attributes)
 }
 
-/// The array's document of a sequence: one chunk a hologram, so that it is read and checked in one piece.
+/// Returns the array's document of a sequence. It has one chunk per hologram, so that a hologram is read and checked in
+/// one piece.
 pub(super) fn sequence_array(count: u64, [colors, frames, height, width]: [usize; 4], complete: bool) -> Vec<u8> {
     let (shape, chunk) = (json!([count, colors, frames, height, width]), json!([1, colors, frames, height, width]));
     let attributes = json!({ "unit": "radian", "complete": complete, "document_crc32c": "00000000" });
@@ -162,19 +165,20 @@ fn array_of(shape: Value, chunk: Value, dimensions: &[&str], attributes: Value) 
     }))
 }
 
-/// Reads the array's document of a sequence whose holograms have this shape: how many there are, and whether there will
-/// be no more. Says what is wrong.
+/// Reads the array's document of a sequence whose holograms have this shape. Returns the number of holograms, and true
+/// if the sequence is complete. The error is the reason why it cannot be read.
 pub(super) fn read_sequence_array(bytes: &[u8], shape: [usize; 4]) -> Result<(u64, bool), Reason> {
     let found = unseal(bytes)?;
     let count = found["shape"][0].as_u64().ok_or_else(|| reason!("shape", "its shape does not begin with a number"))?;
     let complete = found["attributes"]["complete"]
         .as_bool()
-        .ok_or_else(|| reason!("not-complete", "it does not say whether it is complete"))?;
+        .ok_or_else(|| reason!("not-complete", "it has no attribute `complete`"))?;
     expect_like(&found, &sequence_array(count, shape, complete), &[])?;
     Ok((count, complete))
 }
 
-/// Reads the group's document of one hologram into a hologram that has no phases yet. Says what is wrong.
+/// Reads the group's document of one hologram into a hologram without phases. The error is the reason why it cannot be
+/// read.
 pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, Reason> {
     match read_any_group(bytes)? {
         (hologram, None) => Ok(hologram),
@@ -182,17 +186,17 @@ pub(super) fn read_group(bytes: &[u8]) -> Result<Hologram, Reason> {
     }
 }
 
-/// Reads the group's document of a hologram or of a sequence. Says what is wrong.
+/// Reads the group's document of a hologram or of a sequence. The error is the reason why it cannot be read.
 pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceAttributes>), Reason> {
     let document = read(bytes, false)?;
     let attributes = &document["attributes"]["eyebox"];
-    // A newer layout is told by its number before anything else in it is judged.
+    // The number of a newer layout is checked before anything else in it.
     let format = match attributes["format"].as_u64() {
         Some(format @ FORMAT..=GEOMETRY_FORMAT) => format,
         Some(newer) if newer > GEOMETRY_FORMAT => {
             return Err(reason!(
                 "newer-format",
-                "it has format {newer}, made by a newer eyebox: this one reads formats {FORMAT} to {GEOMETRY_FORMAT}"
+                "it has format {newer} of a newer eyebox. This version reads formats {FORMAT} to {GEOMETRY_FORMAT}"
             ));
         }
         _ => return Err(reason!("no-format", "it states no format")),
@@ -201,20 +205,20 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     if (read.geometry == Geometry::Relay) != (format < GEOMETRY_FORMAT) {
         return Err(reason!(
             "format-of-geometry",
-            "it has format {format}, and {GEOMETRY_FORMAT} has a `geometry`, the others have not"
+            "it has format {format}, but only format {GEOMETRY_FORMAT} has a `geometry`"
         ));
     }
     if format < GEOMETRY_FORMAT && read.sequence.is_some() != (format == SEQUENCE_FORMAT) {
         return Err(reason!(
             "format-of-sequence",
-            "it has format {format}, and {SEQUENCE_FORMAT} has `sequence`, {FORMAT} has not"
+            "it has format {format}, but format {SEQUENCE_FORMAT} has a `sequence` and format {FORMAT} has none"
         ));
     }
     if !read.version.is_empty() && !is_sealed(bytes) {
         let version = read.version;
         return Err(reason!(
             "no-checksum",
-            "it carries no document_crc32c, and eyebox {version}, which wrote it by its `version`, has one"
+            "it has no document_crc32c, but its `version` states that eyebox {version} wrote it, which writes one"
         ));
     }
     let sequence = read.sequence;
@@ -252,21 +256,22 @@ pub(super) fn read_any_group(bytes: &[u8]) -> Result<(Hologram, Option<SequenceA
     Ok((hologram, sequence))
 }
 
-/// Reads the array's document, which is sealed where the group's is. Without a seal, another program wrote it, and what
-/// has no meaning here may be missing. Says what is wrong.
+/// Reads the array's document, which must have a seal if the group's document has one. If it has no seal, another
+/// program wrote it, and attributes without a meaning here may be missing. The error is the reason why it cannot be
+/// read.
 pub(super) fn read_array(bytes: &[u8], sealed: bool) -> Result<Array, Reason> {
     let mut found = read(bytes, sealed)?;
     let shape: [usize; 4] = Deserialize::deserialize(&found["shape"])
         .map_err(|e| reason!("shape", "its shape is not four lengths: {e}"))?;
     let chunk = &found["chunk_grid"]["configuration"]["chunk_shape"];
-    // The whole of a single sub-frame is both.
+    // A single sub-frame that is one chunk fits both layouts, and is not read as a tile.
     let whole = *chunk == json!([1, 1, shape[2], shape[3]]);
     let side = chunk[2].as_u64().filter(|side| !whole && (1..=1 << 14).contains(side)).map(|side| side as usize);
     if is_sealed(bytes) {
         expect_like(&found, &array(shape, side), &[])?;
         return Ok(Array { shape, side, summed: true });
     }
-    // The separator that Zarr takes where none is said.
+    // Zarr uses this separator if none is given.
     let keys = &mut found["chunk_key_encoding"];
     if *keys == json!({ "name": "default" }) {
         *keys = json!({ "name": "default", "configuration": { "separator": "/" } });
@@ -279,9 +284,10 @@ pub(super) fn read_array(bytes: &[u8], sealed: bool) -> Result<Array, Reason> {
     Ok(Array { shape, side, summed })
 }
 
-/// There is one way to say everything but the attributes and what is `free`, so documents are compared as a whole.
+/// Compares a document with the expected one as a whole. Everything but the attributes and the keys in `free` can be
+/// written in one way only.
 fn expect_like(found: &Value, expected: &[u8], free: &[&str]) -> Result<(), Reason> {
-    let expected: Value = serde_json::from_slice(expected).expect("what is written here can be read");
+    let expected: Value = serde_json::from_slice(expected).expect("documents written here are readable");
     let mut keys = expected.as_object().expect("an object").iter();
     let differs = |(key, value): &(&String, &Value)| {
         *key != "attributes" && !free.contains(&key.as_str()) && found.get(key.as_str()) != Some(value)
@@ -290,7 +296,7 @@ fn expect_like(found: &Value, expected: &[u8], free: &[&str]) -> Result<(), Reas
         .map_or(Ok(()), |(key, value)| Err(reason!("array-key", "its {key} is {}, not {value}", found[key.as_str()])))
 }
 
-/// The number in the unit of people that, divided by `per`, gives back exactly `value`; the shortest such.
+/// Returns the shortest number in the larger unit that gives exactly `value` when divided by `per`.
 fn in_unit(value: f64, per: f64) -> f64 {
     let plain = value * per;
     (0..17)
@@ -299,8 +305,8 @@ fn in_unit(value: f64, per: f64) -> f64 {
         .unwrap_or(plain)
 }
 
-/// Serialises a document and puts into its last attribute the CRC-32C of all its bytes, taken with that attribute's
-/// digits as zeros. No canonical form is needed: the bytes that lie on the disk are what is summed.
+/// Serializes a document and puts the CRC-32C of all its bytes into its last attribute. The sum is taken with that
+/// attribute's digits as zeros. No canonical form is needed, because the sum is over the bytes that are on the disk.
 fn seal(document: Value) -> Vec<u8> {
     let mut bytes = serde_json::to_vec_pretty(&document).expect("a document of strings, numbers and lists");
     bytes.push(b'\n');
@@ -310,31 +316,32 @@ fn seal(document: Value) -> Vec<u8> {
     bytes
 }
 
-/// A document that may change while its hologram is made, with its seal.
+/// Returns a document, with its seal, that may change while its hologram is made.
 pub(super) fn sealed(mut document: Value) -> Vec<u8> {
     document["document_crc32c"] = json!("00000000");
     seal(document)
 }
 
-/// Reads such a document. One from before they were sealed is taken as it is. Says what is wrong.
+/// Reads such a document. A document without a seal, written before seals existed, is accepted. The error is the reason
+/// why it cannot be read.
 pub(super) fn read_sealed(bytes: &[u8]) -> Result<Value, Reason> {
     if seal_place(bytes).is_some() {
         return unseal(bytes);
     }
-    serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is no JSON: {e}"))
+    serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is not JSON: {e}"))
 }
 
-/// Whether a document carries a checksum.
+/// Returns true if a document carries a checksum.
 pub(super) fn is_sealed(bytes: &[u8]) -> bool {
     seal_place(bytes).is_some()
 }
 
-/// Reads a document that another program may have written, without a seal, unless it must be `sealed`.
+/// Reads a document that may have no seal because another program wrote it, unless it must be `sealed`.
 fn read(bytes: &[u8], sealed: bool) -> Result<Value, Reason> {
     if sealed || is_sealed(bytes) {
         return unseal(bytes);
     }
-    let document: Value = serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is no JSON: {e}"))?;
+    let document: Value = serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is not JSON: {e}"))?;
     match &document["attributes"]["document_crc32c"] {
         Value::Null => Ok(document),
         _ => Err(reason!(
@@ -345,18 +352,18 @@ fn read(bytes: &[u8], sealed: bool) -> Result<Value, Reason> {
 }
 
 fn unseal(bytes: &[u8]) -> Result<Value, Reason> {
-    let at = seal_place(bytes).ok_or_else(|| reason!("no-checksum", "it carries no document_crc32c"))?;
+    let at = seal_place(bytes).ok_or_else(|| reason!("no-checksum", "it has no document_crc32c"))?;
     let mut blank = bytes.to_vec();
     blank[at..at + 8].copy_from_slice(BLANK);
     let sum = format!("{:08x}", crc32c::crc32c(&blank));
     if bytes[at..at + 8] != *sum.as_bytes() {
         let stated = String::from_utf8_lossy(&bytes[at..at + 8]).escape_debug().to_string();
-        return Err(reason!("checksum", "its checksum is {sum}, and it states {stated}"));
+        return Err(reason!("checksum", "its checksum is {sum}, but it states {stated}"));
     }
-    serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is no JSON: {e}"))
+    serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "it is not JSON: {e}"))
 }
 
-/// Where the digits stand: after the last mention, for what comes before it may hold anything.
+/// Returns the index of the digits. It uses the last mention, because the text before it may hold anything.
 fn seal_place(bytes: &[u8]) -> Option<usize> {
     let at = bytes.windows(SEAL.len()).rposition(|w| w == SEAL.as_bytes())? + SEAL.len();
     (at + 8 <= bytes.len()).then_some(at)
@@ -366,7 +373,7 @@ fn seal_place(bytes: &[u8]) -> Option<usize> {
 pub mod tests {
     use super::*;
 
-    /// A document with the sum that it has now, where it has a place for one.
+    /// Returns a document with its sum computed again, if it has a place for one.
     pub(in super::super) fn resealed(mut bytes: Vec<u8>) -> Vec<u8> {
         if let Some(at) = seal_place(&bytes) {
             bytes[at..at + 8].copy_from_slice(BLANK);

@@ -1,9 +1,9 @@
-//! Bare phases, for other programs: `.npy`, and a folder of 8-bit grey PNGs. Reading is in `phase_files`.
+//! Writes bare phases for other programs, as `.npy` or as a folder of 8-bit gray PNGs.
 //!
-//! `.npy` is written as float32 radians, (sub-frame, row, column) for one colour and (colour, sub-frame, row, column) for
-//! more.
-//! A PNG folder has one picture per colour and sub-frame, `green-00.png`, level = round(phase / 2 pi x 256) mod 256;
-//! a colour without a name is called by its number, `0-00.png`.
+//! Reading is in `phase_files`. `.npy` is written as float32 radians, (sub-frame, row, column) for one color and
+//! (color, sub-frame, row, column) for more. A PNG folder has one picture per color and sub-frame, such as
+//! `green-00.png`, with level = round(phase / 2 pi x 256) mod 256. A color without a name is given by its number, as in
+//! `0-00.png`.
 
 use super::chunks::none;
 use super::{ColorHologram, Hologram, HologramError, Metadata};
@@ -13,39 +13,39 @@ use eyebox_base::{Reason, reason};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-/// Sub-frames that a last axis may count, at most: a row of pixels is longer.
+/// The largest number of sub-frames that a last axis may count. A row of pixels is longer.
 const MOST_FRAMES: usize = 64;
 
 /// Phases without their optics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Phases {
-    /// Where they were read from.
+    /// The path from which they were read.
     pub file: PathBuf,
-    /// Sub-frames.
+    /// Number of sub-frames per color.
     pub frames: usize,
-    /// Rows.
+    /// Number of rows of pixels.
     pub height: usize,
-    /// Columns.
+    /// Number of columns of pixels.
     pub width: usize,
-    /// Per colour: its name where the file tells it, and (sub-frame, row, column) radians in [-pi, pi).
+    /// For each color, its name if the file names it, and its phases (sub-frame, row, column) in radians in [-pi, pi).
     pub colors: Vec<(Option<Color>, Vec<f32>)>,
 }
 
-/// What the numbers of a file of phases mean.
+/// The unit of the numbers in a file of phases.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PhaseUnit {
-    /// Radians.
+    /// The phases are in radians.
     Radians,
-    /// Full turns.
+    /// The phases are in full turns.
     Turns,
-    /// Degrees.
+    /// The phases are in degrees.
     Degrees,
-    /// Levels, so many of which are a full turn.
+    /// Gray levels, with the number of levels in a full turn.
     Levels(f64),
 }
 
 impl PhaseUnit {
-    /// A full turn in this unit.
+    /// Returns a full turn in this unit.
     pub(super) fn turn(self) -> f64 {
         match self {
             Self::Radians => TAU,
@@ -55,7 +55,7 @@ impl PhaseUnit {
         }
     }
 
-    /// Radians in [-pi, pi).
+    /// Returns a value in radians in [-pi, pi).
     pub(super) fn radians(self, value: f32) -> f32 {
         match self {
             Self::Radians => wrap_phase(value),
@@ -65,12 +65,12 @@ impl PhaseUnit {
 }
 
 impl Phases {
-    /// The hologram that they are for optics given beside them: pitch, focal length and wavelengths in metres, one wavelength
-    /// a colour. Its exposures are not known.
+    /// Returns the hologram for the given pitch, focal length and wavelengths, in meters, with one wavelength per
+    /// color. Its exposures are not known.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`] for another number of wavelengths, [`HologramError::Inconsistent`] for optics that
-    /// cannot be.
+    /// Returns [`HologramError::NotAHologram`] for another number of wavelengths, and [`HologramError::Inconsistent`]
+    /// for impossible optics.
     pub fn with_optics(
         self,
         pitch: f64,
@@ -80,7 +80,7 @@ impl Phases {
     ) -> Result<Hologram, HologramError> {
         if self.colors.len() != wavelengths.len() {
             let (has, given) = (self.colors.len(), wavelengths.len());
-            let reason = reason!("wavelengths-count", "it has {has} colours, {given} wavelengths were given");
+            let reason = reason!("wavelengths-count", "it has {has} colors, but {given} wavelengths were given");
             return Err(none(&self.file, reason));
         }
         self.check_axes(None)?;
@@ -103,14 +103,15 @@ impl Phases {
         Ok(hologram)
     }
 
-    /// The hologram that they are on a display, which has as many pixels as they. Phases of one colour are for `color`, or
-    /// for the only colour that the display has; of those of several, all of the display's in its order, `color` alone is
-    /// taken. Its exposures are not known.
+    /// Returns the hologram on a display with as many pixels as the phases. Phases of one color are for `color`, or for
+    /// the only color of the display. Phases of several colors are for all colors of the display in its order, and only
+    /// `color` is kept if it is given. The exposures are not known.
     ///
     /// # Errors
-    /// [`HologramError::Doubtful`] where nothing says which colours they are for, and for phases that lie across the
-    /// display; [`HologramError::NotAHologram`] for colours that the display, or the file, does not have;
-    /// [`HologramError::Optics`].
+    /// - [`HologramError::Doubtful`] if nothing determines the colors, and for phases that are rotated against the
+    ///   display.
+    /// - [`HologramError::NotAHologram`] for colors that the display or the file does not have.
+    /// - [`HologramError::Optics`] for impossible optics.
     pub fn on(self, display: &Display, color: Option<Color>) -> Result<Hologram, HologramError> {
         let names = self.names(display, color)?;
         let [rows, columns] = [display.height, display.width];
@@ -123,7 +124,8 @@ impl Phases {
             let (h, w) = (self.height, self.width);
             let found = reason!("across", "its {h} rows and {w} columns lie across the display '{}'", display.name);
             let decide = format!(
-                "if its axes are exchanged, give numpy.swapaxes(phases, -1, -2); otherwise `size` {h}x{w} takes it as it is"
+                "If its axes are exchanged, give numpy.swapaxes(phases, -1, -2). Otherwise set `size` {h}x{w} to \
+                 use it as it is"
             );
             return Err(HologramError::doubtful(&self.file, found, &decide));
         }
@@ -134,7 +136,7 @@ impl Phases {
         let wanted = names.into_iter().zip(self.colors).filter(|(name, _)| color.is_none_or(|c| c == *name));
         let colors = wanted.map(of).collect::<Result<Vec<_>, HologramError>>()?;
         if let (Some(color), true) = (color, colors.is_empty()) {
-            return Err(none(&self.file, reason!("no-such-color", "it has no {color} part")));
+            return Err(none(&self.file, reason!("no-such-color", "it has no phases of the color {color}")));
         }
         let mut hologram = Hologram::on(&display, self.frames, colors);
         hologram.metadata.exposure_assumed = true;
@@ -142,8 +144,8 @@ impl Phases {
         Ok(hologram)
     }
 
-    /// Refuses phases whose last axis counts sub-frames or colors: by the display's rows and columns, or because nobody has so many
-    /// sub-frames of so few columns.
+    /// Refuses phases whose last axis counts sub-frames or colors. The display's rows and columns show it, or a number
+    /// of sub-frames that is implausible for the few columns.
     fn check_axes(&self, display: Option<[usize; 2]>) -> Result<(), HologramError> {
         let Self { frames, height, width, colors, .. } = self;
         let is_display = |a: usize, b: usize| display.is_some_and(|[h, w]| (h, w) == (a, b) || (w, h) == (a, b));
@@ -154,15 +156,15 @@ impl Phases {
         let found = reason!("sub-frames-last", "it would be {frames} sub-frames of {height}x{width} pixels");
         let n = colors.len();
         let decide = match n {
-            1 => "if the last axis counts sub-frames, save numpy.moveaxis(phases, -1, 0)".into(),
+            1 => "If the last axis counts sub-frames, save numpy.moveaxis(phases, -1, 0)".into(),
             _ => format!(
-                "if the last axis counts sub-frames and the first {n} colors, save numpy.moveaxis(phases, -1, 1)"
+                "If the last axis counts sub-frames and the first {n} colors, save numpy.moveaxis(phases, -1, 1)"
             ),
         };
         Err(HologramError::doubtful(&self.file, found, &decide))
     }
 
-    /// Which of a display's colours each of theirs is for.
+    /// Returns the color of the display for each color of the phases.
     fn names(&self, display: &Display, color: Option<Color>) -> Result<Vec<Color>, HologramError> {
         let known: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
         let has = self.colors.len();
@@ -177,12 +179,12 @@ impl Phases {
                 let found = match has {
                     1 => reason!(
                         "colors-not-named",
-                        "it has one colour, {f} sub-frames, and the display '{name}' has {all}"
+                        "it has one color and {f} sub-frames, but the display '{name}' has {all}"
                     ),
-                    _ => reason!("colors-not-named", "it has {has} colours, and the display '{name}' has {all}"),
+                    _ => reason!("colors-not-named", "it has {has} colors, but the display '{name}' has {all}"),
                 };
                 let n = known.len();
-                let decide = format!("say which one with `color`, or give ({n}, sub-frame, {h}, {w}) for all of them");
+                let decide = format!("Choose one with `color`, or give ({n}, sub-frame, {h}, {w}) for all of them");
                 Err(HologramError::doubtful(&self.file, found, &decide))
             }
         }
@@ -190,7 +192,7 @@ impl Phases {
 }
 
 impl ColorHologram {
-    /// Phases of which nobody knows the exposure: 1 is as good as another.
+    /// Returns a color whose exposure is not known. Then 1 is as good as any other value.
     pub(crate) fn bare(color: Option<Color>, wavelength: f64, phases: Vec<f32>) -> Self {
         Self { color, wavelength, exposure: 1.0, efficiency: 1.0, phases }
     }
@@ -199,7 +201,7 @@ impl ColorHologram {
 /// Writes phases as `.npy`.
 ///
 /// # Errors
-/// [`HologramError::File`].
+/// Returns [`HologramError::File`] if the file cannot be written.
 pub fn save_phases(hologram: &Hologram, file: &Path) -> Result<(), HologramError> {
     let shape = hologram.shape();
     let shape = if shape[0] == 1 { &shape[1..] } else { &shape[..] };
@@ -208,11 +210,12 @@ pub fn save_phases(hologram: &Hologram, file: &Path) -> Result<(), HologramError
 }
 
 impl Hologram {
-    /// Writes one 8-bit grey PNG per colour and sub-frame into the folder `folder`, which appears whole, and a list of them. A
-    /// folder that this made, and nobody changed, is replaced; any other that is not empty is left alone.
+    /// Writes one 8-bit gray PNG per color and sub-frame, and a list of them, into `folder`, which appears only when
+    /// complete. A folder that an earlier call made and nobody changed is replaced. Any other folder that is not empty
+    /// is refused.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`], [`HologramError::File`].
+    /// Returns [`HologramError::Inconsistent`] or [`HologramError::File`].
     pub fn save_pngs(&self, folder: &Path) -> Result<(), HologramError> {
         self.check()?;
         let draft = FolderDraft::new(folder, holds_only_own)?;

@@ -1,5 +1,7 @@
-//! Phases in Zarr arrays that other programs wrote: chunks of any shape, float32 or float64, not compressed. What else such programs
-//! write is named, with the line that converts it.
+//! Reads phases in Zarr arrays that other programs wrote.
+//!
+//! Chunks may have any shape, with float32 or float64 values that are not compressed. Any other form is refused, and
+//! the message gives the command line that converts it.
 
 use super::HologramError;
 use super::chunks::{GROUP, check_memory, check_sum, damaged, none, unreadable};
@@ -10,32 +12,32 @@ use serde_json::Value;
 use std::io;
 use std::path::Path;
 
-/// Chunks of an array, at most.
+/// The largest number of chunks of an array.
 const MOST_CHUNKS: u64 = 1 << 20;
-/// Bytes of a chunk, at most.
+/// The largest number of bytes of a chunk.
 const LONGEST_CHUNK: u64 = 1 << 32;
 
-/// How an array's phases are stored.
+/// The storage layout of an array's phases.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stored {
-    /// Colors, sub-frames, rows, columns.
+    /// Numbers of colors, sub-frames, rows and columns.
     pub shape: [usize; 4],
     chunk: [usize; 4],
-    /// Bytes of a value: 4 or 8.
+    /// Bytes per value, 4 or 8.
     width: usize,
     big: bool,
-    /// Whether a chunk ends in its CRC-32C.
+    /// True if a chunk ends in its CRC-32C.
     summed: bool,
     separator: String,
-    /// Phase of a chunk that is not there.
+    /// Phase of a chunk that is missing.
     fill: f32,
 }
 
-/// A store that is no hologram of this program: why, and the line that makes one of it.
+/// The error for a store that is not a hologram of this program, with the reason and the command line that converts it.
 fn refused(folder: &Path, why: Reason) -> HologramError {
     none(
         folder,
-        why.reworded(|why| format!("another program wrote it, and {why}; convert it by: {}", zarr_line(folder))),
+        why.reworded(|why| format!("another program wrote it, and {why}. Convert it with: {}", zarr_line(folder))),
     )
 }
 
@@ -49,7 +51,7 @@ pub(super) fn check_version(folder: &Folder) -> Result<(), HologramError> {
     }
 }
 
-/// What is wrong with a group's document that cannot be read.
+/// Returns the error for a group's document that cannot be read.
 pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: Reason) -> HologramError {
     let file = folder.path().join(GROUP);
     // A document of this program states its version.
@@ -62,20 +64,21 @@ pub(super) fn of_group(folder: &Folder, bytes: &[u8], reason: Reason) -> Hologra
     }
 }
 
-/// Whether a sealed document was written anew since: its checksum is wrong, and it is laid out as another program does.
+/// Returns true if another program rewrote a sealed document. Its checksum is wrong, and its layout is not of this
+/// program.
 fn is_rewritten(bytes: &[u8]) -> bool {
     let Ok(document) = serde_json::from_slice::<Value>(bytes) else { return false };
     let ours = serde_json::to_vec_pretty(&document).unwrap_or_default();
     bytes.trim_ascii_end() != ours || !bytes.ends_with(b"\n")
 }
 
-/// A sealed document that another program wrote anew.
+/// The error for a sealed document that another program rewrote.
 fn rewritten(folder: &Path) -> HologramError {
     let file = folder.join(GROUP);
     let found = reason!("rewritten", "another program changed it after eyebox had written it");
     let line = "python -c \"import sys, json; d = json.load(open(sys.argv[1])); a = d['attributes']; \
                 a.pop('document_crc32c'); a['eyebox'].pop('version'); json.dump(d, open(sys.argv[1], 'w'))\"";
-    let decide = format!("if the change is meant, remove its checksum by: {line} {}", file.display());
+    let decide = format!("If the change is intended, remove its checksum with: {line} {}", file.display());
     HologramError::doubtful(&file, found, &decide)
 }
 
@@ -83,14 +86,15 @@ impl Stored {
     /// Reads the document of the array of `folder`.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`] with the line that converts what is not read.
+    /// Returns [`HologramError::NotAHologram`], with the command line that converts the array, if its layout is not
+    /// supported.
     pub fn of(folder: &Folder, bytes: &[u8]) -> Result<Self, HologramError> {
         Self::parse(bytes).map_err(|why| refused(folder.path(), why))
     }
 
     fn parse(bytes: &[u8]) -> Result<Self, Reason> {
         let found: Value =
-            serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "its phases/zarr.json is no JSON: {e}"))?;
+            serde_json::from_slice(bytes).map_err(|e| reason!("not-json", "its phases/zarr.json is not JSON: {e}"))?;
         let lengths = |value: &Value| -> Option<Vec<usize>> {
             value.as_array()?.iter().map(|n| n.as_u64().and_then(|n| usize::try_from(n).ok())).collect()
         };
@@ -98,18 +102,18 @@ impl Stored {
         let shape = shape.ok_or_else(|| {
             reason!(
                 "foreign-shape",
-                "its phases have the shape {}: (color, sub-frame, row, column) are read",
+                "its phases have the shape {}, but the axes (color, sub-frame, row, column) are needed",
                 found["shape"]
             )
         })?;
         let chunk = lengths(&found["chunk_grid"]["configuration"]["chunk_shape"]);
         let chunk = chunk.and_then(|axes| <[usize; 4]>::try_from(axes).ok()).filter(|axes| !axes.contains(&0));
-        let chunk = chunk.ok_or_else(|| reason!("chunk-lengths", "its chunks have no four lengths"))?;
+        let chunk = chunk.ok_or_else(|| reason!("chunk-lengths", "its chunks do not have four lengths"))?;
         let width = match found["data_type"].as_str() {
             Some("float32") => 4,
             Some("float64") => 8,
             _ => {
-                return Err(reason!("foreign-type", "its phases are {}: float32 radians are read", found["data_type"]));
+                return Err(reason!("foreign-type", "its phases are {}, not float32 radians", found["data_type"]));
             }
         };
         let (mut big, mut summed) = (false, false);
@@ -135,12 +139,12 @@ impl Stored {
         let count = stored.grid().iter().try_fold(1u64, |n, &axis| n.checked_mul(axis as u64));
         let bytes = chunk.iter().try_fold(width as u64 + 4, |n, &axis| n.checked_mul(axis as u64));
         if shape.contains(&0) || count.is_none_or(|n| n > MOST_CHUNKS) || bytes.is_none_or(|n| n > LONGEST_CHUNK) {
-            return Err(reason!("chunks", "its shape {shape:?} in chunks of {chunk:?} is not read"));
+            return Err(reason!("chunks", "its shape {shape:?} in chunks of {chunk:?} is not supported"));
         }
         Ok(stored)
     }
 
-    /// Chunks along each axis.
+    /// Returns the number of chunks along each axis.
     fn grid(&self) -> [usize; 4] {
         [0, 1, 2, 3].map(|i| self.shape[i].div_ceil(self.chunk[i]))
     }
@@ -148,7 +152,7 @@ impl Stored {
     /// Reads the phases of every color. They may be any numbers.
     ///
     /// # Errors
-    /// [`HologramError::File`], [`HologramError::Damaged`], [`HologramError::Memory`].
+    /// Returns [`HologramError::File`], [`HologramError::Damaged`] or [`HologramError::Memory`].
     pub fn read(&self, folder: &Folder) -> Result<Vec<Vec<f32>>, HologramError> {
         check_memory(folder.path(), &self.shape)?;
         let [colors, frames, height, width] = self.shape;
@@ -174,7 +178,7 @@ impl Stored {
         Ok(phases)
     }
 
-    /// The values of a chunk; none for one that is not there, which is `fill` throughout.
+    /// Returns the values of a chunk. Returns none for a missing chunk, all values of which are `fill`.
     fn chunk(&self, folder: &Folder, name: &str) -> Result<Option<Vec<f32>>, HologramError> {
         let count: usize = self.chunk.iter().product();
         let expected = count * self.width + 4 * usize::from(self.summed);

@@ -1,4 +1,4 @@
-//! Zarr stores as other programs write them: read with the same phases, or named with the line that copies them.
+//! Tests Zarr stores of other programs, which are read or refused with the line that copies them.
 
 use super::*;
 use serde_json::{Value, json};
@@ -12,7 +12,7 @@ fn phase(index: [usize; 4]) -> f32 {
     (place as f32 * 0.37).rem_euclid(6.0) - 3.0
 }
 
-/// A store whose array's document is changed by `change`, with chunks of this shape that `bytes` makes of their values.
+/// Writes a store with chunks of this shape. `change` edits the array's document, and `bytes` encodes a value.
 fn store(at: &Path, chunk: [usize; 4], change: impl Fn(&mut Value), bytes: impl Fn(f32) -> Vec<u8>) {
     let _ = fs::remove_dir_all(at);
     fs::create_dir_all(at.join("phases")).unwrap();
@@ -35,7 +35,7 @@ fn store(at: &Path, chunk: [usize; 4], change: impl Fn(&mut Value), bytes: impl 
         let values = (0..chunk.iter().product()).flat_map(|i| {
             let inside = index(i, chunk);
             let place = [0, 1, 2, 3].map(|k| at_chunk[k] * chunk[k] + inside[k]);
-            // What lies beyond the array fills the chunk.
+            // Values beyond the array fill the chunk.
             bytes(if place.iter().zip(SHAPE).all(|(p, n)| *p < n) { phase(place) } else { 99.0 })
         });
         let name =
@@ -84,13 +84,13 @@ fn chunks_of_any_shape_and_float64_are_read() {
     let dots = |array: &mut Value| array["chunk_key_encoding"]["configuration"]["separator"] = json!(".");
     store(&at, [1, 1, 3, 8], dots, little);
     assert!(right(&Hologram::load(&at).unwrap()));
-    // A chunk that is not there holds the value that fills.
+    // A missing chunk holds the fill value.
     store(&at, [1, 1, 3, 8], |array| array["fill_value"] = json!(0.5), little);
     fs::remove_file(at.join("phases/c/0/0/0/0")).unwrap();
     let hologram = Hologram::load(&at).unwrap();
     assert!(hologram.colors[0].phases[..24].iter().all(|p| *p == 0.5));
     assert_eq!(hologram.colors[0].phases[24], phase([0, 0, 3, 0]));
-    // One that is cut short is damaged.
+    // A chunk that is cut short is damaged.
     fs::write(at.join("phases/c/0/0/1/0"), [0; 5]).unwrap();
     assert!(matches!(Hologram::load(&at), Err(HologramError::Damaged { .. })));
 }
@@ -140,13 +140,13 @@ fn attributes_that_another_program_changed_are_told_from_damage() {
     whole.save(&at).unwrap();
     let file = at.join("zarr.json");
     let ours = fs::read(&file).unwrap();
-    // One letter is damage.
+    // One changed letter is damage.
     let mut flipped = ours.clone();
     let place = flipped.windows(5).position(|w| w == b"pitch").unwrap();
     flipped[place] = b'q';
     fs::write(&file, &flipped).unwrap();
     assert!(matches!(Hologram::load(&at), Err(HologramError::Damaged { .. })));
-    // A document that is laid out anew is a change; without its checksum it is read.
+    // A document with another layout is a change. Without its checksum it is read.
     let mut document: Value = serde_json::from_slice(&ours).unwrap();
     document["attributes"]["eyebox"]["note"] = json!("mine");
     fs::write(&file, serde_json::to_vec_pretty(&document).unwrap()).unwrap();

@@ -1,4 +1,4 @@
-//! How a hologram was made: what its file keeps beside the optics, typed.
+//! The typed metadata of a hologram, with the settings and circumstances of its solve.
 
 use super::{HologramError, SceneRecord};
 use crate::files::FileRecord;
@@ -13,143 +13,146 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 use serde_json::{Map, Value};
 use std::path::{Path, PathBuf};
 
-/// How a hologram was made (`attributes.eyebox.settings`), the same in formats 1 to 3. What a file does not say is `None`.
+/// The settings and circumstances of a solve (`attributes.eyebox.settings`), the same in formats 1 to 3. A value that
+/// the file does not state is `None`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Metadata {
     /// The settings of the solve.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub solve: Option<Settings>,
-    /// Zeros around the SLM in the computation: rows, columns. See [`padding`](Self::padding).
+    /// Zeros around the SLM in the computation, as rows and columns. See [`padding`](Self::padding).
     #[serde(rename = "padding", skip_serializing_if = "Option::is_none")]
     pub padded: Option<[usize; 2]>,
-    /// Passes over the SLM of a solve in tiles.
+    /// Number of passes over the SLM in a solve in tiles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub passes: Option<usize>,
     /// Rows and columns of the scene's views.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub views: Option<[usize; 2]>,
-    /// Distance of neighbouring views in the pupil plane, millimetres.
+    /// Distance of neighboring views in the pupil plane, in millimeters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub view_pitch_mm: Option<f64>,
-    /// Side of the eyebox that pupils were drawn in, millimetres.
+    /// Side of the eyebox from which pupils were drawn, in millimeters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub eyebox_mm: Option<f64>,
-    /// What the smallest and the largest value of the scene's depth map mean, millimetres.
+    /// Depths of the smallest and the largest value of the scene's depth map, in millimeters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_map_mm: Option<[f64; 2]>,
-    /// How the views of its scene really stand, where it was said.
+    /// The actual arrangement of the scene's views, if it was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub order: Option<Order>,
-    /// Of which views of its scene photographs were made, where it was said.
+    /// The views from which other views of the scene were synthesized, if they were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photographs: Option<ViewSynthesis>,
-    /// Which values of the scene's depth map were said to be near.
+    /// The values of the scene's depth map that are near, if they were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near: Option<Near>,
-    /// What identifies its scene, and where that was; of a sequence, of each of its holograms. Empty for built-in scenes, whose
-    /// names say all, and in files of older versions, which kept the name alone.
+    /// Identity and paths of its scene, or of the scene of each hologram of a sequence. It is empty for built-in
+    /// scenes, which their name identifies, and in files of older versions, which stored the name alone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub scenes: Vec<SceneRecord>,
-    /// The file of the display that it was solved for; none for a preset.
+    /// The file of the display for which it was solved. It is none for a preset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub display_file: Option<FileRecord>,
-    /// Where each hologram of a sequence began but the first.
+    /// The start of the solve of each hologram of a sequence but the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warm_start: Option<Start>,
-    /// What asked for it, where a later run is to know its own work again.
+    /// The description of the job that made it, by which a later run recognizes its own work.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub made_by: Option<String>,
-    /// Seconds that the solve took.
+    /// Duration of the solve, in seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
-    /// Whether its exposures are made up, for phases of which nothing else is known.
+    /// True if the exposures are assumed, for phases whose exposure is not known.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub exposure_assumed: bool,
-    /// What its display does to the light beside showing phases, as it was solved for and is looked at.
+    /// The model of the display for which it was solved and with which it is simulated.
     #[serde(skip_serializing_if = "ModelSections::is_empty")]
     pub model: ModelSections,
-    /// Its display's light, where that is no laser on the axis, as it was solved for and is looked at in.
+    /// The display's light for which it was solved and with which it is simulated, if it is not a laser on the axis.
     #[serde(skip_serializing_if = "SourceSections::is_empty")]
     pub source: SourceSections,
-    /// The static phase mask in front of its display's SLM, through which it was solved and is looked at.
+    /// The static phase mask in front of its display's SLM, through which it was solved and is simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mask: Option<Mask>,
-    /// Its display's switchable sources, and which of them are lit in its sub-frames.
+    /// The display's switchable sources, and the sources that are lit in each sub-frame.
     #[serde(skip_serializing_if = "Sources::is_empty")]
     pub sources: Sources,
-    /// Where its display's picture is seen, which it was solved for.
+    /// The position of the display's picture for which it was solved.
     #[serde(skip_serializing_if = "Picture::is_empty")]
     pub picture: Picture,
-    /// What is wrong with the eye that it was solved for, and is looked at with.
+    /// The errors of the eye for which it was solved and with which it is simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prescription: Option<Prescription>,
-    /// What is in the pupil of the eye that looks. No file keeps it, because it is of a look and not of the hologram.
+    /// The obstruction in the pupil of the eye. No file stores it, because it belongs to a simulation and not to the
+    /// hologram.
     #[serde(skip)]
     pub obstruction: Option<Obstruction>,
-    /// How bright and how fine its display's picture is seen.
+    /// The brightness and resolution at which the display's picture is viewed.
     #[serde(skip_serializing_if = "Viewing::is_default")]
     pub viewing: Viewing,
-    /// How one drive and all lasers show its colours at once, in sub-frames that they share; none for one colour after another.
+    /// The relation of the drive to all lasers, if the colors are simultaneous and share sub-frames. It is none if the
+    /// colors follow each other.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint_color: Option<JointColor>,
-    /// Where it was refined for afterwards.
+    /// The later refinement for a pupil, if there was one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refined: Option<Refined>,
-    /// Steps that were taken with a camera's pictures afterwards, by colour.
+    /// Later steps with pictures of a camera, by color.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub camera: Vec<TakenWithCamera>,
-    /// What other versions and programs wrote: kept, so that a copy loses nothing.
+    /// Keys that other versions and programs wrote. They are stored, so that a copy loses nothing.
     #[serde(flatten)]
     pub other: Map<String, Value>,
 }
 
-/// Steps of a colour with a camera's pictures.
+/// The steps of a color with pictures of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TakenWithCamera {
-    /// The colour.
+    /// The color of the steps.
     pub color: Color,
-    /// Steps behind its phases; 0 where none made them better.
+    /// Number of steps behind its phases. It is 0 if no step improved them.
     pub steps: usize,
-    /// Pictures that were taken.
+    /// Number of pictures that the camera took.
     pub pictures: usize,
-    /// Mean PSNR of pictures that no step used, before and after, dB; none where they were not taken.
+    /// Mean PSNR of pictures that no step used, before and after, in dB. It is none if no such pictures were taken.
     pub psnr_db: Option<[f64; 2]>,
 }
 
-/// A refinement for where the eye was.
+/// A refinement for a position of the eye.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refined {
-    /// Where the pupil was believed to be.
+    /// The estimated pupil, as a distribution.
     #[serde(with = "aim")]
     pub aim: PupilDistribution,
-    /// How the phases followed.
+    /// The settings of the refinement.
     pub steering: RefineSettings,
-    /// Steps a colour.
+    /// Number of steps per color.
     pub steps: usize,
 }
 
-/// Where the solve of a sequence's next hologram begins: `"cold"`, or a number from 0 to 1.
+/// The start of the solve of a sequence's next hologram. In files it is `"cold"`, or a number from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
-    /// At random phases.
+    /// The solve starts at random phases.
     Cold,
-    /// At the phases of the hologram before, so far along the schedule.
+    /// The solve starts at the phases of the previous hologram, at this fraction of the schedule.
     Warm(f64),
 }
 
-/// The largest padding that a file may state along an axis, pixels.
+/// The largest padding that a file may state along an axis, in pixels.
 const MOST_PADDING: usize = 65536;
 
 impl Metadata {
-    /// The padding that the hologram was solved with, and is looked at with. By the definition of formats 1 to 3, and of bare
-    /// phases, there is none where none is stated: propagation is circular.
+    /// Returns the padding of the solve, which is also used to simulate the hologram. Formats 1 to 3 and bare phases
+    /// define that no stated padding means none, and propagation is circular.
     pub fn padding(&self) -> Padding {
         let [rows, columns] = self.padded.unwrap_or_default();
         Padding { rows, columns }
     }
 
-    /// Refuses what no computation can follow.
+    /// Refuses values that no computation can use.
     pub(super) fn check(&self) -> Result<(), HologramError> {
         if let Some(Err(reason)) = self.mask.as_ref().map(Mask::check) {
             return Err(HologramError::Inconsistent(reason.within("its mask")));
@@ -157,13 +160,13 @@ impl Metadata {
         match self.padded {
             Some([rows, columns]) if rows.max(columns) > MOST_PADDING => Err(HologramError::Inconsistent(reason!(
                 "padding",
-                "its padding is {rows} rows and {columns} columns: at most {MOST_PADDING} each"
+                "its padding is {rows} rows and {columns} columns, above the limit of {MOST_PADDING} each"
             ))),
             _ => Ok(()),
         }
     }
 
-    /// A key under which two descriptions differ.
+    /// Returns a key under which two descriptions differ.
     pub(super) fn difference(&self, wanted: &Self) -> Option<String> {
         let keys = |m: &Self| match serde_json::to_value(m) {
             Ok(Value::Object(keys)) => keys,
@@ -174,7 +177,7 @@ impl Metadata {
     }
 }
 
-/// Files that a hologram's metadata names, which are looked for beside its folder.
+/// Returns the folder that contains the hologram. The files that its metadata names are searched in it.
 fn folder_of(hologram: &Path) -> PathBuf {
     let parent = hologram.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new(".")).into()
@@ -185,19 +188,19 @@ impl Metadata {
         self.scenes.iter_mut().flat_map(SceneRecord::files_mut).chain(&mut self.display_file)
     }
 
-    /// It was read from the hologram at `path`.
+    /// Resolves the paths of files after reading from the hologram at `path`.
     pub(crate) fn read_at(&mut self, path: &Path) {
         self.files_mut().for_each(|file| file.read_in(&folder_of(path)));
     }
 
-    /// The same as it is written to a hologram at `path`.
+    /// Returns a copy as it is written to a hologram at `path`.
     pub(crate) fn written_at(&self, path: &Path) -> Self {
         let mut written = self.clone();
         written.files_mut().for_each(|file| file.written_in(&folder_of(path)));
         written
     }
 
-    /// The same without the places of files: what two holograms that were made alike have in common.
+    /// Returns a copy without the paths of files. Two holograms that were made alike have equal copies.
     #[must_use]
     pub fn without_places(&self) -> Self {
         let mut anywhere = self.clone();
@@ -206,11 +209,11 @@ impl Metadata {
     }
 }
 
-/// A distribution of pupils as files have it.
+/// Converts a distribution of pupils to and from its form in files.
 mod aim {
     use super::{Deserialize, Deserializer, PupilDistribution, Serialize, Serializer};
 
-    /// Metres.
+    /// The form in files, with all lengths in meters.
     #[derive(Serialize, Deserialize)]
     struct Aim {
         x: f64,
@@ -272,7 +275,7 @@ mod tests {
         assert_eq!(read.difference(&warm), Some("warm_start".into()));
     }
 
-    /// A value of the wrong kind is refused, never taken for another.
+    /// A value of the wrong kind is refused and never mistaken for another.
     #[test]
     fn what_cannot_be_is_refused() {
         for wrong in [

@@ -1,29 +1,31 @@
-//! The hologram file: phase frames with their metadata, whole, in sequences and in tiles.
+//! The hologram file holds phase frames with their metadata, for one hologram, a sequence or tiles.
 //!
-//! A [`Hologram`] is what a solve ends in and what everything after it starts from: phases per colour and sub-frame,
-//! the optics they are meant for, the exposure they were made with, and what made them. It is kept as a Zarr v3 folder
-//! (`store`), which any Zarr library opens; bare phases travel as `.npy` and as grey PNGs (`exchange`).
+//! A [`Hologram`] is the result of a solve and the input of everything after it. It holds phases per color and
+//! sub-frame, their optics, the exposure of the solve, and the settings and program that made it. It is stored as a
+//! Zarr v3 folder (`store`), which any Zarr library opens. Bare phases are exchanged as `.npy` and as gray PNGs
+//! (`exchange`).
 //!
 //! # The folder
 //!
 //! ```text
 //! x.zarr/
-//!   zarr.json                 group; attributes.eyebox: optics, exposure, seed, version, what made it
-//!   phases/zarr.json          array (colour, sub-frame, row, column), float32, radians in [-pi, pi)
-//!   phases/c/0/3/0/0          one chunk: sub-frame 3 of colour 0, little-endian, then its CRC-32C
+//!   zarr.json                 group; attributes.eyebox: optics, exposure, seed, version, settings
+//!   phases/zarr.json          array (color, sub-frame, row, column), float32, radians in [-pi, pi)
+//!   phases/c/0/3/0/0          one chunk: sub-frame 3 of color 0, little-endian, then its CRC-32C
 //! ```
 //!
-//! Every byte is guarded: chunks by Zarr's own `crc32c` codec, the two documents by `attributes.document_crc32c`, and
-//! the chunks that have to be there, and their lengths, follow from the guarded shape. One chunk a sub-frame means that
-//! a reader of one sub-frame reads one file. `docs/hologram-format.md` is the full description.
+//! A checksum guards every byte: Zarr's own `crc32c` codec guards the chunks, and `attributes.document_crc32c` guards
+//! the two documents. The guarded shape determines which chunks must exist, and their lengths. Each sub-frame is one
+//! chunk, so a reader of one sub-frame reads one file. `docs/hologram-format.md` is the full description.
 //!
-//! A moving scene is a [`Sequence`] of holograms (`sequence`): the same folder with a leading axis, one chunk a hologram,
-//! that grows ([`SequenceWriter`], or several programs at once, [`SequenceParts`]) and is played while it does.
+//! A moving scene is a [`Sequence`] of holograms (`sequence`). It is the same folder with a leading axis and one chunk
+//! per hologram. It can be played while it grows, by one writer ([`SequenceWriter`]) or by several programs at once
+//! ([`SequenceParts`]).
 //!
-//! A hologram larger than memory is stored in square tiles ([`Tiles`]): one chunk a tile, with all sub-frames.
+//! A hologram larger than memory is stored in square tiles ([`Tiles`]). Each tile is one chunk with all sub-frames.
 //!
-//! The documents and chunks are written here, not by the `zarrs` crate, because its build needs a C library (zlib, for
-//! its build script, whatever the features), and building this project needs cargo alone.
+//! This module writes the documents and chunks itself and does not use the `zarrs` crate. The build of that crate needs
+//! a C library (zlib, for its build script, with any features), and this project must build with cargo alone.
 
 mod chunks;
 mod display;
@@ -72,219 +74,232 @@ use crate::{
 use eyebox_base::{Reason, reason};
 use std::borrow::Cow;
 
-/// What can be wrong with a hologram or its file.
+/// An error of a hologram or of its file.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum HologramError {
-    /// Reading or writing failed.
+    /// Reading or writing a file failed.
     File(#[from] FileError),
     /// A file of the hologram is missing, cut short or changed.
-    #[error("{file}: the hologram is damaged: {reason}; copy it again, or solve it again")]
+    #[error("{file}: the hologram is damaged: {reason}. Copy it again, or solve it again")]
     Damaged {
-        /// The file.
+        /// The path of the file.
         file: String,
-        /// What is wrong with it.
+        /// The problem of the file.
         reason: Reason,
     },
-    /// There is something, but no hologram.
-    #[error("{path}: is no hologram: {reason}")]
+    /// The path holds something that is not a hologram.
+    #[error("{path}: not a hologram: {reason}")]
     NotAHologram {
-        /// The place.
+        /// The path that was opened.
         path: String,
-        /// What is there, and what would be right.
+        /// The content that was found, and the content that is needed.
         reason: Reason,
     },
-    /// It can be read in more than one way.
-    #[error("{path}: {reason}: {decide}")]
+    /// The content can be read in more than one way.
+    #[error("{path}: {reason}. {decide}")]
     Doubtful {
-        /// The place.
+        /// The path that was read.
         path: String,
-        /// What was found.
+        /// The content that was found.
         reason: Reason,
-        /// What decides.
+        /// The setting that decides between the ways.
         decide: String,
     },
-    /// Numbers that are given as radians and are none.
+    /// Numbers that are given as radians have values that radians do not have.
     #[error(
-        "the phases go from {low} to {high}, and are no radians: scale gray levels and turns to them, and wrap large ones in \
-         float64, as by numpy.angle(numpy.exp(1j * phases))"
+        "the phases go from {low} to {high} and are not radians. Scale gray levels and turns to radians, and wrap \
+         large ones in float64, for example with numpy.angle(numpy.exp(1j * phases))"
     )]
     NotRadians {
-        /// The smallest.
+        /// The smallest number found.
         low: f32,
-        /// The largest.
+        /// The largest number found.
         high: f32,
     },
-    /// Phases without optics.
+    /// Bare phases were given without optics.
     #[error(
-        "{path}: bare phases do not say their optics: give `display` and `color`, or `pitch`, `wavelength` and `focal_length`"
+        "{path}: bare phases have no optics. Give `display` and `color`, or `pitch`, `wavelength` and `focal_length`"
     )]
     NoOptics {
-        /// The place.
+        /// The path of the phases.
         path: String,
     },
-    /// Phases that memory does not hold.
+    /// The phases do not fit into memory.
     Memory(#[from] TooLarge),
-    /// An ending that names no format.
-    #[error(
-        "{path}: the ending says no format that a hologram can be written in: use .zarr (everything), or .npy (phases alone)"
-    )]
+    /// The file extension names no format.
+    #[error("{path}: unsupported file extension. Use .zarr for a whole hologram, or .npy for the phases alone")]
     UnknownEnding {
-        /// The place.
+        /// The path that was given.
         path: String,
     },
-    /// It is being made, by someone else.
-    #[error("{path}: another program is solving this hologram: wait for it, or end it and go on from where it was")]
+    /// Another program is solving the hologram now.
+    #[error("{path}: another program is solving it. Wait for it, or end it and continue from its last state")]
     Busy {
-        /// The hologram.
+        /// The path of the hologram.
         path: String,
     },
-    /// It is still being made, and was not asked for as it is.
-    #[error("{path}: it is unfinished: {how_far}: repeat the command that makes it")]
+    /// The hologram is unfinished, and unfinished holograms were not allowed.
+    #[error("{path}: it is unfinished ({how_far}). Repeat the command that makes it")]
     Unfinished {
-        /// The hologram.
+        /// The path of the hologram.
         path: String,
-        /// How far it is.
+        /// The state of the work.
         how_far: Unfinished,
     },
-    /// It was replaced, or moved, again and again while it was read, or since it was opened.
-    #[error("{path}: another program replaced it while it was read: do it again")]
+    /// The file was replaced or moved repeatedly while it was read, or since it was opened.
+    #[error("{path}: another program replaced it while it was read. Try again")]
     Replaced {
-        /// The hologram.
+        /// The path of the hologram.
         path: String,
     },
-    /// A hologram that contradicts itself.
-    #[error("the hologram cannot be: {0}")]
+    /// The fields of a hologram contradict each other.
+    #[error("hologram: {0}")]
     Inconsistent(Reason),
-    /// A sequence that stands there and is another one than is to be written.
+    /// The path holds a sequence that differs from the one to be written.
     #[error("{path}: {reason}")]
     OtherSequence {
-        /// The place.
+        /// The path of the sequence.
         path: String,
-        /// How it differs, and what to do.
+        /// The difference, and the remedy.
         reason: Reason,
     },
-    /// Its optics cannot be, or have no such colour or pupil.
+    /// The optics are impossible, or have no such color or pupil.
     Optics(#[from] OpticsError),
-    /// The scene that it is compared with.
+    /// The scene of the comparison could not be read.
     Scene(#[from] SceneError),
-    /// Its colours are not named, or are not those of its display.
-    #[error("its colours are not named, or not those of its display: what it was made for is not known")]
+    /// The colors have no names, or names that the display does not have.
+    #[error("its colors have no names, or names that its display does not have. Its display is not known")]
     NoDisplay,
-    /// It shows another scene than it is compared with.
-    #[error("it shows '{shows}', and '{given}' is another scene: give that one, or set other_scene if it is meant")]
+    /// The hologram shows another scene than the one given.
+    #[error(
+        "it shows '{shows}', and '{given}' is another scene. Give '{shows}', or set other_scene to compare with \
+         '{given}'"
+    )]
     OtherScene {
-        /// The scene that it names.
+        /// The scene that the hologram names.
         shows: String,
-        /// The one that was given.
+        /// The scene that was given.
         given: String,
     },
-    /// Its scene is not what it was when it was solved.
+    /// The content of the scene changed after the solve.
     #[error(
-        "{scene}: it is not what the hologram was solved from{}: give the scene as it was, or set other_scene to take this one",
+        "{scene}: it changed after the hologram was solved from it{}. Give the scene as it was, or set \
+         other_scene to use this one",
         why.as_ref().map_or(String::new(), |why| format!(" ({why})"))
     )]
     ChangedScene {
-        /// Where it was found.
+        /// The path at which the scene was found.
         scene: String,
-        /// Why it cannot be read, if it cannot.
+        /// The reason why the scene cannot be read, if it cannot.
         why: Option<String>,
     },
-    /// Its scene is at none of the places where it may be.
-    #[error("{scene}: the scene that the hologram was solved from is not there (looked at {looked}): give the scene")]
+    /// The scene is at none of its possible paths.
+    #[error("{scene}: the scene that the hologram was solved from does not exist (searched {looked}). Give the scene")]
     SceneNotFound {
         /// The scene as it was named.
         scene: String,
-        /// Where it was looked for.
+        /// The paths that were searched.
         looked: String,
     },
-    /// It has no scene that can be found.
-    #[error("{}: give the scene", if *of_array { "it was solved from an array, which no file holds" } else { "it does not say of which scene it is" })]
+    /// The hologram names no scene that can be found.
+    #[error(
+        "{}. Give the scene",
+        if *of_array { "it was solved from an array, which no file holds" } else { "it names no scene" }
+    )]
     NoScene {
-        /// Whether it was solved from an array.
+        /// True if it was solved from an array.
         of_array: bool,
     },
-    /// The display that it was solved for cannot be found, or is another by now.
-    #[error("the display '{display}', which the hologram was solved for: {why}: give the display")]
+    /// The display of the solve cannot be found, or has changed since.
+    #[error("the display '{display}', for which the hologram was solved: {why}. Give the display")]
     DisplayNotFound {
-        /// Its name.
+        /// The name of the display.
         display: String,
-        /// Why.
+        /// The reason why it cannot be used.
         why: String,
     },
-    /// A scene of another size.
-    #[error("the scene has {} x {} pixels, and {} x {} are seen of the hologram: load it for the hologram's display", given.0, given.1, shows.0, shows.1)]
+    /// The scene has another size than the picture of the hologram.
+    #[error(
+        "the scene has {} x {} pixels, but the hologram shows {} x {}. Load the scene for the hologram's display",
+        given.0,
+        given.1,
+        shows.0,
+        shows.1
+    )]
     OtherSize {
         /// Rows and columns of the scene.
         given: (usize, usize),
-        /// Those of what is seen.
+        /// Rows and columns of the picture that the hologram shows.
         shows: (usize, usize),
     },
-    /// How bright it is meant to be is not known: bare phases do not say.
-    #[error("how bright it is meant to be is not known: `fit_exposure` fits it to its scene")]
+    /// The intended brightness is not known, because bare phases carry no exposure.
+    #[error("the exposure is not known. Set `fit_exposure` to fit it to the scene")]
     NoExposure,
-    /// Its file's optics cannot be.
+    /// The optics in a file are impossible.
     #[error("{file}: {source}")]
     FileOptics {
-        /// The file.
+        /// The path of the file.
         file: String,
-        /// Why.
+        /// The error of the optics.
         source: OpticsError,
     },
 }
 
-/// The phases of one colour.
+/// The phases of one color of a hologram.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorHologram {
-    /// Its colour; none where only a wavelength is known.
+    /// The color. It is none if only the wavelength is given.
     pub color: Option<Color>,
-    /// Metres.
+    /// Wavelength of the laser, in meters.
     pub wavelength: f64,
-    /// One exposure for the whole eyebox (OPTICS 2): multiplies the intensity that an eye receives, relative to a
-    /// perfect hologram of full scale.
+    /// The exposure, one for the whole eyebox (OPTICS 2). It multiplies the intensity that an eye receives, relative to
+    /// a perfect hologram of full scale.
     pub exposure: f64,
-    /// Mean of the scene over the exposure: the share of the light that is aimed at where pupils look (OPTICS 6c).
+    /// Mean of the scene over the exposure. It is the share of the light that is aimed at the places of the pupils
+    /// (OPTICS 6c).
     pub efficiency: f64,
-    /// (sub-frame, row, column), radians in [-pi, pi).
+    /// Phases in radians in [-pi, pi), with the axes (sub-frame, row, column).
     pub phases: Vec<f32>,
 }
 
-/// Phase frames for a display, and what they were made for and by.
+/// Phase frames for a display, with the settings and optics of their solve.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Hologram {
-    /// Sub-frames of a temporal multiplex.
+    /// Number of sub-frames of the temporal multiplex.
     pub frames: usize,
-    /// Rows.
+    /// Number of rows of pixels.
     pub height: usize,
-    /// Columns.
+    /// Number of columns of pixels.
     pub width: usize,
-    /// Pixel pitch, metres.
+    /// Pixel pitch, in meters.
     pub pitch: f64,
-    /// Focal length of the relay, metres.
+    /// Focal length of the relay, in meters.
     pub focal_length: f64,
-    /// Where the SLM stands.
+    /// The position of the SLM relative to the eyebox.
     pub geometry: Geometry,
-    /// The colours, one to three as a rule, each with `frames * height * width` phases.
+    /// The colors, usually one to three, each with `frames * height * width` phases.
     pub colors: Vec<ColorHologram>,
-    /// Seed of the random initial phase and of the pupils drawn.
+    /// Seed of the random initial phase and of the random pupils.
     pub seed: u64,
-    /// Version of eyebox that made it.
+    /// The version of eyebox that made it.
     pub version: String,
     /// Name of the display.
     pub display: String,
-    /// All wavelengths of the display, solved or not: what the shortest reaches is the eyebox that was served. Empty where
-    /// no display is known.
+    /// All wavelengths of the display, solved or not. The shortest of them determines the eyebox of the solve. It is
+    /// empty if the display is not known.
     pub display_wavelengths: Vec<Wavelength>,
-    /// What it shows: a path or `builtin:NAME`.
+    /// The scene that it shows, as a path or `builtin:NAME`.
     pub scene: String,
-    /// How it was made.
+    /// The settings and circumstances of the solve.
     pub metadata: Metadata,
 }
 
 impl Hologram {
-    /// On a display, of its size and geometry: `frames` sub-frames of these colours, of no scene and made by nobody.
+    /// Returns a hologram for a display, with its size and geometry and `frames` sub-frames of these colors. It has no
+    /// scene and no solve settings.
     pub fn on(display: &Display, frames: usize, colors: Vec<ColorHologram>) -> Self {
         Self {
             frames,
@@ -311,16 +326,16 @@ impl Hologram {
         }
     }
 
-    /// Colours, sub-frames, rows, columns.
+    /// Returns the numbers of colors, sub-frames, rows and columns.
     pub fn shape(&self) -> [usize; 4] {
         [self.colors.len(), self.frames, self.height, self.width]
     }
 
-    /// The display that it was made for: of its size and optics, with 256 levels and no encoding. Its eyebox is the one that
-    /// pupils were drawn in.
+    /// Returns the display for which it was made, with its size and optics, 256 levels and no encoding. Its eyebox is
+    /// the one from which pupils were drawn.
     ///
     /// # Errors
-    /// [`HologramError::NoDisplay`].
+    /// Returns [`HologramError::NoDisplay`] if the colors have no names, or names that the display does not have.
     pub fn made_for(&self) -> Result<Display, HologramError> {
         let known = |color: Color| self.display_wavelengths.iter().any(|w| w.color == color);
         if !self.colors.iter().all(|c| c.color.is_some_and(known)) {
@@ -350,13 +365,14 @@ impl Hologram {
         })
     }
 
-    /// The names of its colours; those that have none are left out.
+    /// Returns the names of its colors, without the colors that have none.
     pub fn named_colors(&self) -> Vec<Color> {
         self.colors.iter().filter_map(|c| c.color).collect()
     }
 
-    /// The colours, by their places, whose phases a display receives: all of them, or, where they share their sub-frames
-    /// ([`JointColor`](crate::optics::JointColor)), the one that drives are meant at, by whose name it takes them.
+    /// Returns the indices of the colors whose phases a display receives. They are all colors, unless the colors share
+    /// their sub-frames ([`JointColor`](crate::optics::JointColor)). Then it is only the reference color, at which
+    /// drives are defined and under whose name the display receives them.
     pub fn sent_colors(&self) -> Vec<usize> {
         let reference = self.metadata.joint_color.as_ref().and_then(|joint| joint.reference());
         let all = 0..self.colors.len();
@@ -366,8 +382,8 @@ impl Hologram {
         }
     }
 
-    /// What a display receives of each of its [sent colours](Self::sent_colors): its phases, or, where colours share their sub-frames, the
-    /// drives as phases of one turn.
+    /// Returns the phases that a display receives for each of its [sent colors](Self::sent_colors). If colors share
+    /// their sub-frames, these are the drives as phases of one turn.
     pub fn sent_phases(&self) -> Vec<Cow<'_, [f32]>> {
         match self.slopes_of_hidden_drives() {
             Some(slopes) => vec![Cow::Owned(drives_of(&slopes, |color| &self.colors[color].phases))],
@@ -375,7 +391,8 @@ impl Hologram {
         }
     }
 
-    /// Turns of each colour's light over all drives, where colours share their sub-frames and the drives are the phases of none of them.
+    /// Returns the turns of each color's light over all drives, if colors share their sub-frames and no color has the
+    /// drives as its phases.
     pub fn slopes_of_hidden_drives(&self) -> Option<Vec<f64>> {
         let lasers = &self.metadata.joint_color.as_ref()?.lasers;
         let slope = |color: &ColorHologram| Some(lasers.get(&color.color?)?.slope);
@@ -383,10 +400,10 @@ impl Hologram {
         Some(slopes).filter(|slopes| !slopes.contains(&1.0))
     }
 
-    /// The optics at colour `index`.
+    /// Returns the optics of color `index`.
     ///
     /// # Errors
-    /// Those of [`Optics::new`].
+    /// Returns the errors of [`Optics::new`].
     pub fn optics(&self, index: usize) -> Result<Optics, OpticsError> {
         let wavelength = self.colors[index].wavelength;
         let optics = Optics::new(self.height, self.width, self.pitch, wavelength, self.focal_length)?;
@@ -394,8 +411,8 @@ impl Hologram {
         Ok(optics.in_geometry(self.geometry).behind_mask(factor))
     }
 
-    /// Share of colour `index`'s field of view that the picture takes along each axis (OPTICS 9): that of the display's
-    /// shortest wavelength, or of the hologram's where no display is known.
+    /// Returns the share of color `index`'s field of view that the picture takes along each axis (OPTICS 9). The
+    /// display's shortest wavelength determines it, or the hologram's shortest if the display is not known.
     pub fn picture_share(&self, index: usize) -> f64 {
         if self.geometry == Geometry::Relay {
             return 1.0;
@@ -406,27 +423,27 @@ impl Hologram {
         shortest / own
     }
 
-    /// Rows and columns of what an eye sees of it.
+    /// Returns the rows and columns of the picture that an eye sees of it.
     pub fn picture_size(&self) -> (usize, usize) {
         self.geometry.picture_size(self.height, self.width)
     }
 
-    /// One sub-frame of one colour, (row, column).
+    /// Returns one sub-frame of one color, with the axes (row, column).
     pub fn frame(&self, color: usize, frame: usize) -> &[f32] {
         let pixels = self.height * self.width;
         &self.colors[color].phases[frame * pixels..(frame + 1) * pixels]
     }
 
-    /// Refuses what no file should hold.
+    /// Refuses a hologram that no file should hold.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`].
+    /// Returns [`HologramError::Inconsistent`] with the first contradiction.
     pub fn check(&self) -> Result<(), HologramError> {
         let wrong = |reason: Reason| Err(HologramError::Inconsistent(reason));
         let (frames, height, width) = (self.frames, self.height, self.width);
         if self.colors.is_empty() || frames == 0 {
             let count = self.colors.len();
-            return wrong(reason!("empty", "it has {count} colours and {frames} sub-frames: at least one each"));
+            return wrong(reason!("empty", "it needs at least one color and sub-frame, not {count} and {frames}"));
         }
         self.metadata.check()?;
         if let Some(joint) = &self.metadata.joint_color {
@@ -440,7 +457,7 @@ impl Hologram {
         }
         let expected = height.checked_mul(width).and_then(|n| n.checked_mul(frames));
         for (i, c) in self.colors.iter().enumerate() {
-            let name = c.color.map_or_else(|| format!("colour {i}"), |c| c.to_string());
+            let name = c.color.map_or_else(|| format!("color {i}"), |c| c.to_string());
             if let Err(e) = self.optics(i) {
                 return wrong(reason!("optics", "{name}: {e}"));
             }

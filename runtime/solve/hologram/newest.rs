@@ -1,11 +1,11 @@
-//! A hologram that may be replaced while it is played, and which version of it is on the screen.
+//! Holds a hologram that may be replaced during playback, and the version that is on the screen.
 
 use super::Hologram;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A hologram in memory that may be replaced while it is played: the next set that is made is of the newest version. Clones share
-/// it.
+/// A hologram in memory that may be replaced during playback. The next multiplex set is made of the newest version.
+/// Clones share it.
 #[derive(Debug, Clone)]
 pub struct NewestHologram(Arc<State>);
 
@@ -16,17 +16,17 @@ struct State {
     on_screen: AtomicCell<Option<OnScreen>>,
 }
 
-/// A version of a hologram that is on the screen. If two of them are equal, the screen showed nothing else between.
+/// A version of a hologram that is on the screen. If two values are equal, the screen showed nothing else between them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OnScreen {
-    /// The version, from 0.
+    /// The number of the version, from 0.
     pub version: u64,
     /// The number of the video frame with which it appeared.
     pub since: u64,
 }
 
 impl NewestHologram {
-    /// Begins with version 0.
+    /// Creates it with version 0.
     pub fn new(hologram: Hologram) -> Self {
         Self(Arc::new(State { newest: Mutex::new((0, hologram)), on_screen: AtomicCell::new(None) }))
     }
@@ -35,15 +35,15 @@ impl NewestHologram {
         self.0.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A copy of the newest version.
+    /// Returns a copy of the newest version.
     pub fn load(&self) -> Hologram {
         self.get().1.clone()
     }
 
-    /// Puts another hologram of the same shape in its place, and returns the number of its version.
+    /// Replaces the hologram by another of the same shape, and returns the number of the new version.
     ///
     /// # Errors
-    /// The other hologram, if it has another shape.
+    /// Returns the other hologram if it has another shape.
     pub fn replace(&self, hologram: Hologram) -> Result<u64, Box<Hologram>> {
         let shape =
             |h: &Hologram| ([h.frames, h.height, h.width], h.colors.iter().map(|c| c.phases.len()).collect::<Vec<_>>());
@@ -55,20 +55,20 @@ impl NewestHologram {
         Ok(now.0)
     }
 
-    /// The version that is on the screen, from its second set on, so that nothing of the set before is left in the pixels. None
-    /// while versions change, and while something else is shown.
+    /// Returns the version that is on the screen, from its second set on, so that nothing of the previous set is left
+    /// in the pixels. Returns none while versions change, and while something else is shown.
     pub fn on_screen(&self) -> Option<OnScreen> {
         self.0.on_screen.load()
     }
 
-    /// A copy of the newest version, if it is the one on the screen.
+    /// Returns a copy of the newest version, if it is the one on the screen.
     pub fn shown(&self) -> Option<(OnScreen, Hologram)> {
         let newest = self.get();
         let shown = self.on_screen().filter(|shown| shown.version == newest.0)?;
         Some((shown, newest.1.clone()))
     }
 
-    /// Stores what is on the screen: the side that presents knows.
+    /// Stores the version that is on the screen. The presenting side calls it.
     pub fn put_on_screen(&self, shown: Option<OnScreen>) {
         self.0.on_screen.store(shown);
     }

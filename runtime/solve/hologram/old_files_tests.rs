@@ -1,5 +1,6 @@
-//! Files that earlier versions wrote (`tests/old_holograms`, of version 0.1.0) open, say what they said, and are written
-//! again alike.
+//! Tests that files of earlier versions open, keep their content, and are written again in the same way.
+//!
+//! The files are `tests/old_holograms`, of version 0.1.0.
 
 use super::*;
 use crate::solve::Method;
@@ -10,8 +11,8 @@ fn old(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/old_holograms").join(name)
 }
 
-/// That the group's document is written now as it was then: the same keys in the same order, but for those that are no longer
-/// known, which come last. Digits are left out: numbers are read to within their last.
+/// Checks that the group's document is written now as it was then, with the same keys in the same order. Keys that are
+/// no longer known come last. Digits are skipped, because numbers are read with an error in their last one.
 fn written_alike(hologram: &Hologram, name: &str) {
     let outline = |bytes: &[u8]| {
         let mut document: serde_json::Value = serde_json::from_slice(bytes).expect("a document");
@@ -73,7 +74,7 @@ fn tiles_and_sequences_open() {
     assert!(matches!(second, Ok(PhaseSource::Whole(_))));
 }
 
-/// Settings that eyebox no longer has do not prevent that a file opens.
+/// A setting that eyebox no longer has does not keep a file from opening.
 #[test]
 fn a_hologram_of_the_contrast_loss_opens() {
     let mut written: serde_json::Value =

@@ -1,5 +1,6 @@
-//! One way to open whatever holds phases: a hologram, one of a sequence, or bare phases with what they do not say; and how far one in the
-//! making is.
+//! Opens anything that holds phases, such as a hologram, one of a sequence, or bare phases with optics.
+//!
+//! It also determines how much of an unfinished hologram is done.
 
 use super::chunks::{GROUP, none};
 use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, load_phases};
@@ -10,62 +11,62 @@ use serde::Serialize;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What is said beside a file of phases. Where it is a hologram, `bare` and `unit` say nothing.
+/// Settings for opening a file of phases. For a hologram, `bare` and `unit` are ignored.
 #[derive(Debug, Clone, Default)]
 pub struct Opening {
-    /// Which hologram of a sequence, from 0.
+    /// The index of the hologram in a sequence, from 0.
     pub at: Option<u64>,
-    /// The colour that is taken, and the one that bare phases of one colour are for; none for all.
+    /// The only color that is used, which is also the color of bare phases that have one color. None uses all colors.
     pub color: Option<Color>,
     /// The optics of bare phases.
     pub bare: Option<BareOptics>,
-    /// What the numbers of bare phases are.
+    /// The unit of bare phases.
     pub unit: Option<PhaseUnit>,
-    /// Whether a sequence, or a hologram in tiles, that is still being made is taken as it is; else it is refused.
+    /// True if an unfinished sequence or tiled hologram is accepted. Otherwise it is refused.
     pub unfinished: bool,
 }
 
-/// Optics of phases that come without.
+/// The optics of phases that carry none.
 #[derive(Debug, Clone)]
 pub enum BareOptics {
-    /// A display's, which has as many pixels as they.
+    /// The optics of a display that has as many pixels as the phases.
     Display(Box<Display>),
-    /// In metres, one wavelength a colour.
+    /// Optics as numbers in meters, with one wavelength per color.
     Values {
-        /// Pixel pitch.
+        /// Pixel pitch, in meters.
         pitch: f64,
-        /// Focal length.
+        /// Focal length, in meters.
         focal_length: f64,
-        /// Where the SLM stands.
+        /// The position of the SLM relative to the eyebox.
         geometry: Geometry,
-        /// Wavelengths.
+        /// Wavelengths in meters, one per color.
         wavelengths: Vec<f64>,
     },
 }
 
 impl Opening {
-    /// The hologram at `path`, with all of its phases.
+    /// Returns the hologram at `path` with all of its phases.
     ///
     /// # Errors
-    /// Those of [`Hologram::load_at`]; those of [`load_phases`], [`Phases::on`] and [`Phases::with_optics`], and
-    /// [`HologramError::NoOptics`]; [`HologramError::NotAHologram`] where it has no part in the colour;
-    /// [`HologramError::Unfinished`].
+    /// Returns the errors of [`Hologram::load_at`], [`load_phases`], [`Phases::on`] and [`Phases::with_optics`]. Also
+    /// returns [`HologramError::NoOptics`], [`HologramError::Unfinished`], and [`HologramError::NotAHologram`] if the
+    /// hologram has no phases of the color.
     pub fn hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         let bare = Phases::are_at(path);
         let mut hologram = if bare { self.bare_hologram(path)? } else { self.whole(path)? };
         if let (Some(color), false) = (self.color, bare) {
             hologram.colors.retain(|c| c.color == Some(color));
             if hologram.colors.is_empty() {
-                return Err(none(path, reason!("no-such-color", "it has no {color} part")));
+                return Err(none(path, reason!("no-such-color", "it has no phases of the color {color}")));
             }
         }
         Ok(hologram)
     }
 
-    /// The same, where phases in tiles stay on the disk.
+    /// Returns the phases at `path`. Tiles stay on the disk.
     ///
     /// # Errors
-    /// Those of [`hologram`](Self::hologram) and [`PhaseSource::open`].
+    /// Returns the errors of [`hologram`](Self::hologram) and [`PhaseSource::open`].
     pub fn source(&self, path: &Path) -> Result<PhaseSource<'static>, HologramError> {
         if Phases::are_at(path) || self.at.is_some() {
             return Ok(self.hologram(path)?.into());
@@ -75,19 +76,19 @@ impl Opening {
         match (source, self.color) {
             (PhaseSource::Whole(_), Some(_)) => Ok(self.hologram(path)?.into()),
             (PhaseSource::Tiled(tiles), Some(color)) if tiles.about().named_colors() != [color] => {
-                let what = "it is stored in tiles, all colours of which are read: leave out `color`";
+                let what = "it is stored in tiles with all their colors. Leave out `color`";
                 Err(none(path, Reason::new("color-of-tiles", what)))
             }
             (source, _) => Ok(source),
         }
     }
 
-    /// The sequence at `path`, or what is there as a sequence of one.
+    /// Returns the sequence at `path`, or a single hologram as a sequence of one.
     ///
     /// # Errors
-    /// Those of [`Sequence::open`] and of [`hologram`](Self::hologram).
+    /// Returns the errors of [`Sequence::open`] and of [`hologram`](Self::hologram).
     pub fn sequence(&self, path: &Path) -> Result<Sequence, HologramError> {
-        // Of tiles all at once: a display shows no part of a hologram.
+        // Tiles are loaded all at once, because a display shows no piece of a hologram.
         if Phases::are_at(path) || Tiles::is_tiled(path) {
             return Ok(Sequence::single(path, self.hologram(path)?));
         }
@@ -96,7 +97,7 @@ impl Opening {
         match self.color {
             Some(color) if sequence.about().named_colors() != [color] => {
                 if !sequence.is_single() {
-                    let what = "all colours of a sequence are shown: leave out `color`";
+                    let what = "all colors of a sequence are shown. Leave out `color`";
                     return Err(none(path, Reason::new("color-of-sequence", what)));
                 }
                 Ok(Sequence::single(path, self.hologram(path)?))
@@ -105,7 +106,7 @@ impl Opening {
         }
     }
 
-    /// A hologram with all of its phases, which are not bare.
+    /// Returns a hologram, not bare phases, with all of its phases.
     fn whole(&self, path: &Path) -> Result<Hologram, HologramError> {
         if !self.unfinished {
             self.allow(path, Unfinished::at(path)?)?;
@@ -122,28 +123,29 @@ impl Opening {
     fn bare_hologram(&self, path: &Path) -> Result<Hologram, HologramError> {
         let no = |reason| Err(none(path, reason));
         if self.at.is_some() {
-            return no(reason!("not-a-sequence", "bare phases are one hologram, not a sequence: leave out `at`"));
+            return no(reason!("not-a-sequence", "bare phases are one hologram, not a sequence. Leave out `at`"));
         }
-        // What is not there is no phases that lack something.
+        // A missing file is reported as missing, not as phases without optics.
         if let Err(e) = std::fs::metadata(path) {
             if path.to_string_lossy().starts_with("builtin:") {
-                return no(reason!("scene", "it is a scene: a hologram is first solved of it"));
+                return no(reason!("scene", "it is a scene. Solve a hologram of it first"));
             }
             let with_ending = path.with_added_extension("zarr");
             if with_ending.join(GROUP).exists() {
-                return no(reason!("nothing-there", "nothing is there; {} is one", with_ending.display()));
+                return no(reason!("nothing-there", "it does not exist, but {} is a hologram", with_ending.display()));
             }
             return Err(FileError::read(path, e).into());
         }
-        // A hologram is a folder.
+        // A hologram is a folder, so a file inside it is refused with the name of its folder.
         if path.file_name().is_some_and(|name| name == GROUP) {
             let whole = path.parent().unwrap_or(path).display();
-            return no(reason!("file-of-a-hologram", "it is one file of a hologram: give its folder {whole}"));
+            return no(reason!("file-of-a-hologram", "it is one file of a hologram. Give its folder {whole}"));
         }
-        // What are no phases lacks more than optics.
+        // The phases are loaded before missing optics are reported, because a file that holds no phases lacks more than
+        // optics.
         let phases = load_phases(path, self.unit).map_err(|error| match only_hologram_in(path) {
             Some(inside) => {
-                none(path, reason!("folder-of-a-hologram", "it is a folder that holds one: {}", inside.display()))
+                none(path, reason!("folder-of-a-hologram", "it is a folder with the hologram {}", inside.display()))
             }
             None => error,
         })?;
@@ -158,35 +160,35 @@ impl Opening {
 }
 
 impl Phases {
-    /// Whether there are phases without optics at `path`, or nothing that is a hologram.
+    /// Returns true if `path` holds phases without optics, or anything that is not a hologram.
     pub fn are_at(path: &Path) -> bool {
         let named = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr"));
         !named && !path.join(GROUP).exists()
     }
 
-    /// Returns whether the array or the folder of pictures at `path` has a name of phases. A folder of pictures with other names
-    /// may also be a light field.
+    /// Returns true if the array or the folder of pictures at `path` has a name of phases. A folder of pictures with
+    /// other names may also be a light field.
     pub fn are_named_at(path: &Path) -> bool {
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) || super::phase_files::are_named_in(path)
     }
 }
 
-/// The hologram in a folder that holds one.
+/// Returns the hologram in a folder that holds exactly one.
 fn only_hologram_in(folder: &Path) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
     let mut holograms = entries.filter(|path| path.join(GROUP).exists());
     holograms.next().filter(|_| holograms.next().is_none())
 }
 
-/// How far a sequence, or a hologram in tiles, is that is not finished.
+/// The state of a sequence or of a tiled hologram that is unfinished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Unfinished {
-    /// So many are done,
+    /// The number of units that are done.
     pub done: u64,
-    /// of so many; none where its file does not say.
+    /// The number of all units, or none if the file does not state it.
     pub total: Option<u64>,
-    /// What is counted: `holograms` of a sequence, `visits` to the regions of one in tiles.
+    /// The counted unit, which is `holograms` of a sequence, or `visits` to the regions of a tiled hologram.
     pub unit: &'static str,
 }
 
@@ -198,10 +200,10 @@ impl fmt::Display for Unfinished {
 }
 
 impl Unfinished {
-    /// What is at `path`, if it is not finished; bare phases are.
+    /// Returns the state of the hologram at `path` if it is unfinished. Bare phases are always finished.
     ///
     /// # Errors
-    /// Those of [`Tiles::open`] and [`Sequence::open`].
+    /// Returns the errors of [`Tiles::open`] and [`Sequence::open`].
     pub fn at(path: &Path) -> Result<Option<Self>, HologramError> {
         if Phases::are_at(path) {
             return Ok(None);
@@ -218,14 +220,14 @@ impl Unfinished {
 }
 
 impl Tiles {
-    /// How far it is; none where it is finished.
+    /// Returns the state of the work, or none if it is finished.
     pub fn unfinished(&self) -> Option<Unfinished> {
         self.made().map(|made| Unfinished { done: made.done, total: made.total, unit: "visits" })
     }
 }
 
 impl PhaseSource<'_> {
-    /// How far a hologram in tiles is; none where it is finished.
+    /// Returns the state of a tiled hologram, or none if it is finished.
     pub fn unfinished(&self) -> Option<Unfinished> {
         match self {
             Self::Whole(_) => None,
@@ -235,7 +237,7 @@ impl PhaseSource<'_> {
 }
 
 impl Sequence {
-    /// How far it is; none where it is finished.
+    /// Returns the state of the sequence, or none if it is finished.
     pub fn unfinished(&mut self) -> Option<Unfinished> {
         let how_far = Unfinished { done: self.count(), total: self.planned(), unit: "holograms" };
         (!self.is_complete()).then_some(how_far)

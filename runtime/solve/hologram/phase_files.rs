@@ -1,8 +1,9 @@
-//! Reading bare phases: an array (`.npy`, `.npz`), a picture, or a folder of pictures.
+//! Reads bare phases from an array (`.npy`, `.npz`), a picture, or a folder of pictures.
 //!
-//! Pictures hold levels, of which 256 (8 bits) or 65536 (16 bits) are a full turn unless a [`PhaseUnit`] says otherwise; floats are
-//! radians. Their names give color and sub-frame (`green-00.png`, `0-00.png`), or a running number alone (`phase_000.png`): the
-//! sub-frames of one color, or of red, green and blue where the pictures have colors.
+//! Pictures hold levels, of which 256 (8 bits) or 65536 (16 bits) are a full turn unless a [`PhaseUnit`] is given.
+//! Floats are radians. The names of pictures give color and sub-frame (`green-00.png`, `0-00.png`), or only a running
+//! number (`phase_000.png`). A running number counts the sub-frames of one color, or of red, green and blue if the
+//! pictures have colors.
 
 use super::chunks::{none, read_whole};
 use super::{HologramError, PhaseUnit, Phases};
@@ -16,25 +17,27 @@ use std::f64::consts::TAU;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// What decides what numbers mean.
+/// The remedy if the unit of the numbers is doubtful.
 const UNITS: &str =
-    "say what its numbers are with `phase_unit`: rad, turns, deg, or how many levels are a turn, such as 256";
-const JPEG: &str = "it is a JPEG picture, which changes levels: save phases as PNG, BMP or TIFF";
-/// Turns beyond which numbers are hardly radians: levels, degrees.
+    "Set `phase_unit` to the unit of its numbers, as rad, turns, deg, or the number of levels per turn, such as 256";
+const JPEG: &str = "it is a JPEG picture, which changes levels. Save phases as PNG, BMP or TIFF";
+/// Turns beyond which numbers are hardly radians, but levels or degrees.
 const MANY_TURNS: f32 = 8.0;
 /// The list in a folder of encoded video frames.
 const VIDEO_FRAMES: &str = "frames.json";
-/// Pixels of a picture of phases, at most: that of the largest display.
+/// The largest number of pixels of a picture of phases, which the largest display has.
 const MOST_PIXELS: u64 = 1 << 28;
 
-/// Reads phases from an array (any phase is wrapped; (row, column) is one sub-frame), from a picture, or from a folder of pictures.
-/// Numbers mean what `unit` says; without it floats are radians, where they can be that, and 256 levels of a picture of 8 bits,
-/// or 65536 of one of 16, are a full turn.
+/// Reads phases from an array, from a picture, or from a folder of pictures. Any phase of an array is wrapped, and the
+/// axes (row, column) are one sub-frame. `unit` is the unit of the numbers. Without it, floats are radians if they
+/// plausibly can be. A full turn is 256 levels of an 8-bit picture, or 65536 levels of a 16-bit picture.
 ///
 /// # Errors
-/// [`HologramError::File`]; [`HologramError::NotAHologram`] for an array of other than two to four axes, an empty one,
-/// one whose last axis is no row of pixels, and a folder whose pictures are not one per color and sub-frame, all of one
-/// size; [`HologramError::Doubtful`] for numbers that may well be something else than radians, or than levels.
+/// - [`HologramError::File`] if a file cannot be read.
+/// - [`HologramError::NotAHologram`] for an empty array, for an array without two to four axes, and if the last axis is
+///   not
+/// a row of pixels. Also for a folder whose pictures are not one per color and sub-frame, all of one size.
+/// - [`HologramError::Doubtful`] for numbers that may not be radians or levels.
 pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     if unit.is_some_and(|u| !(u.turn() > 0.0 && u.turn().is_finite())) {
         return Err(none(path, reason!("phase-unit", "a turn must have a positive number of levels")));
@@ -60,22 +63,22 @@ fn of_array(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramErro
         _ => (0, 0, 0, 0),
     };
     let wrong = |why: &str| {
-        let right = "(row, column), (sub-frame, row, column) or (colour, sub-frame, row, column)";
+        let right = "(row, column), (sub-frame, row, column) or (color, sub-frame, row, column)";
         Err(none(path, reason!("shape", "its shape is {shape:?}{why}, not {right}")))
     };
     let count = shape.iter().product();
     if shape.len() == 5 {
-        return wrong(", as of views: a hologram is first solved of a scene");
+        return wrong(", as for views (solve a hologram of a scene first)");
     }
     if count == 0 || colors == 0 {
         return wrong("");
     }
     if shape.len() == 4 && (width <= 4 && colors > 4) {
-        return wrong(", as if colors came last: save phases.transpose(3, 2, 0, 1)");
+        return wrong(", as if colors came last (save phases.transpose(3, 2, 0, 1))");
     }
     if shape.len() > 2 && width <= 4 && height >= 4 * width {
         return wrong(
-            ", as if colors or sub-frames came last: save numpy.moveaxis(phases, -1, 0), and of colors that with [:, None]",
+            ", as if colors or sub-frames came last (save numpy.moveaxis(phases, -1, 0), and for colors add [:, None])",
         );
     }
     let what = || format!("{}: phases of shape {shape:?}", path.display());
@@ -105,14 +108,14 @@ fn ends(values: &[f32]) -> [f32; 2] {
     values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &v| [l.min(v), h.max(v)])
 }
 
-/// Radians beyond which float32 keeps less than a hundredth of a turn.
+/// Radians beyond which float32 has an error of more than a hundredth of a turn.
 const MOST_RADIANS: f32 = 1e5;
 
-/// Refuses numbers that a program gives as radians and that are none: so large that nothing of a turn is left of them, or
-/// gray levels, which are whole numbers beyond a turn.
+/// Refuses numbers that a program gives as radians and that cannot be radians. They are so large that float32 does not
+/// resolve a turn, or they are gray levels, which are whole numbers beyond a turn.
 ///
 /// # Errors
-/// [`HologramError::NotRadians`].
+/// Returns [`HologramError::NotRadians`] with the range of the numbers.
 pub fn check_radians(phases: &[f32]) -> Result<(), HologramError> {
     let [low, high] = ends(phases);
     let most = low.abs().max(high.abs());
@@ -120,14 +123,14 @@ pub fn check_radians(phases: &[f32]) -> Result<(), HologramError> {
     if most > MOST_RADIANS || are_levels() { Err(HologramError::NotRadians { low, high }) } else { Ok(()) }
 }
 
-/// Numbers that are hardly radians.
+/// Returns the reason why numbers are hardly radians, if they are not.
 pub(super) fn far_outside(values: &[f32]) -> Option<Reason> {
     let [low, high] = ends(values);
     let far = low.abs().max(high.abs()) > MANY_TURNS * TAU as f32;
     far.then(|| reason!("not-radians", "its values go from {low} to {high}, far outside a turn in radians"))
 }
 
-/// The unit that is stated for numbers, or radians if they may well be that.
+/// Returns the unit that is given for numbers, or radians if they plausibly can be.
 fn unit_of(file: &Path, values: &[f32], unit: Option<PhaseUnit>, integers: bool) -> Result<PhaseUnit, HologramError> {
     match unit {
         Some(unit) => Ok(unit),
@@ -136,7 +139,7 @@ fn unit_of(file: &Path, values: &[f32], unit: Option<PhaseUnit>, integers: bool)
     }
 }
 
-/// Why numbers may not be radians.
+/// Returns the reason why numbers may not be radians, if there is one.
 fn doubt(values: &[f32], integers: bool) -> Option<Reason> {
     let [low, high] = ends(values);
     let from = format!("from {low} to {high}");
@@ -151,16 +154,16 @@ fn doubt(values: &[f32], integers: bool) -> Option<Reason> {
         .then(|| reason!("turns", "its values go {from}, which looks like turns, not radians"))
 }
 
-/// Colors by their name, or by their number: either way in the order of the array.
+/// A color by its name, or by its number. The order follows the array.
 type Key = (Option<Color>, usize);
 
-/// Endings of pictures that keep every level.
+/// Returns true for the file extensions of pictures that keep every level.
 fn is_lossless(name: &str) -> bool {
     let ending = name.rsplit_once('.').map_or(String::new(), |(_, e)| e.to_ascii_lowercase());
     ["png", "bmp", "tif", "tiff", "pgm", "ppm", "pnm", "exr"].contains(&ending.as_str())
 }
 
-/// The color and sub-frame that a name such as `green-00.png` or `0-00.png` says.
+/// Returns the color and sub-frame of a name such as `green-00.png` or `0-00.png`.
 fn parse_name(name: &str) -> Option<(Key, usize)> {
     let (color, frame) = name.rsplit_once('.')?.0.split_once('-')?;
     let key = match color {
@@ -172,8 +175,8 @@ fn parse_name(name: &str) -> Option<(Key, usize)> {
     Some((key, frame.parse().ok()?))
 }
 
-/// Returns whether a folder holds pictures with names of phases, such as `green-00.png` or `phase_000.png`. A folder of pictures with
-/// other names may also be a light field.
+/// Returns true if a folder holds pictures with names of phases, such as `green-00.png` or `phase_000.png`. A folder of
+/// pictures with other names may also be a light field.
 pub(super) fn are_named_in(folder: &Path) -> bool {
     let Ok(entries) = std::fs::read_dir(folder) else { return false };
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
@@ -193,7 +196,7 @@ fn of_folder(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, Hologra
         .collect();
     names.sort_by_cached_key(|name| natural(name));
     if names.iter().any(|name| name == VIDEO_FRAMES) {
-        let reason = "it holds encoded video frames, whose levels are those of an SLM: give the hologram of which they were made";
+        let reason = "it holds encoded video frames, with levels for an SLM. Give the hologram of which they were made";
         return Err(none(folder, Reason::new("video-frames", reason)));
     }
     let named = names.iter().any(|name| is_lossless(name) && parse_name(name).is_some());
@@ -202,27 +205,27 @@ fn of_folder(opened: &Folder, unit: Option<PhaseUnit>) -> Result<Phases, Hologra
         (false, true) => numbered(folder, &names).and_then(|files| of_pictures(folder, &files, unit)),
         (false, false) => Err(refuse(folder, &names)),
     };
-    // Some may have been gone when they were read.
+    // Some pictures may have been missing when they were read.
     if opened.is_replaced() {
         return Err(HologramError::Replaced { path: folder.display().to_string() });
     }
     found
 }
 
-/// Refuses a folder without pictures of phases by its first file.
+/// Refuses a folder without pictures of phases, with a message about its first file.
 fn refuse(folder: &Path, names: &[String]) -> HologramError {
-    const FORMS: &str = "pictures of phases are called green-00.png, 0-00.png or phase_000.png (PNG, BMP, TIFF or PGM)";
+    const FORMS: &str = "Name pictures of phases green-00.png, 0-00.png or phase_000.png (PNG, BMP, TIFF or PGM)";
     let first = names.iter().map(|name| folder.join(name)).find(|path| path.is_file());
     match first.and_then(|first| Some((FileKind::of(&first).ok()?, first))) {
         Some((FileKind::Jpeg, first)) => content(&first, Reason::new("jpeg", JPEG)),
         Some((kind, first)) if !matches!(kind, FileKind::Text | FileKind::Unknown | FileKind::Empty) => {
-            none(folder, reason!("no-pictures", "its first file, {}, is {}: {FORMS}", first.display(), kind.describe()))
+            none(folder, reason!("no-pictures", "its first file, {}, is {}. {FORMS}", first.display(), kind.describe()))
         }
-        _ => none(folder, reason!("no-pictures", "it holds no pictures: {FORMS}")),
+        _ => none(folder, reason!("no-pictures", "it holds no pictures. {FORMS}")),
     }
 }
 
-/// The pictures of a folder whose names differ in a running number alone, in its order.
+/// Returns the pictures of a folder whose names differ only in a running number, in its order.
 fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramError> {
     let names: Vec<&String> = names.iter().filter(|name| is_lossless(name)).collect();
     let parts: Vec<_> = names.iter().map(|name| natural(name)).collect();
@@ -230,7 +233,7 @@ fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramErr
     if let Some(other) = (1..names.len()).find(|&i| texts(i) != texts(0)) {
         let reason = reason!(
             "named-differently",
-            "{} and {} are named in different ways: name sub-frames by a running number",
+            "{} and {} have different patterns of names. Name sub-frames by a running number",
             names[0],
             names[other]
         );
@@ -241,8 +244,8 @@ fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramErr
     if let [number, _, ..] = numbers[..] {
         let reason = reason!(
             "several-numbers",
-            "names such as {} have several numbers that change, from {} on: views of a scene are solved first, and of phases one number \
-             counts sub-frames",
+            "names such as {} have several numbers that change, from {} on. Solve views of a scene first. \
+             In names of phases, one number counts sub-frames",
             names[0],
             parts[0][number].1
         );
@@ -253,7 +256,7 @@ fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramErr
     {
         let reason = reason!(
             "missing-sub-frame",
-            "sub-frames are counted one by one, and {} follows {}",
+            "sub-frames must have consecutive numbers, but {} follows {}",
             names[i],
             names[i - 1]
         );
@@ -262,7 +265,7 @@ fn numbered(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, HologramErr
     Ok(names.into_iter().map(|name| folder.join(name)).collect())
 }
 
-/// Pictures of one color and sub-frame each, by their names.
+/// Reads pictures of one color and sub-frame each, by their names.
 fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     let mut found: BTreeMap<Key, BTreeMap<usize, &String>> = BTreeMap::new();
     let pictures = names.iter().filter(|name| is_lossless(name));
@@ -279,13 +282,13 @@ fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<
         for frame in 0..frames {
             let Some(name) = pictures.get(&frame) else {
                 let color = color.map_or_else(|| number.to_string(), |c| c.to_string());
-                let what = format!("{color}-{frame:02}.png is missing of {frames} sub-frames a colour");
+                let what = format!("{color}-{frame:02}.png is missing, with {frames} sub-frames per color");
                 return Err(none(folder, Reason::new("missing-sub-frame", what)));
             };
             let file = folder.join(name);
             let levels = levels(&file, &mut size)?;
             if levels.has_color {
-                return Err(content(&file, reason!("colors", "has colors: its name says that it is of one")));
+                return Err(content(&file, reason!("colors", "has colors, but its name is for a single color")));
             }
             phases.extend(levels.channel(0, unit, &file)?);
         }
@@ -295,16 +298,16 @@ fn of_named(folder: &Path, names: &[String], unit: Option<PhaseUnit>) -> Result<
     Ok(Phases { file: folder.into(), frames, height, width, colors })
 }
 
-/// Pictures of a sub-frame each: of one color, or of three.
+/// Reads pictures of one sub-frame each, which have one color or three.
 fn of_pictures(place: &Path, files: &[PathBuf], unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     let mut size = None;
     let read = |file: &PathBuf| Ok((levels(file, &mut size)?, file.clone()));
     let pictures = files.iter().map(read).collect::<Result<Vec<_>, HologramError>>()?;
     let has_color = pictures.iter().any(|(levels, _)| levels.has_color);
     if let Some((_, file)) = pictures.iter().find(|(levels, _)| has_color && levels.channels < 3) {
-        return Err(content(file, reason!("gray-and-colors", "is gray, and others have colors: give one kind")));
+        return Err(content(file, reason!("gray-and-colors", "is gray, but others have colors. Give one kind")));
     }
-    // A picture by itself may be called green-00.png.
+    // A single picture may have a name such as green-00.png.
     let color = match files {
         [one] => one.file_name().and_then(|name| parse_name(&name.to_string_lossy())).and_then(|((color, _), _)| color),
         _ => None,
@@ -329,7 +332,7 @@ struct Levels {
     samples: Samples,
 }
 
-/// Reads a picture, which must have the `size` of those before it.
+/// Reads a picture, which must have the `size` of the previous ones.
 fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, HologramError> {
     if FileKind::of(file).map_err(|e| FileError::read(file, e))? == FileKind::Jpeg {
         return Err(content(file, Reason::new("jpeg", JPEG)));
@@ -337,7 +340,7 @@ fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, Hologram
     let picture = read_pixels(file, Wanted::Phases, MOST_PIXELS)?;
     let [h, w] = *size.get_or_insert([picture.height, picture.width]);
     if [h, w] != [picture.height, picture.width] {
-        let reason = reason!("size", "it is {}x{} pixels, the others {h}x{w}", picture.height, picture.width);
+        let reason = reason!("size", "it has {}x{} pixels, but the others have {h}x{w}", picture.height, picture.width);
         return Err(none(file, reason));
     }
     let Pixels { channels, .. } = picture;
@@ -348,13 +351,13 @@ fn levels(file: &Path, size: &mut Option<[usize; 2]>) -> Result<Levels, Hologram
         Samples::F32(v) => survey(v, channels, 1.0),
     };
     if has_alpha && !opaque {
-        let what = "has pixels that are not opaque: save phases without transparency";
+        let what = "has pixels that are not opaque. Save phases without transparency";
         return Err(content(file, Reason::new("not-opaque", what)));
     }
     Ok(Levels { channels, has_color: picture.has_color() && !gray, samples: picture.samples })
 }
 
-/// Whether all pixels are opaque, and whether all are gray.
+/// Returns two flags, true if all pixels are opaque and true if all are gray.
 fn survey<T: PartialEq + Copy>(values: &[T], channels: usize, full: T) -> (bool, bool) {
     let pixels = values.chunks_exact(channels);
     let opaque = pixels.clone().all(|p| p[channels - 1] == full);
@@ -362,7 +365,7 @@ fn survey<T: PartialEq + Copy>(values: &[T], channels: usize, full: T) -> (bool,
 }
 
 impl Levels {
-    /// The phases of one channel, radians.
+    /// Returns the phases of one channel in radians.
     fn channel(&self, channel: usize, unit: Option<PhaseUnit>, file: &Path) -> Result<Vec<f32>, HologramError> {
         let (values, turn): (Vec<f32>, f64) = match &self.samples {
             Samples::U8(v) => (v.iter().skip(channel).step_by(self.channels).map(|v| f32::from(*v)).collect(), 256.0),
@@ -372,7 +375,7 @@ impl Levels {
             Samples::F32(v) => {
                 let values: Vec<f32> = v.iter().skip(channel).step_by(self.channels).copied().collect();
                 if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
-                    let reason = reason!("not-finite", "has the value {bad}: every value must be a finite float32");
+                    let reason = reason!("not-finite", "has the value {bad}, but every value must be a finite float32");
                     return Err(content(file, reason));
                 }
                 let unit = unit_of(file, &values, unit, false)?;
@@ -385,9 +388,9 @@ impl Levels {
         let full = turn as f32 - 1.0;
         let ends = [0.0, full].map(|end| values.contains(&end));
         if ends == [true, true] && values.len() >= 64 && values.iter().all(|v| *v == 0.0 || *v == full) {
-            let found = reason!("two-levels", "it holds 0 and {full} alone, as a hologram of two phases does");
+            let found = reason!("two-levels", "it holds only 0 and {full}, like a hologram of two phases");
             let decide =
-                format!("say how many levels are a turn with `phase_unit`: {} for 0 and half a turn", 2.0 * full);
+                format!("Set `phase_unit` to the number of levels per turn, {} for 0 and half a turn", 2.0 * full);
             return Err(HologramError::doubtful(file, found, &decide));
         }
         let unit = PhaseUnit::Levels(turn);
@@ -396,7 +399,7 @@ impl Levels {
     }
 }
 
-/// What is wrong in a file of phases.
+/// Returns the error for a problem in the content of a file of phases.
 fn content(file: &Path, reason: Reason) -> HologramError {
     FileError::content(file, reason).into()
 }

@@ -1,5 +1,6 @@
-//! Holograms that are replaced while they are read: every way of reading gives the old one or the new one, whole. Only Linux
-//! exchanges two names at once.
+//! Tests holograms that are replaced while they are read. Every way of reading gives all of the old or all of the new.
+//!
+//! Only Linux exchanges two names at once.
 
 use super::*;
 use crate::files::FolderDraft;
@@ -8,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// All phases are `value`.
+/// Returns a hologram whose phases all equal `value`.
 fn even(value: f32) -> Hologram {
     let display = Display { height: 8, width: 8, ..Display::preset("far-field").unwrap() };
     let color = |c: &crate::optics::Wavelength| ColorHologram {
@@ -44,7 +45,7 @@ fn pictures(path: &Path, value: f32) {
     even(value).save_pngs(path).unwrap();
 }
 
-/// The one value of all phases.
+/// Returns the single value of all phases.
 fn only(phases: impl IntoIterator<Item = f32>) -> f32 {
     let mut phases = phases.into_iter();
     let first = phases.next().unwrap();
@@ -57,7 +58,7 @@ fn of_all(hologram: &Hologram) -> f32 {
     only(hologram.colors.iter().flat_map(|c| c.phases.iter().copied()))
 }
 
-/// Reads a place again and again that is exchanged between two contents meanwhile; both are seen.
+/// Reads a path repeatedly while its content is exchanged between two versions. Both must be read at least once.
 fn replaced(make: fn(&Path, f32), read: impl Fn(&Path) -> Result<f32, HologramError>) {
     let here = tempfile::tempdir().unwrap();
     let place = here.path().join("h.zarr");
@@ -70,7 +71,7 @@ fn replaced(make: fn(&Path, f32), read: impl Fn(&Path) -> Result<f32, HologramEr
     let (stop, seen) = (AtomicBool::new(false), [1.0, -1.0].map(|_| AtomicBool::new(false)));
     std::thread::scope(|scope| {
         scope.spawn(|| {
-            // However slow the reader is, it gets to see both.
+            // The writer waits until even a slow reader has read both.
             for i in 0.. {
                 let both = i >= 12 && seen.iter().all(|s| s.load(Relaxed));
                 if both || stop.load(Relaxed) {
@@ -84,7 +85,7 @@ fn replaced(make: fn(&Path, f32), read: impl Fn(&Path) -> Result<f32, HologramEr
         while !stop.load(Relaxed) {
             match read(&place) {
                 Ok(value) => seen[usize::from(value < 0.0)].store(true, Relaxed),
-                // What stays open over several reads may have gone: that is said, and nothing else happens.
+                // A folder that stays open over several reads may be gone. The read must report it and do nothing else.
                 Err(HologramError::Replaced { .. }) => {}
                 Err(other) => panic!("{other}"),
             }
@@ -94,7 +95,7 @@ fn replaced(make: fn(&Path, f32), read: impl Fn(&Path) -> Result<f32, HologramEr
     assert_eq!(fs::read_dir(here.path()).unwrap().count(), 3, "no draft is left");
 }
 
-/// Lets the writer end where the reader panics.
+/// Stops the writer if the reader panics.
 struct Ended<'a>(&'a AtomicBool);
 
 impl Drop for Ended<'_> {
@@ -156,12 +157,12 @@ fn a_folder_of_pictures_is_the_old_or_the_new() {
     replaced(pictures, |place| {
         let phases = load_phases(place, None)?;
         assert_eq!((phases.frames, phases.colors.len()), (3, 3));
-        // Levels, not phases, came back.
+        // The file stores levels, not phases.
         Ok(only(phases.colors.into_iter().flat_map(|(_, phases)| phases)))
     });
 }
 
-/// Nothing of an unfinished hologram is made up where all of it is gone.
+/// Phases of an unfinished hologram are not made up after it was removed as a whole.
 #[test]
 fn tiles_that_are_gone_are_not_taken_for_such_that_were_never_solved() {
     let here = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Which scene a hologram was solved from: what identifies it, and where it was.
+//! Records the scene from which a hologram was solved, with its identity and its path.
 
 use super::{Hologram, HologramError};
 use crate::files::FileRecord;
@@ -8,31 +8,31 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What identifies a scene.
+/// The identity of a scene.
 ///
-/// A scene of files is identified by their contents, a light field of a program's own by its views, and a built-in scene by
-/// its name.
+/// The contents of its files identify a scene of files. The views identify a light field of a calling program, and the
+/// name identifies a built-in scene.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SceneRecord {
-    /// Its source as it was named.
+    /// The source as it was named.
     pub source: String,
-    /// Its file or folder.
+    /// The file or folder of the scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<FileRecord>,
     /// The depth map of a single picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_map: Option<FileRecord>,
-    /// Of a light field that was read from no file: the digest of each color's views.
+    /// The digest of each color's views, for a light field that was read from no file.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub views: BTreeMap<Color, String>,
 }
 
 impl SceneRecord {
-    /// The record of a scene that is about to be read, with its depth map.
+    /// Returns the record of a scene that is about to be read, with its depth map.
     ///
     /// # Errors
-    /// [`SceneError`] for what cannot be read.
+    /// Returns [`SceneError`] for a source that cannot be read.
     pub fn of_source(source: &str, depth_map: Option<&Path>) -> Result<Self, SceneError> {
         let file = match (scene::path_and_options(source), scene::digest(source)?) {
             (Some((path, options)), Some(digest)) => Some(FileRecord::new(&path, options, digest)),
@@ -43,21 +43,21 @@ impl SceneRecord {
         Ok(record)
     }
 
-    /// The record of a light field of a program's own, which holograms know by `name`.
+    /// Returns the record of a light field of the calling program, which holograms know by `name`.
     pub fn of_views(name: &str, field: &LightField) -> Self {
         Self { source: name.into(), views: field.digests(), ..Self::default() }
     }
 
-    /// It was read with this depth map.
+    /// Sets the depth map with which the scene was read.
     ///
     /// # Errors
-    /// [`SceneError`] for a map that cannot be read.
+    /// Returns [`SceneError`] for a map that cannot be read.
     pub fn set_depth_map(&mut self, map: Option<&Path>) -> Result<(), SceneError> {
         self.depth_map = map.map(record_of_map).transpose()?;
         Ok(())
     }
 
-    /// A source as it was named, with the options that its own was read with where it has none.
+    /// Returns a source as it was named. If it has no options, the options of the recorded source are added.
     pub(crate) fn source_of(&self, named: &str) -> String {
         let options = self.file.as_ref().and_then(|file| file.options.as_ref());
         match (options, scene::path_and_options(named)) {
@@ -66,12 +66,12 @@ impl SceneRecord {
         }
     }
 
-    /// Whether its name is all that identifies it.
+    /// Returns true if only its name identifies it.
     pub fn is_only_named(&self) -> bool {
         self.file.is_none() && self.views.is_empty()
     }
 
-    /// Whether both are one scene, in these colors.
+    /// Returns true if both are the same scene, in these colors.
     fn is_same(&self, other: &Self, colors: &[Color]) -> bool {
         match (&self.file, &other.file) {
             (Some(own), Some(given)) => {
@@ -85,7 +85,7 @@ impl SceneRecord {
         }
     }
 
-    /// All records of files that it has.
+    /// Returns all records of its files.
     pub(super) fn files_mut(&mut self) -> impl Iterator<Item = &mut FileRecord> {
         self.file.iter_mut().chain(&mut self.depth_map)
     }
@@ -102,7 +102,8 @@ fn record_of_map(map: &Path) -> Result<FileRecord, SceneError> {
 }
 
 impl Hologram {
-    /// The record of its scene; none where it names none, and where its file is of a version that kept the name alone.
+    /// Returns the record of its scene. Returns none if it names no scene, or if its file is of a version that stored
+    /// the name alone.
     pub fn scene_record(&self) -> Option<SceneRecord> {
         match self.metadata.scenes.first() {
             Some(record) => Some(record.clone()),
@@ -113,17 +114,17 @@ impl Hologram {
         }
     }
 
-    /// It shows this scene.
+    /// Sets the scene that it shows.
     pub fn set_scene(&mut self, name: &str, record: SceneRecord) {
         self.scene = name.into();
         self.metadata.scenes = if record.is_only_named() { Vec::new() } else { vec![record] };
     }
 
-    /// Refuses another scene than the one that it shows: by what was read of both, or by their names where its file is of a
-    /// version that kept no more. A hologram that names no scene may show any.
+    /// Refuses another scene than its own. It compares the contents of both, or their names if the file is of a version
+    /// that stored only the name. A hologram that names no scene may show any.
     ///
     /// # Errors
-    /// [`HologramError::OtherScene`].
+    /// Returns [`HologramError::OtherScene`] for another scene.
     pub fn check_is_of(&self, given: &SceneRecord) -> Result<(), HologramError> {
         let Some(own) = self.scene_record() else { return self.check_name(&given.source) };
         if own.is_same(given, &self.named_colors()) {
@@ -133,14 +134,14 @@ impl Hologram {
         Err(HologramError::OtherScene { shows: name(&own.source), given: name(&given.source) })
     }
 
-    /// The same for a source that is named, which is read for that.
+    /// Refuses a named source that is another scene. The source is read for that.
     ///
     /// # Errors
-    /// [`HologramError::OtherScene`]; [`HologramError::Scene`] for a source that cannot be read.
+    /// Returns [`HologramError::OtherScene`], or [`HologramError::Scene`] for a source that cannot be read.
     pub fn check_scene(&self, source: &str) -> Result<(), HologramError> {
         let Some(own) = self.scene_record() else { return self.check_name(source) };
         let given = SceneRecord::of_source(source, None)?;
-        // Its depth map is found with it.
+        // The depth map is found together with the scene.
         self.check_is_of(&SceneRecord { depth_map: own.depth_map, ..given })
     }
 

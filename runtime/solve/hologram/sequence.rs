@@ -1,4 +1,4 @@
-//! Reading a sequence of holograms, one at a time, while it may still grow.
+//! Reads a sequence of holograms, one at a time, while it may still grow.
 
 use super::chunks::{
     ARRAY, GROUP, check_memory, chunk_name, damaged, none, open_folder, read_chunk, read_document, read_whole,
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// A sequence of holograms of one shape, or a single hologram as a sequence of one.
 ///
-/// Each hologram is one file with its own checksum, so one that is damaged costs no other.
+/// Each hologram is one file with its own checksum, so a damaged hologram does not affect the others.
 #[derive(Debug)]
 pub struct Sequence {
     path: PathBuf,
@@ -31,23 +31,24 @@ pub struct Sequence {
 
 #[derive(Debug)]
 enum Phases {
-    /// Read from the folder, whatever comes to stand in its place.
+    /// Phases in the folder, which stays open even if it is replaced.
     In(Folder),
-    /// Of a single hologram that is in memory.
+    /// Phases of a single hologram that is in memory.
     Here(Box<Hologram>),
-    /// Of one that may be replaced.
+    /// Phases of a hologram that may be replaced.
     Newest(NewestHologram),
 }
 
 impl Sequence {
     /// Opens a sequence, or a single hologram.
     ///
-    /// A sequence that was cut off is opened up to its last whole hologram; [`notes`](Self::notes) say so. So is one
-    /// whose array document is damaged: its holograms are then counted by their files.
+    /// A sequence that was cut off is opened up to its last whole hologram, and [`notes`](Self::notes) state it. A
+    /// sequence whose array document is damaged is opened in the same way, and its holograms are counted by their
+    /// files.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] for the group's document;
-    /// [`HologramError::FileOptics`]; [`HologramError::File`].
+    /// Returns [`HologramError::NotAHologram`], [`HologramError::Damaged`] for the group's document,
+    /// [`HologramError::FileOptics`] or [`HologramError::File`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
         let opened = Self::open_quietly(path)?;
         opened.notes.iter().for_each(|note| tracing::warn!("{note}"));
@@ -74,7 +75,7 @@ impl Sequence {
                     document::read_array(&read_document(folder, ARRAY)?, true).map_err(|e| damaged(&array, e))?;
                 let document::Array { shape, side, .. } = read;
                 if side.is_some() {
-                    let reason = reason!("tiles", "it is stored in tiles, and cannot be streamed: export it first");
+                    let reason = reason!("tiles", "it is stored in tiles and cannot be streamed. Export it first");
                     return Err(none(path, reason));
                 }
                 SequenceAttributes { rate: [1, 1], shape, planned: Some(1) }
@@ -82,7 +83,7 @@ impl Sequence {
         };
         if !about.fits(attributes.shape) {
             let (shape, described) = (attributes.shape, about.colors.len());
-            let reason = reason!("shape", "its shape is {shape:?}, and it describes {described} colours");
+            let reason = reason!("shape", "its shape is {shape:?}, but it describes {described} colors");
             return Err(damaged(&file, reason));
         }
         about.take_shape(path, attributes.shape)?;
@@ -101,19 +102,19 @@ impl Sequence {
         if !single {
             opened.count_frames(folder);
             if !opened.notes.is_empty() && folder.is_replaced() {
-                // What is missing went with all of it.
+                // The missing files belong to a folder that was replaced as a whole.
                 return Err(HologramError::Replaced { path: path.display().to_string() });
             }
         }
         Ok(opened)
     }
 
-    /// A hologram in memory, read from `path` or solved of it, as a sequence of one.
+    /// Returns a hologram in memory, read or solved from `path`, as a sequence of one.
     pub fn single(path: &Path, hologram: Hologram) -> Self {
         Self::in_memory(path, hologram.clone(), Phases::Here(Box::new(hologram)))
     }
 
-    /// The same of a hologram that may be replaced while it is played.
+    /// Returns a hologram that may be replaced during playback, as a sequence of one.
     pub fn newest_of(path: &Path, newest: &NewestHologram) -> Self {
         Self::in_memory(path, newest.load(), Phases::Newest(newest.clone()))
     }
@@ -134,13 +135,13 @@ impl Sequence {
         }
     }
 
-    /// Whether a sequence stands at `path`, damaged or not; not a single hologram.
+    /// Returns true if there is a sequence at `path`, damaged or not. Returns false for a single hologram.
     pub fn is_at(path: &Path) -> bool {
         let document = || read_document(&open_folder(path).ok()?, GROUP).ok();
         matches!(document().and_then(|bytes| document::read_any_group(&bytes).ok()), Some((_, Some(_))))
     }
 
-    /// How many are whole, as far as their files' lengths tell.
+    /// Counts the whole holograms, by the lengths of their files.
     fn count_frames(&mut self, folder: &Folder) {
         let stated = read_document(folder, ARRAY).and_then(|bytes| {
             let read = document::read_sequence_array(&bytes, self.attributes.shape);
@@ -149,11 +150,11 @@ impl Sequence {
         (self.count, self.complete) = match stated {
             Ok((count, complete)) => (count, complete),
             Err(error) => {
-                self.notes.push(format!("{error}; the holograms are counted by their files"));
+                self.notes.push(format!("{error}. The holograms are counted by their files"));
                 (0, false)
             }
         };
-        // A lying count costs a search by halves, not a walk.
+        // A wrong count costs a binary search, not a walk through all holograms.
         if self.count > 0 && !self.is_whole(self.count - 1) {
             let said = self.count;
             let (mut low, mut high) = (0, self.count - 1);
@@ -166,7 +167,7 @@ impl Sequence {
                 self.count += 1;
             }
             self.notes.push(format!(
-                "{}: the sequence is cut off: {} of its {said} holograms are there",
+                "{}: the sequence is cut off, with {} of its {said} holograms",
                 self.path.display(),
                 self.count
             ));
@@ -174,7 +175,7 @@ impl Sequence {
         self.refresh();
     }
 
-    /// Looks whether it has grown: the number of holograms, from now on.
+    /// Checks whether it has grown. Returns the present number of holograms.
     pub fn refresh(&mut self) -> u64 {
         if !self.single && !self.complete {
             while self.is_whole(self.count) {
@@ -184,7 +185,7 @@ impl Sequence {
         self.count
     }
 
-    /// Whether there will be no more; a sequence under way is asked again.
+    /// Returns true if the sequence will not grow. For a sequence under way, the file is read again.
     pub fn is_complete(&mut self) -> bool {
         if !self.complete {
             let document = match &self.phases {
@@ -199,17 +200,17 @@ impl Sequence {
         self.complete
     }
 
-    /// Where it is.
+    /// Returns the path of the sequence.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What is true of all its holograms; without phases.
+    /// Returns the description that all its holograms share, without phases.
     pub fn about(&self) -> &Hologram {
         &self.about
     }
 
-    /// The hologram that may be replaced, if it is one.
+    /// Returns the hologram that may be replaced, if it is one.
     pub fn newest(&self) -> Option<&NewestHologram> {
         match &self.phases {
             Phases::Newest(newest) => Some(newest),
@@ -217,53 +218,53 @@ impl Sequence {
         }
     }
 
-    /// Whether it is a single hologram.
+    /// Returns true if it is a single hologram.
     pub fn is_single(&self) -> bool {
         self.single
     }
 
-    /// How many holograms there are.
+    /// Returns the number of holograms.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// How many there are to be, where that is known.
+    /// Returns the planned number of holograms, if known.
     pub fn planned(&self) -> Option<u64> {
         self.attributes.planned
     }
 
-    /// Holograms a second, as a fraction; of a single one, 1.
+    /// Returns the holograms per second, as a fraction. It is 1 for a single hologram.
     pub fn rate(&self) -> [u32; 2] {
         self.attributes.rate
     }
 
-    /// Colours, sub-frames, rows, columns of each.
+    /// Returns the numbers of colors, sub-frames, rows and columns of each hologram.
     pub fn shape(&self) -> [usize; 4] {
         self.attributes.shape
     }
 
-    /// Phases of one of them: all colours.
+    /// Returns the number of phases of one hologram, with all colors.
     pub fn values(&self) -> usize {
         self.attributes.shape.iter().product()
     }
 
-    /// What a user should know about it, in sentences.
+    /// Returns notes for the user about its state, in sentences.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Reads a hologram's phases, (colour, sub-frame, row, column), radians, checking every byte. `phases` are as many as
-    /// [`values`](Self::values). Allocates nothing unless it fails. Returns the version of a hologram that may be replaced; others
-    /// have version 0.
+    /// Reads a hologram's phases (color, sub-frame, row, column) in radians and checks every byte. `phases` has the
+    /// length [`values`](Self::values). It allocates nothing unless it fails. Returns the version of a hologram that
+    /// may be replaced, and 0 for others.
     ///
     /// # Errors
-    /// [`HologramError::Damaged`] naming the file; [`HologramError::File`]; then `phases` are undefined.
+    /// Returns [`HologramError::Damaged`] with the file, or [`HologramError::File`]. Then `phases` are undefined.
     pub fn read_into(&mut self, index: u64, phases: &mut [f32]) -> Result<u64, HologramError> {
         let values = self.values();
         if phases.len() != values {
             return Err(HologramError::Inconsistent(reason!(
                 "phases-count",
-                "{values} phases were read into room for {}",
+                "{values} phases do not fit into an array of {}",
                 phases.len()
             )));
         }
@@ -292,19 +293,19 @@ impl Sequence {
         Ok(0)
     }
 
-    /// One of its holograms, whole.
+    /// Returns one of its holograms with all phases.
     ///
     /// # Errors
-    /// Those of [`read_into`](Self::read_into), and for an `index` that there is not.
+    /// Returns the errors of [`read_into`](Self::read_into), and an error for an `index` that does not exist.
     pub fn load(&mut self, index: u64) -> Result<Hologram, HologramError> {
         if index >= self.count {
             let last = self.count.saturating_sub(1);
             return Err(none(
                 &self.path,
-                reason!("no-such-hologram", "it has no hologram {index}: its last is {last}"),
+                reason!("no-such-hologram", "it has no hologram {index}, the last is {last}"),
             ));
         }
-        // As long as it must be, before memory is taken for it.
+        // The length is checked before memory is allocated.
         if !self.single && !self.is_whole(index) {
             self.with_file(index, |folder, name| {
                 folder.length(name).map_err(|e| unreadable(folder, name, e))?;
@@ -320,7 +321,7 @@ impl Sequence {
         let mut phases = vec![0.0; self.values()];
         self.read_into(index, &mut phases)?;
         let mut hologram = self.about.clone();
-        // The scenes of all of them, one after the other.
+        // The scenes of all holograms, one after the other.
         let scenes: Vec<&str> = self.about.scene.split(", ").collect();
         if scenes.len() as u64 == self.attributes.planned.unwrap_or(self.count) {
             hologram.scene = scenes[index as usize].to_owned();
@@ -342,7 +343,7 @@ impl Sequence {
         self.with_file(index, length).is_ok_and(|length| length == expected)
     }
 
-    /// What `run` answers of a hologram's file.
+    /// Runs `run` on a hologram's file.
     fn with_file<T>(
         &mut self,
         index: u64,
@@ -352,13 +353,13 @@ impl Sequence {
         match &self.phases {
             Phases::In(folder) => run(folder, &self.name),
             Phases::Here(_) | Phases::Newest(_) => {
-                Err(damaged(&self.path, reason!("in-memory", "it is one hologram, and in memory")))
+                Err(damaged(&self.path, reason!("in-memory", "it is a single hologram in memory")))
             }
         }
     }
 }
 
-/// The name of a hologram's file.
+/// Writes the name of a hologram's file into `name`.
 pub(super) fn sequence_chunk(name: &mut String, index: u64) {
     name.clear();
     // Writing to a string does not fail.

@@ -1,4 +1,4 @@
-//! Sequences through their folder: growing, cut off, damaged, on a full disk.
+//! Tests sequences through their folder, while they grow, are cut off or damaged, and on a full disk.
 
 use super::*;
 use crate::encode::tests::numbers;
@@ -49,7 +49,7 @@ fn written(count: u64, finish: bool) -> (tempfile::TempDir, PathBuf) {
     (here, path)
 }
 
-/// The files in the order in which they are needed: documents, then holograms.
+/// Returns the files in the order of their use, documents first, then holograms.
 fn files_of(path: &Path, count: u64) -> Vec<PathBuf> {
     let chunks = (0..count).map(|i| path.join(format!("phases/c/{i}/0/0/0/0")));
     [path.join("zarr.json"), path.join("phases/zarr.json")].into_iter().chain(chunks).collect()
@@ -65,13 +65,13 @@ fn a_hologram_in_memory_is_replaced_while_it_is_played() {
     assert_eq!(read(), (0, of(&small(1))));
     assert_eq!(newest.replace(small(2)).expect("the same shape"), 1);
     assert_eq!(read(), (1, of(&small(2))));
-    // One of another shape stays outside.
+    // A hologram of another shape is refused.
     let mut other = small(3);
     other.colors.pop();
     assert!(newest.replace(other).is_err());
     assert_eq!(read(), (1, of(&small(2))));
     assert_eq!(of(&sequence.load(0).unwrap()), of(&small(2)));
-    // The newest is looked at only once it is on the screen.
+    // The newest version is compared only when it is on the screen.
     assert!(newest.shown().is_none());
     newest.put_on_screen(Some(OnScreen { version: 0, since: 3 }));
     assert!(newest.shown().is_none());
@@ -79,7 +79,7 @@ fn a_hologram_in_memory_is_replaced_while_it_is_played() {
     newest.put_on_screen(Some(shown));
     let (on_screen, hologram) = newest.shown().expect("it is on the screen");
     assert_eq!((on_screen, of(&hologram)), (shown, of(&small(2))));
-    // A hologram that nobody replaces has no other version.
+    // A hologram that is never replaced has no other version.
     let mut single = Sequence::single(Path::new("one.zarr"), small(4));
     assert!(single.newest().is_none() && single.read_into(0, &mut phases).unwrap() == 0);
     assert_eq!(phases, of(&small(4)));
@@ -104,13 +104,13 @@ fn a_sequence_comes_back_and_grows_while_it_is_read() {
         assert_eq!(sequence.load(i).unwrap(), small(i));
     }
     assert!(!sequence.is_complete());
-    // One program at a time.
+    // Only one program at a time writes it.
     let busy = SequenceWriter::resume(&path, &small(0), RATE, Some(5)).unwrap_err();
     assert!(matches!(busy, HologramError::Busy { .. }), "{busy}");
     assert!(matches!(small(0).save(&path), Err(HologramError::Busy { .. })));
     writer.finish().unwrap();
     assert!(sequence.is_complete() && !path.join("progress.lock").exists());
-    // As by somebody who was killed between the two writes of the end.
+    // The state after a program was killed between the two writes of the end.
     std::fs::write(path.join("progress.lock"), "").unwrap();
     assert!(SequenceWriter::resume(&path, &small(0), RATE, Some(5)).unwrap().is_none());
     assert!(!path.join("progress.lock").exists(), "the lock of the dead is removed");
@@ -162,7 +162,7 @@ fn only_the_same_sequence_is_gone_on_with() {
     assert_eq!(Sequence::open(&path).unwrap().count(), 2);
 }
 
-/// Cut off as a copy that stopped is: everything after a byte is missing.
+/// Everything after a byte is missing, as in an interrupted copy.
 #[test]
 fn cut_off_at_any_byte_it_has_all_that_is_whole_and_says_so() {
     let (_here, path) = written(3, true);
@@ -182,7 +182,7 @@ fn cut_off_at_any_byte_it_has_all_that_is_whole_and_says_so() {
         }
         files.iter().zip(&whole).for_each(|(f, bytes)| fs::write(f, bytes).unwrap());
     }
-    // The array's document cut: the holograms are counted by their files.
+    // If the array's document is cut off, the holograms are counted by their files.
     for length in 0..whole[1].len() {
         fs::write(&files[1], &whole[1][..length]).unwrap();
         let mut cut = Sequence::open(&path).unwrap();
@@ -215,7 +215,7 @@ fn a_flipped_byte_costs_its_hologram_and_no_other() {
                         let read = sequence.read_into(index, &mut phases);
                         assert_eq!(read.is_err(), index + 2 == i as u64, "byte {at}");
                         let error = read.err().map_or(String::new(), |e| e.to_string());
-                        // Windows takes both separators, and shows them as they were put together.
+                        // Windows accepts both separators, and prints them as they were joined.
                         let [error, name] = [&error, file.to_str().unwrap()].map(|s| s.replace('\\', "/"));
                         assert!(error.is_empty() || error.contains(&name), "{error}");
                     }
@@ -261,7 +261,7 @@ fn a_consistent_lie_about_the_size_takes_no_memory_and_no_time() {
     }
 }
 
-/// `EYEBOX_MUTATIONS=10000` makes it that many.
+/// `EYEBOX_MUTATIONS=10000` sets the number of mutations.
 #[test]
 fn mutated_files_are_an_answer_or_an_error() {
     let count = std::env::var("EYEBOX_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(400u64);
@@ -286,7 +286,7 @@ fn mutated_files_are_an_answer_or_an_error() {
                 _ => bytes.extend_from_within(at.min(bytes.len())..),
             }
         }
-        // Half of the documents are sealed again, so that what they say is believed.
+        // Half of the documents are sealed again, so that their content is used.
         if file < 2 && below(2) == 0 {
             bytes = document::tests::resealed(bytes);
         }

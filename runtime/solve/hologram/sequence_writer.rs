@@ -1,8 +1,8 @@
-//! Writing a sequence: by one program, hologram by hologram, or by several at once, each hologram by whichever has solved it, in any
-//! order.
+//! Writes a sequence of holograms, by one program or by several programs at once.
 //!
-//! A hologram is one file, there whole or not at all, so nothing has to be joined in the end. Who reads the folder meanwhile sees the
-//! holograms up to the first that is missing.
+//! One program writes hologram by hologram. Several programs write the holograms that they have solved, in any order. A
+//! hologram is one file that appears only when complete, so there is no merge step. A reader of the unfinished folder
+//! sees the holograms before the first missing one.
 
 use super::chunks::{ARRAY, GROUP, LOCK, draft, lock, open_folder, own_draft, unreadable, unwritable};
 use super::document::{self, SequenceAttributes};
@@ -15,14 +15,14 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// What its only writer writes lies here until it is whole: killed, it is written over by who goes on.
+/// The file of a single writer until its content is complete. If the writer is killed, its successor overwrites it.
 pub(super) const DRAFT: &str = ".eyebox-next.part";
 
-/// A sequence under way, to whose holograms more are added at their own places.
+/// A sequence under way, to which holograms are added at their own indices.
 #[derive(Debug)]
 pub struct SequenceParts {
     pub(super) folder: Folder,
-    /// Without phases.
+    /// The shared description, without phases.
     pub(super) about: Hologram,
     pub(super) attributes: SequenceAttributes,
 }
@@ -31,16 +31,16 @@ impl SequenceParts {
     /// Opens a sequence that a [`SequenceWriter`] has begun.
     ///
     /// # Errors
-    /// Those of [`Sequence::open`]; [`HologramError::Inconsistent`] for a single hologram, and for a sequence of which nobody said how many
-    /// holograms it is to have.
+    /// Returns the errors of [`Sequence::open`], and [`HologramError::Inconsistent`] for a single hologram or for a
+    /// sequence without a planned number of holograms.
     pub fn open(path: &Path) -> Result<Self, HologramError> {
         Self::of(&Sequence::open_quietly(path)?)
     }
 
-    /// The same, where it is one of holograms like `like`, `rate` a second, `planned` of them.
+    /// Opens a sequence only if it consists of `planned` holograms like `like`, `rate` per second.
     ///
     /// # Errors
-    /// The same; [`HologramError::OtherSequence`].
+    /// Returns the errors of [`open`](Self::open), or [`HologramError::OtherSequence`].
     pub fn open_same(path: &Path, like: &Hologram, rate: [u32; 2], planned: u64) -> Result<Self, HologramError> {
         let there = Sequence::open_quietly(path)?;
         check_same(&there, like, rate, Some(planned))?;
@@ -50,26 +50,26 @@ impl SequenceParts {
     fn of(there: &Sequence) -> Result<Self, HologramError> {
         let (rate, shape, planned) = (there.rate(), there.shape(), there.planned());
         if there.is_single() || planned.is_none() {
-            let what = "it is a single hologram, or a sequence whose length nobody knows";
+            let what = "it is a single hologram, or a sequence without a planned length";
             let reason =
-                reason!("several-programs", "{}: {what}: several programs cannot write it", there.path().display());
+                reason!("several-programs", "{}: {what}. Several programs cannot write it", there.path().display());
             return Err(HologramError::Inconsistent(reason));
         }
         let attributes = SequenceAttributes { rate, shape, planned };
         Ok(Self { folder: open_folder(there.path())?, about: there.about().clone(), attributes })
     }
 
-    /// What is true of all its holograms, their exposures among it; without phases.
+    /// Returns the description that all its holograms share, with their exposures and without phases.
     pub fn about(&self) -> &Hologram {
         &self.about
     }
 
-    /// How many holograms there are to be.
+    /// Returns the planned number of holograms.
     pub fn planned(&self) -> u64 {
         self.attributes.planned.unwrap_or(0)
     }
 
-    /// Whether a hologram is there.
+    /// Returns true if a hologram exists.
     pub fn has(&self, index: u64) -> bool {
         let mut name = String::new();
         sequence_chunk(&mut name, index);
@@ -77,27 +77,29 @@ impl SequenceParts {
         self.folder.length(&name).is_ok_and(|length| length == 4 * values as u64 + 4)
     }
 
-    /// Writes a hologram at its place: it is on the disk when this returns. Whoever writes the same one at the same time writes the same.
+    /// Writes a hologram at its index. It is on the disk when this returns. Programs that write the same hologram at
+    /// the same time write the same bytes.
     ///
     /// # Errors
-    /// Those of [`SequenceWriter::append`]; [`HologramError::Inconsistent`] for a place that it has not.
+    /// Returns the errors of [`SequenceWriter::append`], and [`HologramError::Inconsistent`] for an index beyond the
+    /// planned number.
     pub fn write(&self, index: u64, hologram: &Hologram) -> Result<(), HologramError> {
         if index >= self.planned() {
-            let reason = reason!("no-such-place", "it has {} holograms, and no place {index}", self.planned());
+            let reason = reason!("no-such-place", "it has {} holograms and no index {index}", self.planned());
             return Err(HologramError::Inconsistent(reason));
         }
         self.put(&own_draft(), index, hologram)
     }
 
-    /// Says that all of them are there, and removes what programs that died were writing.
+    /// Marks the sequence as complete, and removes temporary files of programs that were killed.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] that names the first hologram that is missing; [`HologramError::Busy`] where another program says
-    /// it; [`HologramError::File`].
+    /// Returns [`HologramError::Inconsistent`] with the first missing hologram, [`HologramError::Busy`] if another
+    /// program finishes it, or [`HologramError::File`].
     pub fn finish(self) -> Result<(), HologramError> {
         let planned = self.planned();
         if let Some(missing) = (0..planned).find(|index| !self.has(*index)) {
-            let reason = reason!("not-there-yet", "hologram {missing} of {planned} is not there yet");
+            let reason = reason!("not-there-yet", "hologram {missing} of {planned} does not exist yet");
             return Err(HologramError::Inconsistent(reason));
         }
         let _lock = lock(&self.folder)?;
@@ -110,7 +112,7 @@ impl SequenceParts {
         self.folder.remove(LOCK).map_err(|e| unwritable(&self.folder, LOCK, e))
     }
 
-    /// Writes a hologram by way of the file `draft`.
+    /// Writes a hologram with the temporary file `draft`.
     pub(super) fn put(&self, draft: &str, index: u64, hologram: &Hologram) -> Result<(), HologramError> {
         self.check_fits(hologram)?;
         let mut name = String::new();
@@ -130,7 +132,7 @@ impl SequenceParts {
         })
     }
 
-    /// Says how many there are.
+    /// Writes the number of holograms into the array's document.
     pub(super) fn state(&self, count: u64, complete: bool) -> Result<(), HologramError> {
         let document = document::sequence_array(count, self.attributes.shape, complete);
         self.replace(DRAFT, ARRAY, |out| out.write_all(&document))
@@ -149,14 +151,14 @@ impl SequenceParts {
         hologram.check()?;
         let (shape, of) = (hologram.shape(), self.attributes.shape);
         if shape != of {
-            let reason = reason!("shape", "it is {shape:?}, and the sequence's are {of:?}");
+            let reason = reason!("shape", "its shape is {shape:?}, but the sequence has {of:?}");
             return Err(HologramError::Inconsistent(reason));
         }
         for (c, of) in hologram.colors.iter().zip(&self.about.colors) {
             if (c.color, c.wavelength, c.exposure) != (of.color, of.wavelength, of.exposure) {
                 let reason = reason!(
                     "exposure-differs",
-                    "a colour at {:.1} nm has the exposure {}, and the sequence has {:.1} nm and {}: one for all",
+                    "a color at {:.1} nm has the exposure {}, but all of the sequence have {:.1} nm and {}",
                     c.wavelength * 1e9,
                     c.exposure,
                     of.wavelength * 1e9,
@@ -169,7 +171,8 @@ impl SequenceParts {
     }
 }
 
-/// Refuses a sequence that is another one than of holograms like `like`; else what is true of all of its own.
+/// Refuses a sequence that is not of holograms like `like`. Otherwise returns the description that all its holograms
+/// share.
 pub(super) fn check_same(
     there: &Sequence,
     like: &Hologram,
@@ -177,26 +180,26 @@ pub(super) fn check_same(
     planned: Option<u64>,
 ) -> Result<Hologram, HologramError> {
     let other = |reason: Reason| {
-        let reason = reason.reworded(|text| format!("{text}; give it another name, or remove it"));
+        let reason = reason.reworded(|text| format!("{text}. Use another name, or remove it"));
         Err(HologramError::OtherSequence { path: there.path().display().to_string(), reason })
     };
     if there.is_single() {
-        return other(reason!("single-hologram", "a single hologram stands there, not a sequence"));
+        return other(reason!("single-hologram", "it is a single hologram, not a sequence"));
     }
     let shape = like.shape();
     let attributes = SequenceAttributes { rate, shape, planned };
     let about = there.about().clone();
-    // Found out in its first frame, not decided before.
+    // The first hologram determines the exposures, so they are not compared.
     let mut wanted = like.clone();
     let (kept, own) = (&about.metadata, &mut wanted.metadata);
     // A display that was calibrated again shows the same phases.
     own.display_file.clone_from(&kept.display_file);
     if kept.scenes.is_empty() {
-        // An older eyebox kept no more of its scenes than their names.
+        // An older eyebox stored only the names of its scenes.
         own.scenes.clear();
         (own.order, own.photographs, own.depth_map_mm) = (kept.order, kept.photographs, kept.depth_map_mm);
     } else if own.scenes.is_empty() {
-        // Whoever writes a part knows the contents of its own scene alone.
+        // The writer of a part knows the contents of its own scene alone.
         own.scenes.clone_from(&kept.scenes);
     }
     for (w, a) in wanted.colors.iter_mut().zip(&about.colors) {
@@ -205,7 +208,7 @@ pub(super) fn check_same(
     if there.shape() != shape || there.rate() != rate || there.planned() != planned {
         return other(reason!(
             "shape-or-rate",
-            "a sequence of {:?} at {}/{} a second stands there, not of {shape:?} at {}/{}",
+            "it is a sequence of {:?} at {}/{} per second, not of {shape:?} at {}/{}",
             there.shape(),
             there.rate()[0],
             there.rate()[1],
@@ -216,12 +219,12 @@ pub(super) fn check_same(
     let document = |h: &Hologram| document::group_with(h, h.metadata.without_places(), Some(attributes));
     if document(&about) != document(&wanted) {
         let what = difference(&about, &wanted);
-        return other(what.reworded(|what| format!("a sequence made otherwise stands there ({what})")));
+        return other(what.reworded(|what| format!("it is a sequence that was made differently ({what})")));
     }
     Ok(about)
 }
 
-/// Which part of two descriptions is not the same.
+/// Returns the difference between two descriptions.
 fn difference(is: &Hologram, wanted: &Hologram) -> Reason {
     if is.display != wanted.display {
         return reason!("other-display", "for the display '{}', not '{}'", is.display, wanted.display);
@@ -235,23 +238,23 @@ fn difference(is: &Hologram, wanted: &Hologram) -> Reason {
     }
 }
 
-/// A sequence under way. Each hologram is complete and on the disk, and in the array's document, when
-/// [`append`](Self::append) returns; whatever interrupts the next leaves it so.
+/// A sequence under way. When [`append`](Self::append) returns, each hologram is complete, on the disk, and in the
+/// array's document. An interruption of the next append does not change that.
 #[derive(Debug)]
 pub struct SequenceWriter {
     to: SequenceParts,
     count: u64,
-    /// One program at a time writes it.
+    /// Only one program at a time writes it.
     _lock: File,
 }
 
 impl SequenceWriter {
-    /// Starts a sequence at `path`, where nothing may be, of holograms like `like` (its phases do not matter), to be
-    /// shown `rate` (a fraction) a second.
+    /// Starts a sequence at `path`, which must not exist, of holograms like `like` (its phases are ignored). It is
+    /// shown at `rate` holograms per second, a fraction.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`]; [`HologramError::Busy`] where another program writes one; [`HologramError::File`], with
-    /// [`FileError::Taken`](crate::files::FileError::Taken) where something else stands.
+    /// Returns [`HologramError::Inconsistent`], [`HologramError::Busy`] if another program writes one, or
+    /// [`HologramError::File`], with [`FileError::Taken`](crate::files::FileError::Taken) if `path` exists.
     pub fn create(path: &Path, like: &Hologram, rate: [u32; 2], planned: Option<u64>) -> Result<Self, HologramError> {
         like.check()?;
         if rate.contains(&0) {
@@ -269,14 +272,14 @@ impl SequenceWriter {
         Ok(Self { count: 0, _lock: lock(&folder)?, to: SequenceParts { folder, about, attributes } })
     }
 
-    /// Goes on with a sequence that was interrupted: one with these `settings`, scene, display, rate and number.
+    /// Continues an interrupted sequence with the same settings, scene, display, rate and number.
     ///
-    /// Its holograms are read to the last, and what comes after the last whole one is written again. None where the
+    /// All holograms are read, and everything after the last whole one is written again. Returns none if the
     /// sequence is complete.
     ///
     /// # Errors
-    /// [`HologramError::OtherSequence`] where another one stands there; [`HologramError::Busy`] where another program writes
-    /// it; those of [`Sequence::open`].
+    /// Returns [`HologramError::OtherSequence`] if `path` holds another sequence, [`HologramError::Busy`] if another
+    /// program writes it, or the errors of [`Sequence::open`].
     pub fn resume(
         path: &Path,
         like: &Hologram,
@@ -286,12 +289,12 @@ impl SequenceWriter {
         let mut there = Sequence::open(path)?;
         let mut about = check_same(&there, like, rate, planned)?;
         let folder = open_folder(path)?;
-        // Who was killed at its very end left the lock.
+        // A program that was killed at its very end left the lock.
         if there.is_complete() && !folder.has(LOCK) {
             return Ok(None);
         }
         let _lock = lock(&folder)?;
-        // Whoever held it a moment ago may have gone on.
+        // The previous holder of the lock may have made progress.
         there = Sequence::open(path)?;
         if there.is_complete() {
             return folder.remove(LOCK).map(|()| None).map_err(|e| unwritable(&folder, LOCK, e));
@@ -305,31 +308,31 @@ impl SequenceWriter {
         Ok(Some(writer))
     }
 
-    /// How many holograms it has.
+    /// Returns the number of holograms written.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// What is true of all its holograms, their exposures among it; without phases.
+    /// Returns the description that all its holograms share, with their exposures and without phases.
     pub fn about(&self) -> &Hologram {
         self.to.about()
     }
 
-    /// Adds a hologram.
+    /// Appends a hologram to the sequence.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] for one of another shape, other colours or another exposure;
-    /// [`HologramError::File`], then everything before it is as it was.
+    /// Returns [`HologramError::Inconsistent`] for another shape, other colors or another exposure, or
+    /// [`HologramError::File`]. Then everything before it is unchanged.
     pub fn append(&mut self, hologram: &Hologram) -> Result<(), HologramError> {
         self.to.put(DRAFT, self.count, hologram)?;
         self.count += 1;
         self.to.state(self.count, false)
     }
 
-    /// Says that there will be no more.
+    /// Marks the sequence as complete.
     ///
     /// # Errors
-    /// [`HologramError::File`].
+    /// Returns [`HologramError::File`] if a file cannot be written.
     pub fn finish(self) -> Result<(), HologramError> {
         self.to.state(self.count, true)?;
         self.to.folder.remove(LOCK).map_err(|e| unwritable(&self.to.folder, LOCK, e))

@@ -1,4 +1,4 @@
-//! Where phases are: in memory, in tiles on the disk, or in a sequence.
+//! Holds phases that are in memory, in tiles on the disk, or in a sequence.
 
 use super::tiles::Tiles;
 use super::{Hologram, HologramError, Metadata, Sequence};
@@ -8,17 +8,17 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The phases of a hologram, wherever they are.
+/// The phases of a hologram, in memory or on the disk.
 #[derive(Debug, Clone)]
 pub enum PhaseSource<'a> {
-    /// All in memory.
+    /// All phases are in memory.
     Whole(Box<Cow<'a, Hologram>>),
-    /// In tiles on the disk: those under a pupil are read.
+    /// The phases are in tiles on the disk. Only the tiles under a pupil are read.
     Tiled(Arc<Tiles>),
 }
 
 impl PhaseSource<'_> {
-    /// The same, described otherwise.
+    /// Returns the same phases with changed metadata.
     fn described(self, change: impl FnOnce(&mut Metadata)) -> Self {
         match self {
             Self::Whole(hologram) => {
@@ -30,7 +30,7 @@ impl PhaseSource<'_> {
         }
     }
 
-    /// The same on an ideal display lit by a laser on the axis, whatever the one that it was solved for does to the light.
+    /// Returns the same phases on an ideal display lit by a laser on the axis, without the model of their own display.
     pub fn on_ideal_display(self) -> Self {
         self.described(|metadata| {
             metadata.model.clear();
@@ -40,15 +40,15 @@ impl PhaseSource<'_> {
         })
     }
 
-    /// The same as another eye sees it, or a perfect one.
+    /// Returns the same phases for another eye, or for a perfect one.
     ///
     /// # Errors
-    /// [`HologramError::Optics`] for a hologram in tiles, unless the eye is perfect.
+    /// Returns [`HologramError::Optics`] for a hologram in tiles, unless the eye is perfect.
     pub fn seen_by(self, eye: Option<Prescription>) -> Result<Self, HologramError> {
         let eye = eye.filter(|eye| !eye.is_perfect());
         match self {
             Self::Tiled(_) if eye.is_some() => {
-                let reason = "a hologram in tiles is looked at by a perfect eye only";
+                let reason = "a hologram in tiles can be simulated for a perfect eye only";
                 Err(OpticsError::Prescription { reason: Reason::new("eye-of-tiles", reason) }.into())
             }
             Self::Tiled(_) => Ok(self),
@@ -56,20 +56,20 @@ impl PhaseSource<'_> {
         }
     }
 
-    /// The same as an eye sees it with an obstruction in its pupil, or with a clear one.
+    /// Returns the same phases for an eye with an obstruction in its pupil, or with a clear pupil.
     #[must_use]
     pub fn obstructed(self, obstruction: Option<Obstruction>) -> Self {
-        // A copy of all phases is not needed.
+        // This avoids a copy of all phases.
         if self.about().metadata.obstruction == obstruction {
             return self;
         }
         self.described(|metadata| metadata.obstruction = obstruction)
     }
 
-    /// The hologram at `path`.
+    /// Opens the hologram at `path`.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`] for a sequence; [`HologramError::Damaged`]; [`HologramError::File`].
+    /// Returns [`HologramError::NotAHologram`] for a sequence, [`HologramError::Damaged`] or [`HologramError::File`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
         if Tiles::is_tiled(path) {
             return Ok(Self::Tiled(Arc::new(Tiles::open(path)?)));
@@ -77,7 +77,7 @@ impl PhaseSource<'_> {
         Ok(Hologram::load(path)?.into())
     }
 
-    /// Everything but the phases, which may be missing here.
+    /// Returns everything but the phases, which may be missing here.
     pub fn about(&self) -> &Hologram {
         match self {
             Self::Whole(hologram) => hologram,
@@ -87,10 +87,10 @@ impl PhaseSource<'_> {
 }
 
 impl Hologram {
-    /// The hologram at `path`, or hologram `at` of a sequence, with all of its phases.
+    /// Loads the hologram at `path`, or hologram `at` of a sequence, with all of its phases.
     ///
     /// # Errors
-    /// Those of [`load`](Self::load) and [`Sequence::load`].
+    /// Returns the errors of [`load`](Self::load) and [`Sequence::load`].
     pub fn load_at(path: &Path, at: Option<u64>) -> Result<Self, HologramError> {
         match at {
             Some(at) => Sequence::open(path)?.load(at),

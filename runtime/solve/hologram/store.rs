@@ -1,4 +1,4 @@
-//! The hologram's own file: a Zarr v3 folder.
+//! Reads and writes the hologram's own file, which is a Zarr v3 folder.
 
 use super::chunks::{
     ARRAY, GROUP, check_is_one, check_length, check_memory, chunk_name, damaged, draft, is_hologram, none, read_chunk,
@@ -14,15 +14,15 @@ use eyebox_base::{Reason, reason};
 use std::path::Path;
 
 impl Hologram {
-    /// Saves by the ending of `path`: `.zarr` is the whole hologram, `.npy` its phases alone.
+    /// Saves in the format of the file extension. `.zarr` holds the whole hologram, `.npy` its phases alone.
     ///
-    /// A hologram that stands at `path` is replaced; anything else is left alone. Until the new one is complete and on
-    /// the disk the old one stays. Phases are wrapped to [-pi, pi) on the way.
+    /// A hologram at `path` is replaced. Anything else there is refused. The old hologram stays until the new one is
+    /// complete and on the disk. Phases are wrapped to [-pi, pi).
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`], [`HologramError::UnknownEnding`], and [`HologramError::File`] with
-    /// [`FileError::Full`](crate::files::FileError::Full), [`Taken`](crate::files::FileError::Taken),
-    /// [`Write`](crate::files::FileError::Write); then nothing has changed at `path`.
+    /// Returns [`HologramError::Inconsistent`], [`HologramError::UnknownEnding`], or [`HologramError::File`] with
+    /// [`FileError::Full`](crate::files::FileError::Full), [`Taken`](crate::files::FileError::Taken) or
+    /// [`Write`](crate::files::FileError::Write). After an error nothing has changed at `path`.
     pub fn save(&self, path: &Path) -> Result<(), HologramError> {
         self.check()?;
         match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
@@ -44,17 +44,20 @@ impl Hologram {
         Ok(draft.put()?)
     }
 
-    /// Loads a hologram folder, checking every byte of it. Of one that is replaced meanwhile it is the old or the new, whole.
+    /// Loads a hologram folder and checks every byte of it. If it is replaced meanwhile, the result is all old or all
+    /// new.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`]; [`HologramError::Damaged`] naming the file that is missing, cut short or
-    /// changed; [`HologramError::FileOptics`]; [`HologramError::File`]; [`HologramError::Unfinished`];
-    /// [`HologramError::Replaced`].
+    /// - [`HologramError::NotAHologram`] for another content.
+    /// - [`HologramError::Damaged`] with the file that is missing, cut short or changed.
+    /// - [`HologramError::FileOptics`], [`HologramError::File`], [`HologramError::Unfinished`] and
+    ///   [`HologramError::Replaced`].
     pub fn load(path: &Path) -> Result<Self, HologramError> {
         read_whole(path, Self::load_from)
     }
 
-    /// Reads what the group's document of a folder says: a hologram without phases, what it says of a sequence, and whether it is sealed.
+    /// Reads the group's document of a folder. Returns a hologram without phases, the attributes of a sequence, and
+    /// true if the document is sealed.
     pub(super) fn describe(folder: &Folder) -> Result<(Self, Option<SequenceAttributes>, bool), HologramError> {
         foreign::check_version(folder)?;
         check_is_one(folder)?;
@@ -65,7 +68,7 @@ impl Hologram {
         Ok((about, sequence, document::is_sealed(&group)))
     }
 
-    /// Takes the sizes that the array of the folder at `path` has, and refuses optics that cannot be with them.
+    /// Sets the sizes of the array of the folder at `path`, and refuses optics that are impossible with them.
     pub(super) fn take_shape(&mut self, path: &Path, shape: [usize; 4]) -> Result<(), HologramError> {
         [_, self.frames, self.height, self.width] = shape;
         for i in 0..self.colors.len() {
@@ -75,7 +78,7 @@ impl Hologram {
         Ok(())
     }
 
-    /// Whether its colours are those of an array of this shape, which is not empty.
+    /// Returns true if an array of this shape has as many colors as this hologram, and is not empty.
     pub(super) fn fits(&self, [colors, frames, ..]: [usize; 4]) -> bool {
         colors == self.colors.len() && colors > 0 && frames > 0
     }
@@ -89,7 +92,7 @@ impl Hologram {
         let file = path.join(ARRAY);
         let described = read_document(folder, ARRAY)?;
         let array = document::read_array(&described, sealed);
-        // Another program's chunks are sub-frames, or anything else.
+        // Another program's chunks may be sub-frames or have any other shape.
         let foreign =
             !sealed && !document::is_sealed(&described) && !array.as_ref().is_ok_and(|array| array.side.is_none());
         let foreign = foreign.then(|| foreign::Stored::of(folder, &described)).transpose()?;
@@ -107,12 +110,12 @@ impl Hologram {
         }
         if !hologram.fits(shape) {
             let described = hologram.colors.len();
-            let reason = reason!("shape", "its shape is {shape:?}, and zarr.json describes {described} colours");
+            let reason = reason!("shape", "its shape is {shape:?}, but zarr.json describes {described} colors");
             return Err(damaged(&file, reason));
         }
         hologram.take_shape(path, shape)?;
-        // Optics bound the size of a frame; that all chunks are there, and as long as they must be, is known before
-        // memory is taken for any, so that a lying shape costs nothing.
+        // Optics bound the size of a frame. The presence and length of all chunks are checked before any memory is
+        // allocated, so that a wrong shape costs nothing.
         if let Some(stored) = foreign {
             for (c, phases) in hologram.colors.iter_mut().zip(stored.read(folder)?) {
                 c.phases = phases;
@@ -125,7 +128,7 @@ impl Hologram {
         if !sealed {
             for c in &mut hologram.colors {
                 if let Some(found) = far_outside(&c.phases) {
-                    return Err(none(path, reason!("no-radians", "{found}: its phases must be radians")));
+                    return Err(none(path, reason!("no-radians", "{found}, but its phases must be radians")));
                 }
                 c.phases.iter_mut().for_each(|p| *p = wrap_phase(*p));
             }
@@ -133,7 +136,7 @@ impl Hologram {
         Ok(hologram)
     }
 
-    /// Reads one chunk per color and sub-frame. That all are there, and as long as they must be, is known before memory is taken.
+    /// Reads one chunk per color and sub-frame. Their presence and lengths are checked before memory is allocated.
     fn read_chunks(&mut self, folder: &Folder, summed: bool) -> Result<(), HologramError> {
         let (frames, pixels) = (self.frames, self.height * self.width);
         for color in 0..self.colors.len() {

@@ -1,12 +1,14 @@
-//! Holograms larger than memory: phases in square tiles on the disk, each with all sub-frames, that are read and written a
-//! rectangle at a time.
+//! Stores holograms larger than memory in square tiles on the disk.
 //!
-//! A hologram in the making is a hologram already: tiles that were never written hold the first phases, which are a
-//! function of seed and place ([`first_phase`]) and take no room. Beside it lies `progress.json`. A [`commit`](Tiles::commit)
-//! replaces any number of tiles and the progress together: new tiles are written to `staged/`, then `progress.json` is
-//! replaced, and says which of them count, then they are moved into place. Killed before the middle step the old state
-//! stands, after it the new one: [`resume`](Tiles::resume) moves what was left, and removes what does not count. One program
-//! at a time makes a hologram, and holds a lock; others may look at it meanwhile ([`open`](Tiles::open)) and change nothing.
+//! Each tile has all sub-frames. Callers read and write one rectangle at a time.
+//!
+//! An unfinished hologram is a hologram already. Tiles that were never written hold the first phases, which are a
+//! function of seed and position ([`first_phase`]) and take no space. The same folder has `progress.json`. A
+//! [`commit`](Tiles::commit) replaces any number of tiles and the progress together, in three steps. It writes new
+//! tiles to `staged/`. It replaces `progress.json`, which lists the tiles that count. It moves these tiles into place.
+//! If the program is killed before the second step, the old state is valid, and after it the new state. Then
+//! [`resume`](Tiles::resume) moves the remaining tiles and removes tiles that do not count. One program at a time makes
+//! a hologram, and holds a lock. Others may open it meanwhile ([`open`](Tiles::open)) and change nothing.
 
 mod around;
 mod versions;
@@ -34,28 +36,28 @@ use std::sync::{Arc, OnceLock};
 
 const PROGRESS: &str = "progress.json";
 const STAGED: &str = "staged";
-/// Where the progress is written until it is whole: killed on the way, it leaves this where everything that does not count is
-/// removed.
+/// The path of the progress until it is complete. A killed program leaves it in the folder from which everything that
+/// does not count is removed.
 const DRAFT: &str = "staged/.eyebox-progress.part";
 
-/// How far a hologram in the making is.
+/// The progress of an unfinished hologram.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Made {
-    /// Parts of the job that are done.
+    /// Number of parts of the job that are done.
     pub done: u64,
-    /// What the job is: a hologram is resumed by the same job alone.
+    /// The description of the job. Only the same job may resume a hologram.
     pub job: Value,
-    /// How many parts it has, where that was said.
+    /// Number of parts of the job, if it was given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub total: Option<u64>,
-    /// Tiles (colour, row, column) that were staged with it.
+    /// Tiles (color, row, column) that were staged with it.
     pending: Vec<[usize; 3]>,
 }
 
-/// A hologram in tiles.
+/// A hologram that is stored in tiles.
 #[derive(Debug)]
 pub struct Tiles {
-    /// Held open: whatever comes to stand in its place, tiles are of this one.
+    /// Held open, so that tiles are of this hologram even if its folder is replaced.
     folder: Folder,
     about: Hologram,
     side: usize,
@@ -64,28 +66,28 @@ pub struct Tiles {
     lock: Option<File>,
     read: AtomicU64,
     written: AtomicU64,
-    /// Of each colour, what its display does to the light: made when it is first asked for.
+    /// The model of the display for each color, computed at the first request.
     models: OnceLock<Vec<Option<Arc<ModelTables>>>>,
-    /// Of one part of its job: where its tiles are. None for each in its place.
+    /// The locations of the tiles for one part of the job. If it is none, each tile is in its place.
     versions: Option<HashMap<[usize; 3], TileVersion>>,
 }
 
-/// A rectangle of whole tiles with other phases.
+/// A rectangle of whole tiles with new phases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Patch {
-    /// Which of the hologram's colours.
+    /// The index of the color in the hologram.
     pub color: usize,
     /// Row and column of its first pixel.
     pub at: [usize; 2],
-    /// Rows and columns.
+    /// Number of rows and columns.
     pub size: [usize; 2],
-    /// (sub-frame, row, column), radians.
+    /// Phases in radians, with the axes (sub-frame, row, column).
     pub phases: Vec<f32>,
 }
 
-/// The first phase of a pixel: uniform in [-pi, pi), a function of seed and place alone.
+/// Returns the first phase of a pixel. It is uniform in [-pi, pi) and a function of seed and position alone.
 pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, column: usize) -> f32 {
-    // Two rounds of a bijective mixer over what tells pixels apart.
+    // Two rounds of a bijective mixer, over the numbers that identify a pixel.
     let plane = mix(seed.wrapping_add(GOLDEN) ^ ((color as u64) << 32 | frame as u64));
     let bits = mix(plane.wrapping_add(((row as u64) << 32 | column as u64).wrapping_mul(GOLDEN)));
     let turns = (bits >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
@@ -93,14 +95,14 @@ pub(crate) fn first_phase(seed: u64, color: usize, frame: usize, row: usize, col
 }
 
 impl Tiles {
-    /// A new hologram: what `about` says (its phases are not looked at), in tiles of `side` x `side` pixels, made by a `job`
-    /// of `total` parts. One that stands at `path` is replaced.
+    /// Creates a hologram with the description `about`, whose phases are ignored, in tiles of `side` x `side` pixels. A
+    /// `job` of `total` parts makes it. It replaces a hologram at `path`.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`]; [`HologramError::File`].
+    /// Returns [`HologramError::Inconsistent`] or [`HologramError::File`].
     pub fn create(path: &Path, about: &Hologram, side: usize, job: Value, total: u64) -> Result<Self, HologramError> {
         let mut side = side.clamp(1, 1 << 14);
-        // One tile that is the whole of one sub-frame would be told from no tiles by nothing.
+        // A single tile that holds a whole single sub-frame has the same layout as a hologram without tiles.
         if (about.frames, about.height, about.width) == (1, side, side) && side > 1 {
             side = side.div_ceil(2);
         }
@@ -116,19 +118,19 @@ impl Tiles {
         Self::resume(path)
     }
 
-    /// A hologram in the making, to go on with; a commit that was cut off is completed or forgotten. A finished one is
-    /// opened.
+    /// Opens an unfinished hologram to continue it. An interrupted commit is completed or discarded. A finished
+    /// hologram is only opened.
     ///
     /// # Errors
-    /// As [`open`](Self::open); [`HologramError::Busy`] where another program makes it.
+    /// Returns the errors of [`open`](Self::open), and [`HologramError::Busy`] if another program makes it.
     pub fn resume(path: &Path) -> Result<Self, HologramError> {
         let tiles = Self::open(path)?;
-        // Who was killed at its very end left the lock.
+        // A program that was killed at its very end left the lock.
         if tiles.made.is_none() && !tiles.folder.has(LOCK) {
             return Ok(tiles);
         }
         let lock = lock(&tiles.folder)?;
-        // Whoever held it a moment ago may have gone on.
+        // The previous holder of the lock may have made progress.
         let tiles = Self { lock: Some(lock), ..Self::of_folder(&tiles.folder)? };
         if tiles.made.is_some() {
             tiles.settle()?;
@@ -138,10 +140,10 @@ impl Tiles {
         Ok(tiles)
     }
 
-    /// A hologram in tiles, finished or not, to be looked at.
+    /// Opens a hologram in tiles, finished or not, for reading.
     ///
     /// # Errors
-    /// [`HologramError::NotAHologram`] where it is none in tiles; [`HologramError::Damaged`].
+    /// Returns [`HologramError::NotAHologram`] for a path without a tiled hologram, and [`HologramError::Damaged`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
         read_whole(path, Self::of_folder)
     }
@@ -158,13 +160,13 @@ impl Tiles {
             return Err(none(path, reason!("not-tiles", "it is not stored in tiles")));
         };
         if !about.fits(shape) {
-            return Err(damaged(&file, reason!("shape", "its shape is {shape:?}, not that of zarr.json")));
+            return Err(damaged(&file, reason!("shape", "its shape {shape:?} differs from zarr.json")));
         }
         if about.geometry != Geometry::FarField {
-            let what = "its shape is that of tiles, which hold far fields, and zarr.json is a relay's";
+            let what = "its shape is for tiles, which hold far fields, but zarr.json is for a relay";
             return Err(damaged(&file, Reason::new("tiles-of-a-relay", what)));
         }
-        // A tile is held as a whole.
+        // A tile is held in memory as a whole.
         check_memory(path, &[shape[1], side, side])?;
         about.take_shape(path, shape)?;
         let made = if folder.has(PROGRESS) {
@@ -177,7 +179,7 @@ impl Tiles {
         Ok(Self::looking(folder.clone(), about, side, made))
     }
 
-    /// To be looked at.
+    /// Returns tiles that are open for reading.
     fn looking(folder: Folder, about: Hologram, side: usize, made: Option<Made>) -> Self {
         let (read, written) = (AtomicU64::new(0), AtomicU64::new(0));
         Self { folder, about, side, made, lock: None, read, written, models: OnceLock::new(), versions: None }
@@ -187,55 +189,55 @@ impl Tiles {
         let _ = self.folder.remove(LOCK);
     }
 
-    /// Only one that was created or resumed is written to.
+    /// Refuses writing, unless the hologram was created or resumed.
     fn locked(&self) -> Result<(), HologramError> {
         match self.lock {
             Some(_) => Ok(()),
             None => Err(HologramError::Inconsistent(reason!(
                 "not-resumed",
-                "it was opened to be looked at: resume it to go on with it"
+                "it is open for reading only. Resume it to continue it"
             ))),
         }
     }
 
-    /// Whether a folder is a hologram in tiles.
+    /// Returns true if a folder is a hologram in tiles.
     pub fn is_tiled(path: &Path) -> bool {
         let document = open_folder(path).and_then(|folder| read_document(&folder, ARRAY));
         document.is_ok_and(|bytes| document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
     }
 
-    /// Everything but the phases.
+    /// Returns everything but the phases.
     pub fn about(&self) -> &Hologram {
         &self.about
     }
 
-    /// Pixels along a tile's side.
+    /// Returns the side of a tile, in pixels.
     pub fn side(&self) -> usize {
         self.side
     }
 
-    /// How far it is; none where it is finished.
+    /// Returns the progress, or none if the hologram is finished.
     pub fn made(&self) -> Option<&Made> {
         self.made.as_ref()
     }
 
-    /// Bytes of tiles that were read and written since it was opened.
+    /// Returns the bytes of tiles that were read and written since it was opened.
     pub fn moved(&self) -> [u64; 2] {
         [self.read.load(Relaxed), self.written.load(Relaxed)]
     }
 
-    /// The phases of a rectangle that begins at (row, column): (frames, rows, columns).
+    /// Returns the phases of a rectangle that begins at (row, column), with the axes (frames, rows, columns).
     ///
     /// # Errors
-    /// [`HologramError::Damaged`]; [`HologramError::File`].
+    /// Returns [`HologramError::Damaged`] or [`HologramError::File`].
     ///
     /// # Panics
-    /// If the rectangle is not inside the hologram: the caller's mistake.
+    /// Panics if the rectangle is not inside the hologram, which is a mistake of the caller.
     pub fn read(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
         check_memory(self.folder.path(), &[self.about.frames, size[0], size[1]])?;
         let (mut out, pixels) = (vec![0.0f32; self.about.frames * size[0] * size[1]], size[0] * size[1]);
         assert!(at[0] + size[0] <= self.about.height && at[1] + size[1] <= self.about.width, "inside the hologram");
-        // One row of tiles at a time is in memory beside the result.
+        // Only one row of tiles at a time is in memory in addition to the result.
         let ([rows, columns], side) = (self.range(at, size), self.side);
         for row in rows {
             let tiles: Vec<Vec<f32>> = columns
@@ -258,7 +260,8 @@ impl Tiles {
         Ok(out)
     }
 
-    /// All of it in memory; that every tile of a finished one is there, and as long as it must be, is known before any is read.
+    /// Loads all of it into memory. For a finished hologram, the presence and length of all tiles are checked before
+    /// any is read.
     pub(super) fn into_hologram(self) -> Result<Hologram, HologramError> {
         let values = self.about.frames * self.side * self.side;
         for place in self.all_places().filter(|_| self.made.is_none()) {
@@ -271,14 +274,16 @@ impl Tiles {
         Ok(hologram)
     }
 
-    /// Replaces the phases of a rectangle of whole tiles, and the progress with them: both or neither, whenever it is cut
-    /// off. `phases` is (frames, rows, columns).
+    /// Replaces the phases of a rectangle of whole tiles together with the progress. An interruption leaves both or
+    /// neither. `phases` has the axes (frames, rows, columns).
     ///
     /// # Errors
-    /// [`HologramError::File`], [`FileError::Full`](crate::files::FileError::Full) among it: then what stood there stands there still.
+    /// Returns [`HologramError::File`], for example with [`FileError::Full`](crate::files::FileError::Full). Then the
+    /// old content remains.
     ///
     /// # Panics
-    /// If the rectangle is none of whole tiles, or the phases are not as many: the caller's mistake.
+    /// Panics if the rectangle is not of whole tiles, or the number of phases is wrong, which is a mistake of the
+    /// caller.
     pub fn commit(
         &mut self,
         done: u64,
@@ -297,19 +302,20 @@ impl Tiles {
         self.count(done, pending)
     }
 
-    /// A copy of a finished hologram at `path`, described by `metadata`, and these rectangles of whole tiles replaced; it appears
-    /// whole or not at all, in the place of this one too. Memory is a tile's.
+    /// Writes a copy of a finished hologram to `path`, with other `metadata` and these rectangles of whole tiles
+    /// replaced. The copy appears only when complete, and may replace this hologram. It needs the memory of one tile.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] for one in the making; [`HologramError::File`]; then nothing has changed at `path`.
+    /// Returns [`HologramError::Inconsistent`] for an unfinished hologram, or [`HologramError::File`]. Then nothing has
+    /// changed at `path`.
     ///
     /// # Panics
-    /// If a rectangle is none of whole tiles, or its phases are not as many: the caller's mistake.
+    /// Panics if a rectangle is not of whole tiles, or its number of phases is wrong, which is a mistake of the caller.
     pub fn copy(&self, path: &Path, metadata: &Metadata, patches: &[Patch]) -> Result<(), HologramError> {
         if self.made.is_some() {
             return Err(HologramError::Inconsistent(reason!(
                 "unfinished",
-                "it is still being solved: it is copied when it is finished"
+                "it is still being solved. Copy it when it is finished"
             )));
         }
         let about = Hologram { metadata: metadata.clone(), ..self.about.clone() };
@@ -337,7 +343,8 @@ impl Tiles {
         Ok(draft.put()?)
     }
 
-    /// The tile of a rectangle of whole tiles, whose phases are (frames, rows, columns): beyond the hologram's edge, zeros.
+    /// Returns one tile of a rectangle of whole tiles, whose phases are (frames, rows, columns). It is zero beyond the
+    /// hologram's edge.
     fn cut(&self, at: [usize; 2], size: [usize; 2], phases: &[f32], [row, column]: [usize; 2]) -> Vec<f32> {
         let (side, frames, pixels) = (self.side, self.about.frames, size[0] * size[1]);
         let ends = [(at[0] + size[0], self.about.height), (at[1] + size[1], self.about.width)];
@@ -355,10 +362,10 @@ impl Tiles {
         tile
     }
 
-    /// Writes what was never touched, and says that it is finished.
+    /// Writes the tiles that were never written, and marks the hologram as finished.
     ///
     /// # Errors
-    /// As [`commit`](Self::commit).
+    /// Returns the errors of [`commit`](Self::commit).
     pub fn finish(&mut self) -> Result<(), HologramError> {
         let Some(made) = self.made.clone() else { return Ok(()) };
         self.locked()?;
@@ -395,7 +402,7 @@ impl Tiles {
         let pending = self.made.iter().flat_map(|m| m.pending.iter().map(|place| (m.done, *place)));
         for (done, place) in pending {
             let (from, to) = (staged_name(done, place), self.name(place));
-            // A link in the place of the folder has no file in it.
+            // A link instead of the folder contains no file.
             if self.folder.file(&from).is_ok() {
                 self.folder.rename(&from, &to).map_err(|e| unwritable(&self.folder, &to, e))?;
             }
@@ -415,7 +422,7 @@ impl Tiles {
     }
 
     fn stage(&self, done: u64, place: [usize; 3], tile: &[f32]) -> Result<(), HologramError> {
-        // Of this name there is none that counts.
+        // No tile that counts has this name.
         let name = staged_name(done, place);
         let written = self.folder.write(&name, |out| write_chunk(out, tile));
         written.map_err(|e| unwritable(&self.folder, &name, e))?;
@@ -423,7 +430,7 @@ impl Tiles {
         Ok(())
     }
 
-    /// One tile: (frames, side, side); beyond the hologram's edge, zeros.
+    /// Returns one tile with the axes (frames, side, side). It is zero beyond the hologram's edge.
     fn tile(&self, color: usize, row: usize, column: usize) -> Result<Vec<f32>, HologramError> {
         let place = [color, row, column];
         if let Some(versions) = &self.versions {
@@ -431,13 +438,14 @@ impl Tiles {
         }
         let (name, values) = (self.name(place), self.about.frames * self.side * self.side);
         let has = |name: &str| self.folder.has(name);
-        // What counts already and was not moved yet: whoever looks does not move it, and it may be moved meanwhile.
+        // A tile may count already without being in its place. A reader does not move it, but its writer may move it
+        // meanwhile.
         let staged = self.made.as_ref().filter(|made| made.pending.contains(&place));
         let staged = staged.map(|made| staged_name(made.done, place)).filter(|name| has(name));
         let staged =
             staged.and_then(|name| Some(read_tile(&self.folder, &name, values)).filter(|r| r.is_ok() || has(&name)));
         if staged.is_none() && self.made.is_some() && !has(&name) {
-            // Nothing is there, for it was never touched, or because all of the hologram is gone.
+            // The tile is missing because it was never written, or because the whole hologram was replaced.
             return match self.folder.is_replaced() {
                 true => Err(HologramError::Replaced { path: self.folder.path().display().to_string() }),
                 false => Ok(self.first(place)),
@@ -461,25 +469,26 @@ impl Tiles {
         chunk_file(color, 0, row, column)
     }
 
-    /// (colour, row, column) of the tiles that a rectangle touches.
+    /// Returns (color, row, column) of the tiles that a rectangle touches.
     fn places(&self, color: usize, at: [usize; 2], size: [usize; 2]) -> impl Iterator<Item = [usize; 3]> {
         let [rows, columns] = self.range(at, size);
         rows.flat_map(move |row| columns.clone().map(move |column| [color, row, column]))
     }
 
-    /// Those of all tiles.
+    /// Returns (color, row, column) of all tiles.
     fn all_places(&self) -> impl Iterator<Item = [usize; 3]> {
         let size = [self.about.height, self.about.width];
         (0..self.about.colors.len()).flat_map(move |color| self.places(color, [0, 0], size))
     }
 
-    /// Rows and columns of the tiles that a rectangle touches.
+    /// Returns the rows and columns of the tiles that a rectangle touches.
     fn range(&self, at: [usize; 2], size: [usize; 2]) -> [std::ops::Range<usize>; 2] {
         [0, 1].map(|k| at[k] / self.side..(at[k] + size[k]).div_ceil(self.side))
     }
 }
 
-/// Where a tile is staged. The commit is part of the name: a tile that the next one had staged when it was cut off must not count for this one.
+/// Returns the path of a staged tile. The number of the commit is in the name, so that a tile which the next commit
+/// staged before an interruption does not count for this one.
 fn staged_name(done: u64, [color, row, column]: [usize; 3]) -> String {
     format!("{STAGED}/{done}.{color}.{row}.{column}")
 }

@@ -1,4 +1,4 @@
-//! Tiles on the disk: what is committed, what was cut off, who may write.
+//! Tests commits, interruptions and locks of tiles on the disk.
 
 use super::super::chunks::is_hologram;
 use super::*;
@@ -35,7 +35,7 @@ fn first_phases_are_even_and_of_their_place() {
         (s.hypot(c)) / many.len() as f32
     };
     assert!(moment(1.0) < 0.02 && moment(2.0) < 0.02 && moment(7.0) < 0.02);
-    // Neighbours, sub-frames and colours have nothing to do with each other.
+    // Neighbors, sub-frames and colors are uncorrelated.
     for other in [1usize, 200, 201] {
         let alike: f32 = many.iter().zip(&many[other..]).map(|(a, b)| (a - b).cos()).sum::<f32>() / many.len() as f32;
         assert!(alike.abs() < 0.02, "{other}: {alike}");
@@ -64,7 +64,7 @@ fn what_is_committed_is_read_and_the_rest_is_as_it_was() {
     assert_eq!(part[..30], first[30 * width + 60..][..30]);
     assert_eq!(part[1200 + 2 * 30 + 4], phases[38 * 26]);
     tiles.finish().unwrap();
-    // Finished, it is a hologram as any other, and all of it is there.
+    // When finished, it is an ordinary hologram with all tiles.
     let whole = Hologram::load(&path).unwrap();
     assert_eq!(whole.frame(0, 1)[32 * width + 64], phases[38 * 26]);
     assert_eq!(whole.frame(0, 0)[..width], first[..width]);
@@ -97,13 +97,13 @@ fn a_copy_differs_where_it_was_patched_alone() {
         let want = if patched { phases[(frame * 38 + y - 32) * 26 + x - 64] } else { *then };
         assert_eq!(*now, want, "{frame} {y} {x}");
     }
-    // In its own place.
+    // The copy replaces the original.
     tiles.copy(&path, &Metadata::default(), &patch).unwrap();
     assert_eq!(Hologram::load(&path).unwrap().colors, copy.colors);
 }
 
-/// A commit is cut off before and after the middle of it: the old state, or the new one, for who goes on with it and
-/// for who looks, and looking changes nothing.
+/// A commit is interrupted before and after its middle. A writer that resumes, and a reader, get the old or the new
+/// state, and reading changes nothing.
 #[test]
 fn a_commit_is_whole_or_not_at_all() {
     let here = tempfile::tempdir().unwrap();
@@ -133,7 +133,7 @@ fn a_commit_is_whole_or_not_at_all() {
     fs::create_dir_all(path.join("phases/c/0/0/0")).unwrap();
     fs::rename(path.join(STAGED).join("1.0.0.0"), path.join("phases/c/0/0/0/0")).unwrap();
     both(&(1, new.clone()));
-    // The next commit had staged one of the same tiles when it was cut off.
+    // The next commit had staged one of the same tiles before the interruption.
     looked.stage(2, [0, 1, 0], &[0.5; 1024]).unwrap();
     both(&(1, new));
 }
@@ -151,14 +151,15 @@ fn one_program_makes_it_and_others_may_look() {
     assert!(matches!(refused, Err(HologramError::Inconsistent(_))));
     assert!(looked.finish().is_err());
     tiles.commit(1, 0, [0, 0], [32, 32], &phases).unwrap();
-    // Who had opened it before sees it, too.
+    // A reader that opened it before also gets it.
     assert_eq!(looked.read(0, [0, 0], [32, 32]).unwrap(), phases);
     drop(tiles);
     Tiles::resume(&path).unwrap().finish().unwrap();
     assert_eq!(Hologram::load(&path).unwrap().colors[0].phases[..32], phases[..32]);
 }
 
-/// Killed while it writes how far it is: the draft lies where it is removed, and the hologram is one that may be replaced.
+/// If a program is killed while it writes the progress, its temporary file is removed, and the hologram may be
+/// replaced.
 #[test]
 fn a_draft_of_the_progress_does_not_stay() {
     let here = tempfile::tempdir().unwrap();
@@ -170,7 +171,7 @@ fn a_draft_of_the_progress_does_not_stay() {
     };
     fs::create_dir_all(path.join(STAGED)).unwrap();
     let before = names();
-    // As `count` writes it, cut off in the middle.
+    // The file of `count`, cut off in the middle.
     let cut = tiles.folder.replace(DRAFT, PROGRESS, |out| {
         out.write_all(b"{")?;
         assert_eq!(names(), before, "the draft is not beside the rest");
@@ -186,7 +187,7 @@ fn a_draft_of_the_progress_does_not_stay() {
     assert!(is_hologram(&path) && fs::read_dir(&path).unwrap().count() == 2);
 }
 
-/// A sealed shape that no memory holds is answered, and nothing is taken for it.
+/// A sealed shape that does not fit into memory gives an error, and nothing is allocated for it.
 #[test]
 fn a_shape_that_lies_costs_nothing() {
     let here = tempfile::tempdir().unwrap();
@@ -216,8 +217,8 @@ fn progress_is_sealed_and_older_progress_is_read() {
     assert_eq!(Tiles::resume(&path).unwrap().made().unwrap().done, 2);
 }
 
-/// A link in the place of a folder of the hologram's leads nowhere that is emptied or written to, and a hologram's folder
-/// that holds something else is not replaced.
+/// A link instead of a folder of the hologram is never followed to empty or write a folder. A hologram's folder that
+/// holds something else is not replaced.
 #[cfg(unix)]
 #[test]
 fn nothing_of_others_is_removed_or_written() {

@@ -1,4 +1,4 @@
-//! Every colour of a hologram, one after the other or all at once.
+//! Solves every color of a hologram, one after the other or all at once.
 
 use super::{ProduceError, SceneEvent};
 use crate::engine::{Engine, Memory};
@@ -9,7 +9,7 @@ use crate::quality::{ColorJob, Reference};
 use crate::scene::{LightField, SceneError};
 use crate::solve::{Flow, JointProblem, JointSolution, Progress, Settings, Solution, solve_joint};
 
-/// Refuses a colour that takes more than there is, by the count of a plan.
+/// Returns an error for a color that needs more memory than available, by the count of a plan.
 fn check_memory(job: &ColorJob, settings: &Settings, memory: Memory) -> Result<(), ProduceError> {
     let bytes = job.cost(settings, memory)?.bytes();
     let what = || format!("{} sub-frames of {} x {}", settings.frames, job.display.height, job.display.width);
@@ -17,13 +17,13 @@ fn check_memory(job: &ColorJob, settings: &Settings, memory: Memory) -> Result<(
     Ok(memory::check_available(what, bytes, remedy).map_err(SceneError::from)?)
 }
 
-/// Solves every colour in turn with settings of this quality. Once `observe` answers [`Flow::Stop`] the colours that are left
-/// get one step each, so that the hologram is whole.
+/// Solves every color in turn with settings of this quality.
 ///
-/// Where the settings [reduce](Settings::reduces) the problem, each solution is scored against all of it.
+/// After `observe` returns [`Flow::Stop`], each remaining color gets one step, so that the hologram is complete. If the
+/// settings [reduce](Settings::reduces) the problem, each solution is scored against the whole problem.
 ///
 /// # Errors
-/// [`ProduceError`].
+/// [`ProduceError`] if the memory is too small, or if a solve fails.
 pub fn solve_colors(
     job: &ColorJob,
     colors: &[Color],
@@ -38,7 +38,7 @@ pub fn solve_colors(
         let mut stepped = |progress: &Progress| observe(&SceneEvent::Step { hologram: 0, color, progress });
         let mut solution = job.solve(settings, engine, &mut stepped)?.solution;
         if settings.reduces() {
-            // Its own validation is about less than the problem.
+            // The validation of the solve belongs to the reduced problem.
             let reference = Reference::new(&job, job.base.seed, engine)?;
             solution.validation = reference.score(&solution.phases, engine)?;
             if settings.pixel > 1 {
@@ -51,12 +51,13 @@ pub fn solve_colors(
     Ok(solved)
 }
 
-/// Solves all colours at once (OPTICS 13), as `settings.joint` says, with every pixel, view and sub-frame of the job, with
-/// the exposures that each colour's scene asks for. Returns the colours, each with the phases that it has of the shared drives,
-/// and how they are shown.
+/// Solves all colors at once (OPTICS 13) with `settings.joint`, with every pixel, view and sub-frame of the job, and
+/// with exposures from each color's scene.
+///
+/// It returns the colors with their phases of the shared drive values, and the description of their display.
 ///
 /// # Errors
-/// [`ProduceError`].
+/// [`ProduceError`] if the memory is too small, or if the solve fails.
 pub fn solve_joint_colors(
     job: &ColorJob,
     colors: &[Color],
@@ -87,10 +88,10 @@ pub fn solve_joint_colors(
 }
 
 impl Hologram {
-    /// The hologram of solved colours of a scene on a display, and how it was made.
+    /// Creates the hologram of solved colors of a scene on a display, with a record of its making.
     ///
     /// # Errors
-    /// A colour that the display does not have.
+    /// [`OpticsError`] for a color that the display does not have.
     pub fn from_solutions(
         field: &LightField,
         display: &Display,

@@ -1,4 +1,4 @@
-//! The driver: one hologram, a sequence or tiles, as the job says.
+//! Solves one hologram, a sequence or tiles, as the job requires.
 
 use super::ProduceError;
 use super::colors::{solve_colors, solve_joint_colors};
@@ -15,10 +15,10 @@ use crate::solve::{Flow, Levels, ScenePlan, Settings, Solution, Stop};
 use eyebox_base::reason;
 use std::path::Path;
 
-/// What came of a job.
+/// The result of a job.
 #[non_exhaustive]
 pub enum SceneSolution {
-    /// One hologram.
+    /// One hologram in memory.
     Hologram(Box<SolvedHologram>),
     /// A sequence in its file.
     Sequence(SolvedSequence),
@@ -26,13 +26,13 @@ pub enum SceneSolution {
     Tiles(Box<SolvedTiles>),
 }
 
-/// A hologram, and how it was solved.
+/// A hologram and the details of its solve.
 pub struct SolvedHologram {
-    /// It.
+    /// The hologram with all solved colors.
     pub hologram: Hologram,
-    /// Per colour.
+    /// The solution of each color.
     pub solutions: Vec<(Color, Solution)>,
-    /// What of the scene was computed.
+    /// The parts of the scene that were computed.
     pub plan: ScenePlan,
     /// The settings of the solve.
     pub settings: Settings,
@@ -41,10 +41,10 @@ pub struct SolvedHologram {
 }
 
 impl SolvedHologram {
-    /// The hologram, unless a colour's solve ended at a loss that is no finite number.
+    /// Returns the hologram, unless the solve of a color ended at a loss that is not finite.
     ///
     /// # Errors
-    /// [`ProduceError::NotFinite`].
+    /// [`ProduceError::NotFinite`] with the color and the step.
     pub fn into_finite(self) -> Result<Hologram, ProduceError> {
         for (color, solution) in &self.solutions {
             if let Stop::NotFinite { step, .. } = solution.stop {
@@ -56,7 +56,7 @@ impl SolvedHologram {
 }
 
 impl SceneSolution {
-    /// The hologram, where it is one in memory.
+    /// Returns the hologram if it is in memory.
     pub fn into_hologram(self) -> Option<Hologram> {
         match self {
             Self::Hologram(solved) => Some(solved.hologram),
@@ -65,41 +65,43 @@ impl SceneSolution {
     }
 }
 
-/// Solves a scene, or several: all colours of one hologram, a sequence, or a far field in tiles. `out` is where it is saved,
-/// by its ending; a single hologram may stay in memory. A sequence and tiles that were cut off are resumed by the same job.
+/// Solves one or several scenes as all colors of one hologram, a sequence, or a far field in tiles.
 ///
-/// `observe` is told what happens; answering [`Flow::Stop`] ends it with what there is.
+/// `out` is the file, whose extension decides the format. A single hologram may stay in memory. The same job resumes an
+/// interrupted sequence or tiles. `observe` receives all events. If it returns [`Flow::Stop`], the solve ends with its
+/// present result.
 ///
 /// # Errors
-/// [`ProduceError`], first of all where the display or the pupils look like a mistake ([`SceneJob::force`]); a file that was there stays as it was, but for what was made of a sequence and of tiles.
+/// [`ProduceError`], also if the display or the pupils look like a mistake ([`SceneJob::force`]). An existing file is
+/// not changed, except for finished parts of a sequence and of tiles.
 pub fn solve_scene(
     job: &SceneJob,
     out: Option<&Path>,
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SceneSolution, ProduceError> {
-    let needs = |what: &str| ProduceError::Job(reason!("no-file", "{what} is solved into its file: say where"));
+    let needs = |what: &str| ProduceError::Job(reason!("no-file", "{what}: no output file. Name one"));
     job.check_usual()?;
     if job.scenes.len() > 1 || job.tiles.is_some() {
         job.check_one_by_one()?;
     }
-    // Before the scene is loaded, which takes long where it is large.
+    // This check precedes the load of the scene, which can take long.
     if let Some(brightness) = job.settings.joint.map(|joint| joint.brightness).filter(|b| *b > job.colors.len() as f64)
     {
         let most = job.colors.len();
         return Err(ProduceError::Job(reason!(
             "brightness",
-            "the brightness of joint colours is {brightness}: it must be 1 to {most}, the number of colours"
+            "the brightness of joint colors is {brightness}: it must be 1 to {most}, the number of colors"
         )));
     }
     match (job.scenes.len(), &job.tiles) {
-        (0, _) => Err(ProduceError::Job(reason!("no-scene", "there is no scene to solve"))),
+        (0, _) => Err(ProduceError::Job(reason!("no-scene", "the scenes: none given"))),
         (1, Some(tiles)) => {
             let out = out.ok_or_else(|| needs("a far field in tiles"))?;
             Ok(SceneSolution::Tiles(Box::new(tiles::solve(job, tiles, out, engine, observe)?)))
         }
         (1, None) => {
-            // Before the scene is loaded, which takes long where it is large.
+            // This check precedes the load of the scene, which can take long.
             check_job(job, engine)?;
             let solved = solve_field(job, job.load(0)?, job.record(0)?, engine, observe)?;
             if let Some(out) = out {
@@ -109,7 +111,7 @@ pub fn solve_scene(
         }
         (_, Some(_)) => Err(ProduceError::Job(reason!(
             "sequence-in-tiles",
-            "a sequence is not solved in tiles: leave out one or the other"
+            "a sequence cannot be solved in tiles. Omit one of them"
         ))),
         (_, None) => {
             let out = out.ok_or_else(|| needs("a sequence"))?;
@@ -128,11 +130,12 @@ fn check_job(job: &SceneJob, engine: &dyn Engine) -> Result<(), ProduceError> {
     Ok(())
 }
 
-/// Solves a light field that is in memory and has the size of the display's pictures, as [`solve_scene`] solves a single scene; the job's own
-/// scenes are not looked at. The hologram stays in memory.
+/// Solves a light field in memory as [`solve_scene`] solves a single scene.
+///
+/// It must have the size of the display's pictures. The scenes of the job are not used. The hologram stays in memory.
 ///
 /// # Errors
-/// [`ProduceError`].
+/// [`ProduceError`] for a light field of another size, and as [`solve_scene`].
 pub fn solve_light_field(
     job: &SceneJob,
     field: LightField,
@@ -146,7 +149,7 @@ pub fn solve_light_field(
         let ((h, w), (rows, columns)) = (size, wanted);
         return Err(ProduceError::Job(reason!(
             "light-field-size",
-            "the light field has {h} x {w} pixels: the display shows {rows} x {columns}"
+            "the light field: {h} x {w} pixels, but the display shows {rows} x {columns}"
         )));
     }
     check_job(job, engine)?;
@@ -164,7 +167,7 @@ fn solve_field(
     let plan = job.plan(&field)?;
     let display = &plan.lit(job.display);
     warn_of_aliasing(&field, display, &plan.settings);
-    // What the hologram's file remembers of its scene is the scene as it is, not what the plan leaves of it.
+    // The hologram's file describes the whole scene, not the part that the plan keeps.
     let (views, cell) = field.own_views(display);
     let field = plan.reduce(field, display);
     let (base, levels) = (plan.settings.clone(), Levels::of(display));

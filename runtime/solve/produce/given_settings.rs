@@ -1,4 +1,4 @@
-//! Settings from a file, a call or options, over a quality or the defaults.
+//! Reads settings from a file, a call or options, over a quality or the defaults.
 
 use super::{ProduceError, SceneJob};
 use crate::engine::Engine;
@@ -24,8 +24,11 @@ const TABLES: [&str; 6] = ["camera", "compare", "gaze", "show", "tiles", "viewin
 /// Keys of the table `refine` that belong to a live session and are not fields of [`RefineSettings`].
 const OF_SESSIONS: [&str; 1] = ["restart"];
 
-/// Settings by their names: the fields of [`Settings`] (lengths in meters, or with a unit as in `"2mm"`), `quality` (a [`Quality`]), `contrast` (of the
-/// speckle), `force`, `full` (parts of the model, or `"all"`), and a table `refine` with the fields of [`RefineSettings`].
+/// Settings by their names.
+///
+/// They include the fields of [`Settings`], with lengths in meters or with a unit as in `"2mm"`. Others are `quality`
+/// (a [`Quality`]), `contrast` (of the speckle), `force`, and `full` (parts of the model, or `"all"`). The table
+/// `refine` has the fields of [`RefineSettings`].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GivenSettings(Map<String, Value>);
 
@@ -33,7 +36,7 @@ impl GivenSettings {
     /// Reads a TOML text.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the key that is unknown or has no such value.
+    /// [`ProduceError::Job`] with the key that is unknown or has a wrong value.
     pub fn from_toml(text: &str) -> Result<Self, ProduceError> {
         keys(text).and_then(Self::checked).map_err(refused)
     }
@@ -41,17 +44,17 @@ impl GivenSettings {
     /// Reads a TOML file.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the file and what is wrong with it.
+    /// [`ProduceError::Job`] with the file and its fault.
     pub fn load(file: &Path) -> Result<Self, ProduceError> {
         let within = |reason: Reason| ProduceError::Job(reason.within(file.display()));
         let text = read::text(file, read::TEXT).map_err(|e| within(reason!("unreadable", "{e}")))?;
         keys(&text).and_then(Self::checked).map_err(within)
     }
 
-    /// Refuses unknown keys and values of another type.
+    /// Returns an error for unknown keys and for values of another type.
     fn checked(given: Map<String, Value>) -> Result<Self, Reason> {
         let given = Self(given);
-        // The focal length does not matter for what is right.
+        // The focal length does not affect the check.
         solve_settings(&Settings::default(), &given.in_numbers(0.1)?.0)?;
         refine_settings(&given.0)?;
         value::<Quality>(&given.0, "quality")?;
@@ -61,21 +64,21 @@ impl GivenSettings {
         value::<bool>(&given.0, "force")?;
         full(&given.0)?;
         match TABLES.iter().find(|table| given.0.get(**table).is_some_and(|value| !value.is_object())) {
-            Some(table) => Err(reason!("value", "{table} must be a table, as in {table}.key = value")),
+            Some(table) => Err(reason!("value", "{table}: not a table, such as {table}.key = value")),
             None => Ok(given),
         }
     }
 
-    /// Takes one setting as `KEY=VALUE`, such as `optimizer=adam` or `refine.strategy.momentum=0.7`. It replaces the earlier value.
-    /// The value is TOML, or a word.
+    /// Takes one setting as `KEY=VALUE`, such as `optimizer=adam` or `refine.strategy.momentum=0.7`. It replaces the
+    /// earlier value. The value is TOML, or a word.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the key that is unknown or has no such value.
+    /// [`ProduceError::Job`] with the key that is unknown or has a wrong value.
     pub fn set(&mut self, assignment: &str) -> Result<(), ProduceError> {
         let read = || {
             let (key, value) = assignment
                 .split_once('=')
-                .ok_or_else(|| reason!("assignment", "'{assignment}' has no value: write it as in optimizer=adam"))?;
+                .ok_or_else(|| reason!("assignment", "'{assignment}': no value. Write it as in optimizer=adam"))?;
             keys(&format!("{key} = {value}")).or_else(|wrong| match value.trim() {
                 word if matches!(wrong.code(), "toml" | "decimal-comma") && is_word(word) => {
                     keys(&format!("{key} = '{word}'"))
@@ -100,7 +103,7 @@ impl GivenSettings {
     /// Returns the same settings for a display of this focal length (meters), with numbers instead of texts with units.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the key of a text that is no quantity of its dimension.
+    /// [`ProduceError::Job`] with the key of a text that is not a quantity of its dimension.
     pub fn before(&self, focal_length: f64) -> Result<Self, ProduceError> {
         self.in_numbers(focal_length).map_err(refused)
     }
@@ -140,7 +143,7 @@ impl GivenSettings {
         toml(keys).map_err(refused)
     }
 
-    /// Returns the parts of the model that are kept whatever the scene requires.
+    /// Returns the parts of the model that are kept regardless of the scene.
     ///
     /// # Errors
     /// [`ProduceError::Job`] with the part that does not exist.
@@ -148,7 +151,8 @@ impl GivenSettings {
         full(&self.0).map_err(refused)
     }
 
-    /// Returns `base` with the quality of `chosen`, or else of an optimizer that is given by its name, or else of the defaults.
+    /// Returns `base` with the quality of `chosen`, or otherwise of an optimizer that is given by its name, or
+    /// otherwise of the defaults.
     pub fn with_quality(&self, base: &Settings, chosen: Option<&Settings>) -> Settings {
         let is_adam = |settings: &Settings| matches!(settings.optimizer, Optimizer::Adam { .. });
         let named = self.named_optimizer().map(|name| match name {
@@ -163,15 +167,15 @@ impl GivenSettings {
         settings
     }
 
-    /// Returns `base` with everything that is given over it.
+    /// Returns `base` with all given keys over it.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the key that has no such value.
+    /// [`ProduceError::Job`] with the key that has a wrong value.
     pub fn over(&self, base: &Settings) -> Result<Settings, ProduceError> {
         let mut given = self.0.clone();
         let is_adam = matches!(base.optimizer, Optimizer::Adam { .. });
         if self.named_optimizer().is_some_and(|name| (name == "adam") == is_adam) {
-            // The base has it, with rates of its own.
+            // The base has this optimizer with rates of its own.
             given.remove("optimizer");
         }
         solve_settings(base, &given).map_err(refused)
@@ -180,15 +184,16 @@ impl GivenSettings {
     /// Returns the settings of refinements.
     ///
     /// # Errors
-    /// [`ProduceError::Solve`] if they contradict themselves, [`ProduceError::Job`] with the key that has no such value.
+    /// [`ProduceError::Solve`] if they contradict themselves, and [`ProduceError::Job`] with the key that has a wrong
+    /// value.
     pub fn refinement(&self) -> Result<RefineSettings, ProduceError> {
         let settings = refine_settings(&self.0).map_err(refused)?;
         settings.check()?;
         Ok(settings)
     }
 
-    /// Returns a key of the table `refine` that belongs to live sessions: `restart`, the jump in pupil diameters after which a
-    /// refinement begins again.
+    /// Returns a key of the table `refine` that belongs to live sessions. An example is `restart`, the jump in pupil
+    /// diameters after which a refinement restarts.
     ///
     /// # Errors
     /// [`ProduceError::Job`] if the value has another type.
@@ -197,8 +202,9 @@ impl GivenSettings {
         table.map_or(Ok(None), |table| value(table, key)).map_err(refused)
     }
 
-    /// Returns all settings of a call as a TOML text that [`from_toml`](Self::from_toml) reads. The solve's settings are left out if
-    /// there is none. The depths are left out unless they are given, because the scene decides them.
+    /// Returns all settings of a call as a TOML text that [`from_toml`](Self::from_toml) reads. The settings of the
+    /// solve are omitted if there is none. The depths are omitted unless they are given, because the scene decides
+    /// them.
     ///
     /// # Errors
     /// [`ProduceError::Job`] if a value cannot be written.
@@ -222,19 +228,19 @@ impl GivenSettings {
     }
 }
 
-/// Returns whether a value is text without quotes, such as `adam`, `20ms` or `0,0,6`.
+/// Returns true if a value is text without quotes, such as `adam`, `20ms` or `0,0,6`.
 fn is_word(value: &str) -> bool {
     let begins = value.starts_with(|c: char| c.is_alphanumeric() || "-./".contains(c));
     begins && !value.contains(['\'', '"', '\n'])
 }
 
-/// Drops what is not set: TOML has no null.
+/// Removes values that are not set, because TOML has no null.
 fn without_null(keys: &mut Map<String, Value>) {
     keys.retain(|_, value| !value.is_null());
     keys.values_mut().filter_map(Value::as_object_mut).for_each(without_null);
 }
 
-/// Makes a number of a text with a unit, also in a list.
+/// Converts a text with a unit to a number, also in a list.
 fn in_number(key: &str, value: &Value, focal_length: f64) -> Result<Value, Reason> {
     let number = |text: &str| match key {
         "seconds" => Quantity::read_with_unit(text, S, &[]).map(|time| time.value_in(S)),
@@ -266,7 +272,7 @@ fn full(given: &Map<String, Value>) -> Result<Full, Reason> {
     };
     let mut full = Full::default();
     match names.iter().find(|name| !full.keep(name)) {
-        Some(wrong) => Err(reason!("value", "full: there is no part {wrong}, but all, {}", Full::PARTS.join(", "))),
+        Some(wrong) => Err(reason!("value", "full: no part {wrong}. The parts are all, {}", Full::PARTS.join(", "))),
         None => Ok(full),
     }
 }
@@ -274,7 +280,7 @@ fn full(given: &Map<String, Value>) -> Result<Full, Reason> {
 /// Puts the keys of a solve over its settings.
 fn solve_settings(base: &Settings, given: &Map<String, Value>) -> Result<Settings, Reason> {
     let mut whole = keys_of(base);
-    // Files leave out these at their defaults.
+    // Files omit these at their defaults.
     let left_out = Settings {
         repeats: 2,
         views: 2,
@@ -289,7 +295,7 @@ fn solve_settings(base: &Settings, given: &Map<String, Value>) -> Result<Setting
     let known = || left_out.keys().map(String::as_str).chain(BESIDE).chain(TABLES);
     if let Some(key) = given.keys().find(|key| known().all(|known| known != &key[..])) {
         let known: Vec<&str> = known().collect();
-        return Err(reason!("no-such-setting", "{key}: no such setting: there are {}", known.join(", ")));
+        return Err(reason!("no-such-setting", "{key}: no such setting. The settings are {}", known.join(", ")));
     }
     for (key, value) in left_out {
         if given.contains_key(&key) {
@@ -305,16 +311,16 @@ fn refine_settings(given: &Map<String, Value>) -> Result<RefineSettings, Reason>
         Some(Value::Object(table)) => {
             RefineSettings::over(&OF_SESSIONS, table).map_err(|reason| reason.within("refine"))
         }
-        Some(_) => Err(reason!("value", "refine: it is a table, as in refine.pupils = 4")),
+        Some(_) => Err(reason!("value", "refine: not a table, such as refine.pupils = 4")),
     }
 }
 
 impl SceneJob<'_> {
-    /// Takes over what a TOML text says ([`GivenSettings`]). The built-in settings of its `quality`, or else the defaults, lie under
-    /// the given keys. Complex fields are stored as `engine` prefers.
+    /// Takes the settings of a TOML text ([`GivenSettings`]). They replace the built-in settings of its `quality`, or
+    /// otherwise the defaults. Complex fields are stored as `engine` prefers.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the key that is unknown or has no such value.
+    /// [`ProduceError::Job`] with the key that is unknown or has a wrong value.
     pub fn take_settings(&mut self, text: &str, engine: &dyn Engine) -> Result<(), ProduceError> {
         let given = GivenSettings::from_toml(text)?.before(self.display.focal_length)?;
         let chosen = given.get::<Quality>("quality")?.map(Settings::of);
@@ -328,10 +334,10 @@ impl SceneJob<'_> {
         self.take_own(&given)
     }
 
-    /// Takes over the keys that are fields of the job itself, such as depths and diameters.
+    /// Takes the keys that are fields of the job itself, such as depths and diameters.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] with the key that has no such value.
+    /// [`ProduceError::Job`] with the key that has a wrong value.
     pub fn take_own(&mut self, given: &GivenSettings) -> Result<(), ProduceError> {
         self.reading.depth = self.reading.depth.or(given.get("depth")?);
         self.diameter = self.diameter.or(given.get("diameter")?);

@@ -1,4 +1,4 @@
-//! What is to be made, and what is told while it is.
+//! Describes a job with its scenes, display and settings, and the events of its solve.
 
 use super::ProduceError;
 use crate::hologram::{Metadata, SceneRecord, Start};
@@ -10,59 +10,60 @@ use crate::tiled::{self, RegionSize};
 use eyebox_base::error::Reason;
 use std::path::{Path, PathBuf};
 
-/// Scenes that are to become a hologram, or a sequence of holograms.
+/// Scenes to solve into a hologram or a sequence of holograms.
 #[derive(Debug, Clone)]
 pub struct SceneJob<'a> {
-    /// Folders of views, pictures, or `builtin:NAME`: one for a hologram, several for the frames of a sequence.
+    /// Folders of views, pictures, or `builtin:NAME`. One scene makes a hologram, and several make the frames of a
+    /// sequence.
     pub scenes: Vec<String>,
-    /// The display that is solved for.
+    /// The display for which it is solved.
     pub display: &'a Display,
-    /// Which of its colours.
+    /// The solved colors of the display.
     pub colors: Vec<Color>,
-    /// How the scenes are read.
+    /// The options for reading the scenes.
     pub reading: SceneReading,
-    /// Pupil diameters drawn, metres; none for what fits the eyebox.
+    /// Range of drawn pupil diameters in meters, or `None` for the usual one of the eyebox.
     pub diameter: Option<[f64; 2]>,
-    /// Take a display and diameters as they are that look like a mistake: a unit taken for another, rows and columns exchanged,
-    /// pupils that no eye has or that do not fit the eyebox.
+    /// Accepts a display and diameters that look like a mistake. Examples are a wrong unit, exchanged rows and columns,
+    /// and pupils that no eye has or that do not fit the eyebox.
     pub force: bool,
-    /// Everything else that decides the solve. The reading's depth and `diameter` above take the place of its own; its `seconds` are
-    /// shared by the colours.
+    /// Everything else that decides the solve. The reading's depth and `diameter` above replace its own values. The
+    /// colors share its `seconds`.
     pub settings: Settings,
-    /// Parts of the model that are kept whatever the scene requires.
+    /// Parts of the model that are kept regardless of the scene.
     pub full: Full,
-    /// Speckle contrast that decides the sub-frames; none for the settings'.
+    /// Speckle contrast that decides the number of sub-frames, or `None` for the number in the settings.
     pub contrast: Option<f64>,
-    /// Of several scenes.
+    /// The options for several scenes.
     pub sequence: SequenceRequest,
-    /// Of a far field that is solved region by region into tiles on the disk; none for all at once.
+    /// The options of a far field that is solved region by region into tiles on disk, or `None` for a whole solve.
     pub tiles: Option<TilesRequest>,
-    /// What identifies a light field that is given instead of the scene; none for what the scene's name says.
+    /// Identity of a light field that replaces the scene, or `None` for the identity of the named scene.
     pub record: Option<SceneRecord>,
 }
 
-/// What a sequence has beside its holograms.
+/// The properties of a sequence besides its holograms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SequenceRequest {
-    /// Holograms a second, a fraction.
+    /// Holograms per second as a fraction.
     pub rate: [u32; 2],
-    /// Where each but the first begins.
+    /// The start of each hologram after the first.
     pub start: Start,
 }
 
-/// How a far field is solved in tiles. The settings' `steps` are those of one visit to a region.
+/// The options of a far field in tiles. The `steps` of the settings belong to one visit to a region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TilesRequest {
-    /// Bytes that it keeps to.
+    /// Memory limit in bytes.
     pub memory: tiled::MemoryLimit,
-    /// Passes over the SLM.
+    /// Number of passes over the SLM.
     pub passes: usize,
     /// Pixels along each axis of the scene's views.
     pub picture: usize,
 }
 
 impl TilesRequest {
-    /// Steps of one visit, where nothing else is asked for.
+    /// Default steps of one visit.
     pub const STEPS: usize = 8;
 }
 
@@ -72,97 +73,97 @@ impl Default for TilesRequest {
     }
 }
 
-/// What a solve in tiles will do.
+/// The plan of a solve in tiles.
 #[derive(Debug, Clone)]
 pub struct TilesPlan {
-    /// The regions, and what a visit takes.
+    /// The size of the regions and of a visit.
     pub region: RegionSize,
-    /// How the scene's views come to be, for people.
+    /// The origin of the scene's views, as text.
     pub views: String,
-    /// Visits to regions, per colour.
+    /// Visits to regions per color.
     pub visits: usize,
-    /// Visits of all colours that are done.
+    /// Finished visits of all colors.
     pub done: u64,
-    /// The settings; `steps` are those of a visit.
+    /// The settings, whose `steps` belong to a visit.
     pub settings: Settings,
-    /// Bytes that it keeps to, and those that the views take of them.
+    /// The memory limit, and the memory of the views, in bytes.
     pub memory: [u64; 2],
 }
 
 impl TilesPlan {
-    /// Bytes that a visit and the views take.
+    /// Returns the bytes of a visit and the views.
     pub fn bytes(&self) -> u64 {
         self.region.bytes + self.memory[1]
     }
 
-    /// Visits of this colour that were done before.
+    /// Returns the number of earlier visits of this color.
     pub fn done_of(&self, colors: &[Color], color: Color) -> u64 {
         let index = colors.iter().position(|c| *c == color).unwrap_or(0);
         self.done.saturating_sub((index * self.visits) as u64).min(self.visits as u64)
     }
 }
 
-/// What happens on the way.
+/// An event of a solve.
 #[non_exhaustive]
 pub enum SceneEvent<'a> {
-    /// It is decided what of the scene is computed, as the settings say.
+    /// The parts of the scene that are computed were decided.
     Planned {
         /// The scene as it is solved.
         field: &'a LightField,
-        /// Rows and columns of its views before anything was left out.
+        /// Rows and columns of its views before any reduction.
         views: [usize; 2],
-        /// The decisions.
+        /// All decisions of the plan.
         plan: &'a ScenePlan,
         /// The settings of the solve.
         settings: &'a Settings,
     },
-    /// A sequence begins, or is resumed after so many of its holograms.
+    /// A sequence begins or is resumed.
     Sequence {
-        /// Holograms that are there.
+        /// Number of existing holograms.
         done: usize,
-        /// How many there are to be.
+        /// Total number of holograms.
         count: usize,
     },
-    /// A solve in tiles begins, or is resumed.
+    /// A solve in tiles begins or is resumed.
     Tiles(&'a TilesPlan),
     /// A step was taken.
     Step {
         /// Number of the hologram in its sequence.
         hologram: usize,
-        /// The colour.
+        /// The color of the step.
         color: Color,
-        /// How far it is.
+        /// The progress of the solve.
         progress: &'a Progress<'a>,
     },
     /// A region was visited.
     Visit {
-        /// The colour.
+        /// The color of the region.
         color: Color,
-        /// How far it is.
+        /// The progress of the visits.
         visit: &'a tiled::Visit,
     },
-    /// A colour is solved.
+    /// The solve of a color ended.
     Solved {
         /// Number of the hologram in its sequence.
         hologram: usize,
-        /// The colour.
+        /// The color of the solution.
         color: Color,
-        /// What came of it.
+        /// The solution of this color.
         solution: &'a Solution,
     },
-    /// A hologram of a sequence is on the disk.
+    /// A hologram of a sequence was written to disk.
     Appended {
-        /// Its number.
+        /// Number of the hologram in its sequence.
         hologram: usize,
-        /// Its scene.
+        /// The name of its scene.
         scene: &'a str,
-        /// Its colours.
+        /// The solution of each color.
         solutions: &'a [(Color, Solution)],
     },
 }
 
 impl<'a> SceneJob<'a> {
-    /// One scene in all colours of a display, with the default settings.
+    /// Creates the job of one scene in all colors of a display, with the default settings.
     pub fn new(scene: &str, display: &'a Display) -> Self {
         Self {
             scenes: vec![scene.into()],
@@ -180,10 +181,10 @@ impl<'a> SceneJob<'a> {
         }
     }
 
-    /// Refuses what is most likely a mistake, unless it is to be taken as it is.
+    /// Returns an error for likely mistakes, unless `force` is set.
     ///
     /// # Errors
-    /// [`OpticsError::Unusual`](crate::optics::OpticsError::Unusual).
+    /// [`OpticsError::Unusual`](crate::optics::OpticsError::Unusual) with the unusual value.
     pub fn check_usual(&self) -> Result<(), ProduceError> {
         if self.force {
             return Ok(());
@@ -192,17 +193,16 @@ impl<'a> SceneJob<'a> {
         Ok(self.diameter.map_or(Ok(()), |diameter| check_usual_diameters(diameter, self.display.eyebox_min()))?)
     }
 
-    /// Refuses all colours at once, which sequences and tiles have not.
+    /// Returns an error for simultaneous color, which sequences and tiles do not support.
     pub(super) fn check_one_by_one(&self) -> Result<(), ProduceError> {
         if self.settings.joint.is_none() {
             return Ok(());
         }
-        let reason =
-            "all colours at once is for one scene that is solved whole: leave out the other scenes and the tiles";
+        let reason = "simultaneous color needs a single scene without tiles. Remove the other scenes and the tiles";
         Err(ProduceError::Job(Reason::new("joint-of-many", reason)))
     }
 
-    /// What is loaded of its scenes; the map is that of one of them.
+    /// Returns the request for loading one of its scenes with its depth map.
     pub fn request<'r>(&'r self, depth_map: Option<&'r Path>) -> Request<'r> {
         self.reading.request(self.display, &self.colors, depth_map, self.force)
     }
@@ -210,56 +210,55 @@ impl<'a> SceneJob<'a> {
     /// Loads one of its scenes.
     ///
     /// # Errors
-    /// Those of [`scene::load`] and of [`scene::depth_maps`].
+    /// The errors of [`scene::load`] and of [`scene::depth_maps`].
     pub fn load(&self, index: usize) -> Result<LightField, ProduceError> {
         let maps = scene::depth_maps(&self.scenes, &self.reading.depth_maps)?;
         Ok(scene::load(&self.scenes[index], &self.request(maps.get(index).map(PathBuf::as_path)))?)
     }
 
-    /// What identifies one of its scenes, by which a hologram finds it again.
+    /// Returns the identity of one of its scenes, by which a hologram finds it again.
     ///
     /// # Errors
-    /// Those of [`scene::digest`] and of [`scene::depth_maps`].
+    /// The errors of [`scene::digest`] and of [`scene::depth_maps`].
     pub fn record(&self, index: usize) -> Result<SceneRecord, ProduceError> {
         let maps = scene::depth_maps(&self.scenes, &self.reading.depth_maps)?;
         Ok(SceneRecord::of_source(&self.scenes[index], maps.get(index).map(PathBuf::as_path))?)
     }
 
-    /// Keeps with a hologram what was stated of how its scene is read.
+    /// Stores the options for reading the scene with a hologram.
     pub(super) fn describe_reading(&self, metadata: &mut Metadata) {
         metadata.order = self.reading.order;
         metadata.photographs = self.reading.photographs.filter(|how| *how != ViewSynthesis::Auto);
         metadata.near = self.reading.near;
         if !self.reading.depth_maps.is_empty() {
-            // In the order of the map's values, which the range of depths does not keep.
+            // The values keep the order of the map's values, which the range of depths does not keep.
             metadata.depth_map_mm = self.reading.depth.map(|both| both.map(|meters| meters * 1e3));
         }
     }
 
-    /// Decides what of a scene is solved.
+    /// Decides which parts of a scene are solved.
     ///
     /// # Errors
-    /// Settings that cannot be; colours that the display does not have.
+    /// [`ProduceError`] for invalid settings, and for colors that the display does not have.
     pub fn plan(&self, field: &LightField) -> Result<ScenePlan, ProduceError> {
         let diameter = self.diameter.unwrap_or_else(|| PupilRange::usual_diameter(self.display.eyebox_min()));
         let settings = Settings { diameter, ..self.settings.clone() };
         let Self { full, contrast, .. } = *self;
         let request = PlanRequest { settings: &settings, depth: self.reading.depth, full, contrast };
         let mut plan = ScenePlan::new(field, self.display, &request)?;
-        // Colours that are solved together need no share of it each.
+        // Colors that are solved together do not divide the time.
         let turns = if self.settings.joint.is_some() { 1 } else { plan.colors.len() };
         plan.settings.seconds = self.settings.seconds.map(|s| s / turns as f64);
         Ok(plan)
     }
 }
 
-/// Warns if views are so far apart that pupils see it. Tiles have views that are close enough. Built-in scenes
-/// have the paper's number of views, so that a warning would not help the user.
+/// Warns if pupils can see the distance between views. Tiles have views that are close enough. Built-in scenes have the
+/// paper's number of views, so a warning would not help the user.
 pub(super) fn warn_of_aliasing(field: &LightField, display: &Display, settings: &Settings) {
     let ([pixels, why], true) = field.aliasing_in_words(display, settings.depth, settings.diameter[1]) else { return };
-    let text = format!(
-        "near and far content part by {pixels}: {why} (`views`, where they are rendered or made from a depth map)"
-    );
+    let text =
+        format!("near and far content differ by {pixels}: {why} (use more `views` of a rendered scene or a depth map)");
     if field.name.starts_with("builtin:") { tracing::debug!("{text}") } else { tracing::warn!("{text}") }
 }
 

@@ -1,9 +1,10 @@
-//! Makes holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one.
+//! Makes holograms of scenes, sequences and tiled far fields, and refines finished holograms.
 //!
-//! A [`SceneJob`] says which scenes, for which display and with which settings; [`solve_scene`] loads them, decides what of
-//! them is computed ([`ScenePlan`](crate::solve::ScenePlan)), solves every colour, and writes what came of it. Whoever
-//! watches is told of every step ([`SceneEvent`]) and may end it ([`Flow::Stop`](crate::solve::Flow::Stop)): what is made so far is kept.
-//! A [`Refinement`] refines all colors of a finished hologram for the tracked pupil.
+//! A [`SceneJob`] names the scenes, the display and the settings. The function [`solve_scene`] loads the scenes,
+//! decides which parts are computed ([`ScenePlan`](crate::solve::ScenePlan)), solves every color, and writes the
+//! results. An observer receives every step ([`SceneEvent`]) and can end the solve
+//! ([`Flow::Stop`](crate::solve::Flow::Stop)), which keeps the results up to that point. A [`Refinement`] refines all
+//! colors of a finished hologram for the tracked pupil.
 
 mod colors;
 mod driver;
@@ -33,37 +34,37 @@ use crate::solve::SolveError;
 use crate::tiled::TiledError;
 use eyebox_base::error::Reason;
 
-/// Why a job failed.
+/// The reason why a job failed.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum ProduceError {
-    /// The display, a colour that it does not have, or a pupil outside of its eyebox.
+    /// The display is invalid, lacks a color, or a pupil is outside its eyebox.
     Optics(#[from] OpticsError),
-    /// The scene.
+    /// The scene cannot be used.
     Scene(#[from] SceneError),
-    /// The engine.
+    /// The engine reported a failure.
     Engine(#[from] EngineError),
-    /// The solve.
+    /// The solve ended with an error.
     Solve(#[from] SolveError),
-    /// The solve with reduced settings, or its score.
+    /// The solve with reduced settings failed, or its score.
     Quality(#[from] QualityError),
-    /// The hologram's file.
+    /// The hologram's file cannot be used.
     Hologram(#[from] HologramError),
-    /// The score of the hologram.
+    /// The score of the hologram failed.
     Reconstruction(#[from] ReconstructionError),
-    /// The solve in tiles.
+    /// The solve in tiles failed.
     Tiled(#[from] TiledError),
-    /// The solve ended where its numbers did.
-    #[error("{color}: a loss was no finite number at step {step}: take smaller gains or rates, or storage = \"fp32\"")]
+    /// The solve ended because a loss was not finite.
+    #[error("{color}: the loss is not finite at step {step}. Take smaller gains or rates, or storage = \"fp32\"")]
     NotFinite {
-        /// The colour.
+        /// The color of the failed solve.
         color: Color,
         /// The step, from 1.
         step: usize,
     },
-    /// A job that contradicts itself.
+    /// The job contradicts itself.
     #[error("{0}")]
     Job(Reason),
 }

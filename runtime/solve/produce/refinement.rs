@@ -1,4 +1,4 @@
-//! A hologram that is refined while it is in use: all colours, for where the pupil is.
+//! Refines all colors of a hologram for the position of the pupil while it is in use.
 
 use super::ProduceError;
 use crate::engine::{Engine, EngineError};
@@ -9,27 +9,28 @@ use crate::solve::{
     BestKeeper, Flow, JointPart, JointRefiner, Problem, Refinable, RefineSettings, RefinedStep, Refiner, refine,
 };
 
-/// All colours of a hologram under refinement, each on an engine of its own.
+/// All colors of a hologram under refinement, with one engine each.
 pub struct Refinement {
     hologram: Hologram,
-    /// Each colour with phases of its own, or all of them with the drives that they share.
+    /// Each color with its own phases, or all colors with shared drive values.
     refined: Vec<Box<dyn Refinable + Send>>,
     /// The best state of each of these since the pupil was set.
     best: Vec<BestKeeper>,
 }
 
 impl Hologram {
-    /// What it was solved for: its scene before its display, colour by colour, with the padding that it was solved with.
+    /// Returns the problem of each color, as its scene on its display with the padding of the solve.
     ///
     /// # Errors
-    /// [`HologramError::NoDisplay`]; [`HologramError::Optics`] for a scene without one of its colours.
+    /// [`HologramError::NoDisplay`] without a display, and [`HologramError::Optics`] for a scene that lacks one of its
+    /// colors.
     pub fn problems(&self, field: &LightField) -> Result<Vec<Problem>, HologramError> {
         let (display, padding) = (self.made_for()?, self.metadata.padding());
         self.named_colors().into_iter().map(|c| Ok(Problem::new(field, c, &display, padding)?)).collect()
     }
 
-    /// What it is made of where its colours share their sub-frames, colour by colour; none where they do not. `problems` are its
-    /// [`problems`](Self::problems).
+    /// Returns the parts of a hologram whose colors share their sub-frames, per color, or `None` for another one.
+    /// `problems` are its [`problems`](Self::problems).
     pub fn joint_parts(&self, problems: Vec<Problem>) -> Option<Vec<JointPart>> {
         let joint = self.metadata.joint_color.as_ref()?;
         let part = |(problem, color): (Problem, &ColorHologram)| {
@@ -39,11 +40,13 @@ impl Hologram {
         problems.into_iter().zip(&self.colors).map(part).collect()
     }
 
-    /// Begins to refine it for where the pupil is. `field` is its scene; `open` opens an engine for each colour. All colours at once are
-    /// refined together: the powers of their lasers stay.
+    /// Starts the refinement for the position of the pupil.
+    ///
+    /// `field` is its scene, and `open` opens an engine for each color. Simultaneous color is refined as a whole, with
+    /// the same powers of the lasers.
     ///
     /// # Errors
-    /// Those of [`problems`](Self::problems), of [`Refiner::new`], of [`JointRefiner::new`] and of `open`.
+    /// The errors of [`problems`](Self::problems), [`Refiner::new`], [`JointRefiner::new`] and `open`.
     pub fn refine(
         self,
         field: &LightField,
@@ -64,30 +67,32 @@ impl Hologram {
 }
 
 impl Refinement {
-    /// The pupil is there from now on, as far as is known.
+    /// Sets the expected position of the pupil, from now on.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn set_pupil(&mut self, pupil: PupilDistribution) -> Result<(), EngineError> {
         self.best.clear();
         self.refined.iter_mut().try_for_each(|refined| refined.aim(pupil))
     }
 
-    /// One step of every colour. Returns the mean loss: squared difference in linear light over the pupils of the step; not
-    /// finite where no step was taken.
+    /// Takes one step of every color and returns the mean loss. It is the squared difference in linear light over the
+    /// pupils of the step. It is not finite if no step was taken.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn step(&mut self) -> Result<f64, EngineError> {
         let losses = self.refined.iter_mut().map(|refined| refined.step()).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
-    /// Takes at most `steps` steps for the pupil that was set and judges each; [`best`](Self::best) has the best state. Ends earlier
-    /// if `observe` stops it or if a loss is not a finite number. Returns the last loss and the number of steps.
+    /// Takes at most `steps` steps for the current pupil and judges each one.
+    ///
+    /// [`best`](Self::best) has the best state. It ends earlier if `observe` stops it or if a loss is not a finite
+    /// number. It returns the last loss and the number of steps.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn refine(
         &mut self,
         steps: usize,
@@ -101,11 +106,11 @@ impl Refinement {
         refine(&mut parts, steps, observe)
     }
 
-    /// The hologram in the best state that [`refine`](Self::refine) found since the pupil was set; as it is now if `refine` was not
-    /// called.
+    /// Returns the hologram in the best state that [`refine`](Self::refine) found since the pupil was set. Without a
+    /// call of `refine` it is the current state.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn best(&mut self) -> Result<&Hologram, EngineError> {
         self.hologram()?;
         let states = self.best.iter().filter_map(BestKeeper::best).flat_map(|best| &best.phases);
@@ -115,10 +120,10 @@ impl Refinement {
         Ok(&self.hologram)
     }
 
-    /// The hologram as it is now.
+    /// Returns the hologram in its current state.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn hologram(&mut self) -> Result<&Hologram, EngineError> {
         let mut states = Vec::new();
         for refined in &mut self.refined {
@@ -143,14 +148,14 @@ mod tests {
     use crate::scene::{self, Request};
     use crate::solve::{self, Settings};
 
-    /// PSNR of a hologram at one pupil.
+    /// Returns the PSNR of a hologram at one pupil.
     fn score(hologram: &Hologram, field: &LightField, pupil: Pupil) -> f64 {
         let scene = SceneSource::from(hologram.problems(field).unwrap());
         hologram.score(&scene, &[pupil], &mut CpuEngine::new()).unwrap().pupils[0].psnr.unwrap()
     }
 
-    /// The case of issue 41 and the golden one, smaller: by its score at the pupil the best state is never worse than that of fewer
-    /// steps, nor than the last one, however wide the pupils of the steps are spread.
+    /// By its score at the pupil, the best state is never worse than the state with fewer steps or the last state, for
+    /// any spread of the pupils. The case resembles issue 41 and the golden one, but is smaller.
     #[test]
     fn more_steps_are_never_worse_at_the_pupil_by_score() {
         let (display, colors) =
@@ -186,6 +191,6 @@ mod tests {
             }
             assert!(before > score(&hologram, &field, pupil) + 1.0, "{before} dB");
         }
-        assert!(fell > 0.1, "no last state was worse than the best, so nothing was shown: {fell} dB");
+        assert!(fell > 0.1, "no last state was worse than the best, so the test has no effect, {fell} dB");
     }
 }

@@ -1,4 +1,4 @@
-//! Several scenes into a sequence of holograms, each from the one before.
+//! Solves several scenes into a sequence of holograms, each from the one before.
 
 use super::job::warn_of_aliasing;
 use super::{ProduceError, SceneEvent, SceneJob};
@@ -13,28 +13,28 @@ use eyebox_base::{Reason, reason};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// How far a sequence is.
+/// The progress of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SolvedSequence {
-    /// Holograms that it has.
+    /// Number of its holograms.
     pub done: usize,
-    /// How many there are to be: fewer are there where it was asked to stop.
+    /// Total number of holograms. Fewer exist if the observer stopped the solve.
     pub count: usize,
-    /// How many of them were solved now.
+    /// Number of holograms that this call solved.
     pub solved: usize,
 }
 
-/// What its first scene decides for all holograms of a sequence.
+/// The values that the first scene decides for all holograms of a sequence.
 struct Common {
     settings: Settings,
     padding: Padding,
-    /// With as many modes of its source as were decided.
+    /// The display with the chosen number of modes of its source.
     display: Display,
-    /// What is true of every hologram; its exposures are found in the first.
+    /// The properties of every hologram. The first solve adds the exposures.
     like: Hologram,
 }
 
-/// Solves one scene after the other into a sequence; resumes one of the same job.
+/// Solves one scene after the other into a sequence, or resumes a sequence of the same job.
 pub(super) fn solve(
     job: &SceneJob,
     out: &Path,
@@ -83,39 +83,42 @@ pub(super) fn solve(
     Ok(SolvedSequence { done: count, count, solved: count - done })
 }
 
-/// A sequence whose holograms several machines solve, each into its place in one file: the bytes that one process writes. They begin
-/// cold and need nothing of each other but the exposures of hologram 0, which is solved before the others.
+/// A sequence whose holograms several machines solve, each into its place in one file.
+///
+/// One process would write the same bytes. The holograms begin cold. They depend only on the exposures of hologram 0,
+/// which is solved before the others.
 pub struct SequencePieces {
     common: Common,
     out: PathBuf,
-    /// The file, when there is one.
+    /// The file, once it exists.
     parts: OnceLock<SequenceParts>,
 }
 
 impl SequencePieces {
-    /// For a sequence at `out`, begun or not. Loads the first scene, which decides what is computed of all.
+    /// Prepares a sequence at `out`, which may exist. It loads the first scene, which decides which parts of all scenes
+    /// are computed.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] for a sequence whose holograms begin where the one before ended; those of
+    /// [`ProduceError::Job`] for a sequence whose holograms begin at the end of the one before, and the errors of
     /// [`solve_scene`](super::solve_scene).
     pub fn new(job: &SceneJob, out: &Path) -> Result<Self, ProduceError> {
         job.check_usual()?;
         job.check_one_by_one()?;
         if job.sequence.start != Start::Cold || job.scenes.is_empty() {
-            let reason =
-                "pieces are of a sequence of one scene or more whose holograms begin cold, none where another ended";
+            let reason = "pieces need a sequence of one or more scenes whose holograms begin cold";
             return Err(ProduceError::Job(Reason::new("pieces-begin-cold", reason)));
         }
         let common = Common::new(job, &job.load(0)?)?;
         Ok(Self { common, out: out.to_path_buf(), parts: OnceLock::new() })
     }
 
-    /// Solves hologram `index` of the `job` that this was made for into its place, unless it is there; whether it was solved now.
-    /// None where `observe` asked to stop.
+    /// Solves hologram `index` of the `job` into its place, unless it exists, and returns true if it was solved now.
+    /// The result is `None` if `observe` stopped it. The `job` must be the one that this was made for.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] for an index that it has not, and for one before hologram 0 is there;
-    /// [`HologramError::OtherSequence`] where another sequence stands; those of [`solve_scene`](super::solve_scene).
+    /// [`ProduceError::Job`] for an index that does not exist, and for one above 0 while hologram 0 is missing.
+    /// [`HologramError::OtherSequence`] if the path holds another sequence. Also the errors of
+    /// [`solve_scene`](super::solve_scene).
     pub fn solve(
         &self,
         job: &SceneJob,
@@ -124,7 +127,7 @@ impl SequencePieces {
         observe: &mut dyn FnMut(&SceneEvent) -> Flow,
     ) -> Result<Option<bool>, ProduceError> {
         if index >= job.scenes.len() || (index > 0 && !self.out.exists()) {
-            let reason = reason!("piece", "piece {index} of {}: pieces but 0 are solved after it", job.scenes.len());
+            let reason = reason!("piece", "piece {index} of {}: out of range, or piece 0 is missing", job.scenes.len());
             return Err(ProduceError::Job(reason));
         }
         if !self.out.exists() {
@@ -145,7 +148,7 @@ impl SequencePieces {
             return Ok(Some(false));
         }
         check_scene(job, &self.out, parts.about(), index)?;
-        // Where even hologram 0 is missing, its exposures are in the file already, which it begins with.
+        // The file already has its exposures if hologram 0 is missing, and hologram 0 uses them.
         let before = Some(parts.about()).filter(|_| index > 0);
         let made = self.common.hologram(job, index, job.load(index)?, before, engine, observe)?;
         let Some((hologram, _)) = made else { return Ok(None) };
@@ -154,7 +157,7 @@ impl SequencePieces {
     }
 }
 
-/// Refuses to go on with a sequence, of which all this is true, for a scene that is not what it was when the sequence was begun.
+/// Returns an error if a scene changed since the sequence was begun. `about` holds the properties of the sequence.
 fn check_scene(job: &SceneJob, out: &Path, about: &Hologram, index: usize) -> Result<(), ProduceError> {
     let Some(known) = about.metadata.scenes.get(index) else { return Ok(()) };
     let now = job.record(index)?;
@@ -163,19 +166,19 @@ fn check_scene(job: &SceneJob, out: &Path, about: &Hologram, index: usize) -> Re
     }
     let reason = reason!(
         "scene-changed",
-        "its scene {index}, {}, is not what it was when the sequence was begun: give it another name, or remove it",
+        "its scene {index}, {}, changed since the sequence was begun. Choose another output name, or remove it",
         job.scenes[index]
     );
     Err(HologramError::OtherSequence { path: out.display().to_string(), reason }.into())
 }
 
-/// What comes of a hologram: it, and its solutions.
+/// A hologram and its solutions, or `None` if it was stopped.
 type Made = Option<(Hologram, Vec<(Color, Solution)>)>;
 
 impl Common {
-    /// Decided by the first frame.
+    /// Decides the values by the first frame.
     fn new(job: &SceneJob, first: &LightField) -> Result<Self, ProduceError> {
-        // Of a quality a sequence takes what a solve itself is told: each frame is all views and all pixels.
+        // Each frame of a sequence has all views and all pixels, so only the solve's own settings of a quality apply.
         let whole =
             SceneJob { settings: Settings { repeats: 1, views: 1, pixel: 1, ..job.settings.clone() }, ..job.clone() };
         let plan = whole.plan(first)?;
@@ -198,20 +201,20 @@ impl Common {
         Ok(Self { settings, padding, display, like })
     }
 
-    /// Begins the file with what the first hologram decided; it is appended next.
+    /// Begins the file with the values of the first hologram, which is appended next.
     fn begin(&self, job: &SceneJob, out: &Path, first: &Hologram) -> Result<SequenceWriter, ProduceError> {
         let mut like = Hologram { colors: first.colors.clone(), ..self.like.clone() };
         let records = (0..job.scenes.len()).map(|index| job.record(index)).collect::<Result<Vec<_>, _>>()?;
         if !records.iter().all(SceneRecord::is_only_named) {
             like.metadata.scenes = records;
         }
-        // Nothing stood there when this began: who began at the same time was quicker.
+        // The path was free at the start, so another process that started at the same time was faster.
         let busy = || HologramError::Busy { path: out.display().to_string() };
         let begun = SequenceWriter::create(out, &like, job.sequence.rate, Some(job.scenes.len() as u64));
         Ok(begun.map_err(|e| if Sequence::is_at(out) { busy() } else { e })?)
     }
 
-    /// One hologram; none where it was asked to stop.
+    /// Solves one hologram, or returns `None` if the observer stopped it.
     fn hologram(
         &self,
         job: &SceneJob,
@@ -229,7 +232,7 @@ impl Common {
         for (i, &color) in job.colors.iter().enumerate() {
             let problem = Problem::new(&field, color, &self.display, self.padding)?;
             let of_before = before.map(|b| &b.colors[i]);
-            // One exposure for all frames, that of the first: lasers do not change from frame to frame.
+            // All frames have the exposure of the first one, because lasers do not change between frames.
             let efficiency = of_before.map(|b| (problem.mean / b.exposure).min(1.0)).filter(|e| *e > 0.0);
             let settings =
                 Settings { depth, efficiency: efficiency.or(self.settings.efficiency), ..self.settings.clone() };
@@ -280,7 +283,7 @@ pub mod tests {
         solve_scene(&job, Some(out), engine::open(Choice::Cpu).unwrap().as_mut(), observe).map(drop)
     }
 
-    /// Every file below a folder, by its name.
+    /// Returns every file below a folder by its name.
     pub(in super::super) fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
         let mut found = BTreeMap::new();
         let mut left = vec![folder.to_path_buf()];
@@ -299,7 +302,7 @@ pub mod tests {
         found
     }
 
-    /// The bytes of one process, by several that solve in any order, one of which dies on the way.
+    /// Several processes that solve in any order, one of which dies on the way, write the bytes of one process.
     #[test]
     fn pieces_are_the_sequence() {
         let here = tempfile::tempdir().unwrap();
@@ -324,31 +327,32 @@ pub mod tests {
         assert_eq!(solve(&other, &job, 2).unwrap(), Some(true));
         assert_eq!(solve(&one, &job, 2).unwrap(), Some(false), "it is there");
         assert!(solve(&one, &job, 3).is_err());
-        // Who reads it sees the holograms up to the first that is missing; who says it is whole is told which.
+        // A reader sees the holograms up to the first missing one. The call that finishes the sequence returns its
+        // number.
         assert_eq!(Sequence::open(&out).unwrap().count(), 1);
         let HologramError::Inconsistent(early) = SequenceParts::open(&out).unwrap().finish().unwrap_err() else {
             panic!("another error")
         };
         assert!(early.code() == "not-there-yet" && early.text().contains("1 of 3"), "{early}");
-        // Somebody died while he wrote.
+        // This file is left by a process that died while it wrote.
         std::fs::write(out.join(".eyebox-00112233aabbccdd.part"), "half").unwrap();
         let asked = one.solve(&job, 1, engine::open(Choice::Cpu).unwrap().as_mut(), &mut |_| Flow::Stop).unwrap();
         assert!(asked.is_none() && !SequenceParts::open(&out).unwrap().has(1));
-        // Of another job nothing is taken, and nothing changed.
+        // A sequence of another job is neither used nor changed.
         let longer = SceneJob { settings: Settings { steps: 3, ..job.settings.clone() }, ..job.clone() };
         let refused = solve(&SequencePieces::new(&longer, &out).unwrap(), &longer, 1);
         assert!(matches!(refused, Err(ProduceError::Hologram(HologramError::OtherSequence { .. }))), "{refused:?}");
         assert_eq!(solve(&other, &job, 1).unwrap(), Some(true));
         SequenceParts::open(&out).unwrap().finish().unwrap();
         assert_eq!(contents(&out), contents(&whole));
-        // The command has nothing to go on with.
+        // The command has no work left.
         let more = solve_scene(&job, Some(&out), engine::open(Choice::Cpu).unwrap().as_mut(), &mut |_| Flow::Continue);
         assert!(matches!(more, Ok(SceneSolution::Sequence(SolvedSequence { done: 3, solved: 0, .. }))));
         job.sequence.start = Start::Warm(0.0);
         assert!(SequencePieces::new(&job, &out).is_err());
     }
 
-    /// One program has written the whole sequence by the time that another is done with the first hologram of it.
+    /// One process writes the whole sequence before another one finishes its first hologram.
     #[test]
     fn who_was_slower_is_told_of_the_other() {
         let here = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! A far field in tiles whose regions several machines solve.
+//! Solves a far field in tiles on several machines.
 
 use super::ProduceError;
 use super::job::{SceneJob, TilesPlan, TilesRequest};
@@ -12,47 +12,47 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// A far field whose regions several machines solve, each visit by whichever has time, in one file: the bytes that one machine writes.
+/// A far field whose regions several machines solve, each visit on any free machine, in one file.
 ///
-/// Visits are numbered in the order in which one machine takes them, colour after colour. Each waits for those [before](Self::after) it
-/// whose regions it shares pixels with.
+/// One machine would write the same bytes. Visits are numbered in the order in which one machine takes them, color
+/// after color. Each visit waits for those [before](Self::after) it with which its region shares pixels.
 pub struct TilePieces {
     prepared: Prepared,
     colors: Vec<Color>,
     work: Value,
     out: PathBuf,
-    /// The file, when it was begun.
+    /// The file, once it was begun.
     begun: OnceLock<OpenedTiles>,
 }
 
 struct OpenedTiles {
     tiles: Tiles,
-    /// Of each colour.
+    /// The dependencies of each color's visits.
     waits: Vec<Waits>,
 }
 
 impl TilePieces {
-    /// For a file at `out`, begun or not. Loads the scene.
+    /// Prepares a file at `out`, which may exist, and loads the scene.
     ///
     /// # Errors
-    /// Those of [`solve_scene`](super::solve_scene) for a job in tiles.
+    /// The errors of [`solve_scene`](super::solve_scene) for a job in tiles.
     pub fn new(job: &SceneJob, request: &TilesRequest, out: &Path, engine: &dyn Engine) -> Result<Self, ProduceError> {
         job.check_usual()?;
         job.check_one_by_one()?;
         if job.scenes.len() != 1 {
-            return Err(ProduceError::Job(reason!("far-field-one-scene", "a far field in tiles has one scene")));
+            return Err(ProduceError::Job(reason!("far-field-one-scene", "a far field in tiles needs one scene")));
         }
         let prepared = Prepared::new(job, request)?;
         let mut work = prepared.work(job, request, engine);
-        // Tiles are left where one machine would not look for them: it must not go on with this file.
+        // Tiles are written to places where a single machine does not look for them, so it must not continue this file.
         work["pieces"] = true.into();
         Ok(Self { prepared, colors: job.colors.clone(), work, out: out.to_path_buf(), begun: OnceLock::new() })
     }
 
-    /// Begins the file, its exposures, unless it is there; a finished hologram is replaced.
+    /// Begins the file with its exposures, unless it exists. It replaces a finished hologram.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] where another job is under way; those of [`solve_scene`](super::solve_scene).
+    /// [`ProduceError::Job`] if another job is unfinished there, and the errors of [`solve_scene`](super::solve_scene).
     pub fn begin(&self, job: &SceneJob, request: &TilesRequest, engine: &mut dyn Engine) -> Result<(), ProduceError> {
         if !super::tiles::is_under_way(&self.out, &self.work)? {
             drop(self.prepared.create(job, request, &self.out, self.work.clone(), engine)?);
@@ -60,48 +60,49 @@ impl TilePieces {
         self.begun().map(|_| ())
     }
 
-    /// What a solve by one machine would do.
+    /// Returns the plan of a solve by one machine.
     pub fn plan(&self) -> &TilesPlan {
         &self.prepared.plan
     }
 
-    /// Visits of all colours.
+    /// Returns the number of visits of all colors.
     pub fn visits(&self) -> usize {
         self.colors.len() * self.prepared.plan.visits
     }
 
-    /// The visits that a visit waits for, in ascending order.
+    /// Returns the visits for which a visit waits, in ascending order.
     ///
     /// # Errors
-    /// As [`visit`](Self::visit).
+    /// The errors of [`visit`](Self::visit).
     pub fn after(&self, visit: usize) -> Result<Vec<usize>, ProduceError> {
         let (color, k) = self.place(visit)?;
         let before = visit - k;
         Ok(self.begun()?.waits[color].after(k).into_iter().map(|i| before + i).collect())
     }
 
-    /// Visits in the longest chain of those that wait for each other: no number of machines takes less time than that.
+    /// Returns the visits in the longest chain of dependent visits. No number of machines is faster than this chain.
     ///
     /// # Errors
-    /// As [`visit`](Self::visit).
+    /// The errors of [`visit`](Self::visit).
     pub fn longest_chain(&self) -> Result<usize, ProduceError> {
         Ok(self.begun()?.waits.iter().map(Waits::longest).max().unwrap_or(0))
     }
 
-    /// Whether a visit is done.
+    /// Returns true if a visit is done.
     ///
     /// # Errors
-    /// As [`visit`](Self::visit).
+    /// The errors of [`visit`](Self::visit).
     pub fn is_done(&self, visit: usize) -> Result<bool, ProduceError> {
         self.place(visit)?;
         Ok(self.begun()?.tiles.has_part(visit as u64 + 1))
     }
 
-    /// Takes a visit, unless it is done; whether it was taken now. All that it waits for must be done.
+    /// Takes a visit, unless it is done, and returns true if it was taken now. All visits for which it waits must be
+    /// done.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] for a visit that there is not, before the file is [begun](Self::begin), and where it is another job's;
-    /// those of [`solve_scene`](super::solve_scene).
+    /// [`ProduceError::Job`] for a visit that does not exist, before the file is [begun](Self::begin), and for a file
+    /// of another job. Also the errors of [`solve_scene`](super::solve_scene).
     pub fn visit(&self, visit: usize, engine: &mut dyn Engine) -> Result<bool, ProduceError> {
         let (color, k) = self.place(visit)?;
         let OpenedTiles { tiles, waits } = self.begun()?;
@@ -116,13 +117,13 @@ impl TilePieces {
         let job = self.prepared.job(color, before);
         let made = match tiled::visit(&job, k, &found, engine) {
             Ok(made) => made,
-            // Somebody else took it meanwhile, and what it began with is gone.
+            // Another machine took it in the meantime, and removed its input.
             Err(_) if tiles.has_part(part) => return Ok(false),
             Err(error) => return Err(error.into()),
         };
         let last = |tile: [usize; 2]| waits.is_last(tile, k);
         tiles.leave(part, color, [made.at, made.size], &made.phases, &last)?;
-        // Where nothing comes in from around a region, nobody but the next visit to a tile reads what the one before left.
+        // If no light enters from around a region, only the next visit to a tile reads the output of the one before.
         if job.model.is_none() {
             for (tile, version) in versions {
                 if let TileVersion::Of(part) = version {
@@ -133,15 +134,15 @@ impl TilePieces {
         Ok(true)
     }
 
-    /// Says that all visits to the far field at `out` are done. Its tiles are in their places already.
+    /// Marks the far field at `out` as finished. Its tiles are in their places already.
     ///
     /// # Errors
-    /// [`ProduceError::Job`] where some are missing; those of its file.
+    /// [`ProduceError::Job`] if some visits are missing, and [`ProduceError::Hologram`] if the file cannot be used.
     pub fn finish(out: &Path) -> Result<(), ProduceError> {
         if !Tiles::open(out)?.is_whole() {
             return Err(ProduceError::Job(reason!(
                 "regions-not-solved",
-                "{}: not every region has been solved",
+                "{}: some regions are not solved yet",
                 out.display()
             )));
         }
@@ -152,7 +153,7 @@ impl TilePieces {
         if visit >= self.visits() {
             return Err(ProduceError::Job(reason!(
                 "no-such-visit",
-                "there is no visit {visit}: there are {}",
+                "visit {visit}: out of range, there are {} visits",
                 self.visits()
             )));
         }
@@ -173,7 +174,7 @@ impl TilePieces {
             Waits::new(schedule, size, [about.height, about.width], tiles.side(), model)
         };
         let waits = (0..self.colors.len()).map(of).collect();
-        // Whoever was faster found the same.
+        // A faster thread made the same value.
         Ok(self.begun.get_or_init(|| OpenedTiles { tiles, waits }))
     }
 }
@@ -193,8 +194,10 @@ mod tests {
         Display { height: 160, width: 192, model, ..far }
     }
 
-    /// Several programs that take visits in another order, the last of those that may begin first, one of which dies after each of its
-    /// first, write the bytes of one machine: on an ideal display, and where crosstalk reaches into a region from around it.
+    /// Several processes write the bytes of one machine in another order of visits.
+    ///
+    /// They take the last of the possible visits first, and one of them dies after each of its first. The displays are
+    /// ideal, or have crosstalk that reaches into a region from around it.
     #[test]
     fn pieces_are_the_far_field() {
         let crosstalk = ModelTerms { crosstalk: Some([[1.2, 2.03]; 4].map(Into::into)), ..ModelTerms::default() };
@@ -222,7 +225,7 @@ mod tests {
             who[1].begin(&job, &request, &mut engine).unwrap();
             let visits = who[0].visits();
             assert!(who[0].longest_chain().unwrap() < visits, "regions side by side");
-            // One machine does not go on with it, and does not change it.
+            // One machine neither continues nor changes it.
             let other = solve_scene(&job, Some(&out), &mut engine, &mut |_| Flow::Continue);
             assert!(other.is_err_and(|e| is(e, "another-job")));
             let mut taken = Vec::new();
@@ -230,7 +233,7 @@ mod tests {
                 let may = |v: &usize| who[0].after(*v).unwrap().iter().all(|before| who[0].is_done(*before).unwrap());
                 let next = (0..visits).rev().filter(|v| !who[0].is_done(*v).unwrap()).find(may).unwrap();
                 if taken.len() < 2 {
-                    // He who died had written a tile of it.
+                    // The process that died had written a tile of this visit.
                     std::fs::create_dir_all(out.join("staged")).unwrap();
                     std::fs::write(out.join("staged/.eyebox-00dead00.part"), "half").unwrap();
                 }

@@ -1,4 +1,4 @@
-//! A far field larger than memory, solved region by region into its file.
+//! Solves a far field that is larger than memory, region by region, into its file.
 
 use super::ProduceError;
 use super::job::{SceneEvent, SceneJob, TilesPlan, TilesRequest};
@@ -18,28 +18,28 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What came of it.
+/// The result of a solve in tiles.
 pub struct SolvedTiles {
-    /// What was done.
+    /// The plan with the finished visits.
     pub plan: TilesPlan,
-    /// The hologram.
+    /// The hologram in its file.
     pub source: PhaseSource<'static>,
-    /// Over nine places of the eyebox; none where it was asked to stop before the last visit.
+    /// Scores at nine places of the eyebox, or `None` if the observer stopped the solve before the last visit.
     pub scores: Option<HologramScores>,
-    /// Pupils that were looked through.
+    /// Number of simulated pupils.
     pub pupils: usize,
-    /// Seconds that it took, without the scores.
+    /// Duration of the solve in seconds, without the scores.
     pub seconds: f64,
-    /// Bytes of tiles that were read and written by the solve.
+    /// Bytes of tiles that the solve read and wrote.
     pub moved: [u64; 2],
 }
 
-/// The key of the digests of scene and depth map among what decides a file.
+/// The key of the digests of scene and depth map in the description of the work.
 const DIGESTS: &str = "digests";
-/// Most steps of a visit.
+/// Largest number of steps of a visit.
 const STEPS: usize = 1024;
 
-/// Whether all of a far field at once, with 9 x 9 views, takes more than the memory that is taken unasked.
+/// Returns true if a whole far field with 9 x 9 views needs more memory than the default limit.
 pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
     let pixels = (display.height * display.width) as u64;
     let colors = display.wavelengths.len() as u64;
@@ -47,17 +47,17 @@ pub fn is_larger_than_memory(display: &Display, frames: usize) -> bool {
     display.geometry == Geometry::FarField && bytes > TilesRequest::default().memory.0
 }
 
-/// What a solve in tiles will do and hold. Its scene is looked at for that, and nothing is written.
+/// Plans a solve in tiles and its memory. It reads the scene and writes nothing.
 ///
 /// # Errors
-/// As [`solve_scene`](super::solve_scene) before its first visit.
+/// The errors of [`solve_scene`](super::solve_scene) before its first visit.
 pub fn plan_tiles(job: &SceneJob, request: &TilesRequest) -> Result<TilesPlan, ProduceError> {
     job.check_usual()?;
     job.check_one_by_one()?;
     Ok(Prepared::new(job, request)?.plan)
 }
 
-/// Solves every colour, from where the file stands.
+/// Solves every color, from the state of the file on.
 pub(super) fn solve(
     job: &SceneJob,
     request: &TilesRequest,
@@ -100,7 +100,7 @@ pub(super) fn solve(
     Ok(SolvedTiles { plan, source, scores, pupils, seconds, moved })
 }
 
-/// A job in tiles before its first visit: its scene, its regions and their order.
+/// A job in tiles before its first visit, with its scene, its regions and their order.
 pub(super) struct Prepared {
     views: Vec<Views>,
     models: Vec<Option<Arc<ModelTables>>>,
@@ -108,7 +108,7 @@ pub(super) struct Prepared {
     schedule: Schedule,
     /// Pixels along each axis of the scene's views.
     picture: usize,
-    /// What identifies its scene.
+    /// The identity of its scene.
     record: SceneRecord,
 }
 
@@ -118,7 +118,7 @@ impl Prepared {
         let maps = scene::depth_maps(&job.scenes[..1], &job.reading.depth_maps)?;
         let views = Views::of_colors(&job.scenes[0], &job.request(maps.first().map(PathBuf::as_path)), picture)?;
         let views: Vec<Views> = views.into_iter().map(Views::once).collect();
-        // For the steps of a solve, over the whole SLM.
+        // The model is for the steps of a solve, over the whole SLM.
         let model = |&color: &Color| {
             let whole = job.display.optics(color)?;
             Ok(ModelTables::of(job.display, color, whole, whole).map(|model| model.for_steps()))
@@ -128,7 +128,7 @@ impl Prepared {
         Ok(Self { views, models, plan, schedule, picture, record: job.record(0)? })
     }
 
-    /// Everything that decides a byte of the file.
+    /// Returns the values that decide every byte of the file.
     pub(super) fn work(&self, job: &SceneJob, request: &TilesRequest, engine: &dyn Engine) -> Value {
         let (plan, reading) = (&self.plan, &job.reading);
         let mut work = json!({
@@ -152,7 +152,7 @@ impl Prepared {
         work
     }
 
-    /// A new file, its exposures chosen.
+    /// Creates a new file with its exposures.
     pub(super) fn create(
         &self,
         job: &SceneJob,
@@ -174,7 +174,7 @@ impl Prepared {
             padded: Some([0, 0]),
             passes: Some(request.passes.max(1)),
             eyebox_mm: Some(display.eyebox_min() * 1e3),
-            // What was said of the scene, for those who compare with it.
+            // Comparisons with the scene use these statements about it.
             view_pitch_mm: job.reading.view_pitch_mm,
             views: job.reading.views.map(|views| [views, views]),
             model: display.model.clone(),
@@ -194,7 +194,7 @@ impl Prepared {
         Ok(Tiles::create(out, &about, tile_side(display), work, total)?)
     }
 
-    /// The visits of a colour, before which so many of other colours are done.
+    /// Returns the job of a color, with the number of visits of other colors before it.
     pub(super) fn job(&self, color: usize, before: u64) -> Job<'_> {
         let Self { views, models, plan, schedule, .. } = self;
         let (settings, size) = (&plan.settings, plan.region);
@@ -202,7 +202,7 @@ impl Prepared {
     }
 }
 
-/// Regions that the memory allows, and the settings of a visit.
+/// Plans the regions that the memory allows, and the settings of a visit.
 fn plan(
     job: &SceneJob,
     request: &TilesRequest,
@@ -213,18 +213,17 @@ fn plan(
     if display.geometry != Geometry::FarField {
         return Err(ProduceError::Job(reason!(
             "tiles-in-a-relay",
-            "tiles are for far-field displays: in a relay every pupil sees all of the SLM"
+            "tiles need a far-field display, because every pupil sees all of the SLM behind a relay"
         )));
     }
     if !display.picture.is_empty() {
-        let reason =
-            "a display's [picture] is not for holograms that are solved in tiles: take it out of the display file";
+        let reason = "a display's [picture] is not supported in tiles. Remove it from the display file";
         return Err(ProduceError::Job(Reason::new("tiles-with-picture", reason)));
     }
     if display.prescription.as_ref().is_some_and(|eye| !eye.is_perfect()) {
         return Err(ProduceError::Job(reason!(
             "tiles-with-prescription",
-            "a prescription is not for holograms that are solved in tiles"
+            "a prescription is not supported in tiles. Use a display without one"
         )));
     }
     let (optics, side) = (display.optics(job.colors[0])?, tile_side(display));
@@ -232,7 +231,7 @@ fn plan(
     let diameter = job.diameter.unwrap_or([1e-3f64.min(largest / 4.0), 4e-3f64.min(largest)]);
     let held: u64 = views.iter().map(Views::held).sum();
     let left = MemoryLimit(request.memory.0.saturating_sub(held));
-    // Views that are smaller than the picture take less.
+    // Views that are smaller than the picture need less memory.
     let size = RegionSize::new(&optics, models, job.settings.frames, side, diameter[1], views[0].size(), left);
     let region = size.map_err(|error| match error {
         TiledError::Memory { diameter_mm, frames, needed_mib, .. } => {
@@ -246,7 +245,7 @@ fn plan(
     if !(1..=STEPS).contains(&settings.steps) {
         return Err(ProduceError::Job(reason!(
             "steps-of-a-visit",
-            "`steps` {}: a visit to a region takes 1 to {STEPS}, for it is done whole or not at all; take more `passes`",
+            "`steps` {}: a visit to a region takes 1 to {STEPS}, because it is never split. Take more `passes`",
             settings.steps
         )));
     }
@@ -257,19 +256,19 @@ fn plan(
     Ok((TilesPlan { region, views, visits: schedule.visits.len(), done: 0, settings, memory }, schedule))
 }
 
-/// Tiles: a fraction of a pupil, and files that are neither tiny nor huge.
+/// Returns the side of a tile, which is a fraction of a pupil and gives files that are neither tiny nor huge.
 fn tile_side(display: &Display) -> usize {
     let pixels = display.height.max(display.width);
     (pixels / 16).next_power_of_two().clamp(32, 512)
 }
 
-/// Whether a job is the same, of an older eyebox, which did not keep the digests of its scene.
+/// Returns true if the job is the same of an older eyebox, which did not store the digests of its scene.
 fn is_older(job: &Value, work: &Value) -> bool {
     let mut undigested = work.clone();
     undigested.as_object_mut().is_some_and(|work| work.shift_remove(DIGESTS).is_some()) && *job == undigested
 }
 
-/// Whether a hologram in the making stands there that this job makes.
+/// Returns true if `path` has an unfinished hologram of this job.
 pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceError> {
     if !Tiles::is_tiled(path) {
         return Ok(false);
@@ -279,13 +278,14 @@ pub(super) fn is_under_way(path: &Path, work: &Value) -> Result<bool, ProduceErr
         Some(made) if made.job == *work || is_older(&made.job, work) => Ok(true),
         Some(_) => Err(ProduceError::Job(reason!(
             "another-job",
-            "{}: another job is under way there: repeat its command to go on, or remove it",
+            "{}: an unfinished hologram of another job. Repeat its command to continue it, or remove it",
             path.display()
         ))),
     }
 }
 
-/// Nine places: the middle, the sides and the corners, each pupil wholly inside; diameters and depths run through theirs.
+/// Returns pupils at the middle, the sides and the corners, each wholly inside the eyebox. Diameters and depths run
+/// through their ranges.
 fn places(display: &Display, settings: &Settings) -> Vec<Pupil> {
     let [small, large] = settings.diameter;
     let [far, near] = settings.depth;

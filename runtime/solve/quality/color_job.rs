@@ -1,4 +1,4 @@
-//! What settings are tried on, and how they are solved.
+//! Solves one color of a scene with settings that trade quality for time.
 
 use super::QualityError;
 use crate::engine::{Engine, Memory};
@@ -8,56 +8,56 @@ use crate::solve::{self, Cost, Flow, Levels, PaddingRule, Problem, Progress, Set
 use std::borrow::Cow;
 use std::time::Instant;
 
-/// One colour of a scene on a display, and everything about its solve that is not a matter of quality and time.
+/// One color of a scene on a display, with every part of its solve that does not trade quality for time.
 #[derive(Debug, Clone)]
 pub struct ColorJob<'a> {
-    /// The scene, which has the display's size.
+    /// The scene, which has the size of the display.
     pub field: &'a LightField,
-    /// Which of its colours.
+    /// The solved color of the scene.
     pub color: Color,
-    /// The display.
+    /// The display for which it is solved.
     pub display: &'a Display,
-    /// Depths, diameters, seed; `frames` are the sub-frames shown.
+    /// The depths, diameters and seed. `frames` are the shown sub-frames.
     pub base: Settings,
-    /// Phases that the SLM can show; any where they are so many that they do not matter.
+    /// Phases that the SLM can show, or any phase if there are enough of them.
     pub levels: Levels,
 }
 
-/// What came of settings.
+/// The result of settings.
 #[derive(Debug, Clone)]
 pub struct Solved {
-    /// Phases of all pixels and all sub-frames shown. Its validation is about the problem that was solved: where the
-    /// settings [reduce](Settings::reduces) that, only a [`Reference`](super::Reference) knows the truth.
+    /// Phases of all pixels and all shown sub-frames. Its validation belongs to the problem that was solved. If the
+    /// settings [reduce](Settings::reduces) the problem, only a [`Reference`](super::Reference) has the true score.
     pub solution: Solution,
-    /// Of those sub-frames, the first so many are solved; they repeat.
+    /// Number of solved sub-frames. They come first and repeat.
     pub frames: usize,
-    /// Milliseconds from the light field to the phases: thinning, pyramid, choice of exposure, steps.
+    /// Milliseconds from the light field to the phases, for thinning, pyramid, choice of exposure, and steps.
     pub milliseconds: f64,
 }
 
-/// A problem and its settings, ready to be solved.
+/// A problem and its settings, ready for a solve.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    /// The problem, with fewer views or coarser pixels if the settings say so.
+    /// The problem, with fewer views or coarser pixels if the settings require it.
     pub problem: Problem,
-    /// The settings.
+    /// The settings of the solve.
     pub settings: Settings,
-    /// Side of its pixels, in pixels of the SLM.
+    /// Side of its pixels in pixels of the SLM.
     pub pixel: usize,
 }
 
 impl ColorJob<'_> {
-    /// Zeros around the SLM that depth and eyebox require (OPTICS 2).
+    /// Returns the zeros around the SLM that depth and eyebox require (OPTICS 2).
     ///
     /// # Errors
-    /// A colour that the display does not have.
+    /// [`QualityError`] for a color that the display does not have.
     pub fn required_padding(&self) -> Result<Padding, QualityError> {
         let optics = self.display.optics(self.color)?;
         let deepest = self.base.depth[0].abs().max(self.base.depth[1].abs());
         Ok(Padding::required(&optics, deepest, self.display.eyebox_min() / 2.0))
     }
 
-    /// The base, with everything of `quality` that trades quality for time.
+    /// Returns the base with all fields of `quality` that trade quality for time.
     pub fn settings(&self, quality: &Settings) -> Settings {
         let mut settings = self.base.with_quality_of(quality);
         if settings.levels == Levels::Display {
@@ -67,10 +67,11 @@ impl ColorJob<'_> {
         settings
     }
 
-    /// What settings of this quality take, from their first steps until those have drawn 64 pupils; nothing is loaded.
+    /// Counts the cost of settings of this quality, from their first steps until those have drawn 64 pupils. It loads
+    /// nothing.
     ///
     /// # Errors
-    /// A colour that the display does not have.
+    /// [`QualityError`] for a color that the display does not have.
     pub fn cost(&self, quality: &Settings, memory: Memory) -> Result<Cost, QualityError> {
         let settings = self.settings(quality);
         let display = quality.coarser(self.display);
@@ -82,11 +83,13 @@ impl ColorJob<'_> {
         Ok(Cost::new(&problem, &settings, memory, 64))
     }
 
-    /// What is solved with: the padding that keeps out what walks off, if the settings ask for it and some does, else that
-    /// without which a side transforms slowly, unless they ask for none.
+    /// Returns the padding of a solve.
+    ///
+    /// It keeps out light that leaves the picture, if the settings require it and such light exists. Otherwise it
+    /// speeds up a side that transforms slowly, unless the settings exclude padding.
     ///
     /// # Errors
-    /// A colour that the display does not have.
+    /// [`QualityError`] for a color that the display does not have.
     pub fn padding(&self, settings: &Settings) -> Result<Padding, QualityError> {
         let required = match settings.padding {
             PaddingRule::Exact => return Ok(Padding::default()),
@@ -97,10 +100,10 @@ impl ColorJob<'_> {
         Ok(if required == Padding::default() { smooth } else { required })
     }
 
-    /// Makes what is solved with settings of this quality.
+    /// Prepares the problem for settings of this quality.
     ///
     /// # Errors
-    /// A colour that display or scene do not have.
+    /// [`QualityError`] for a color that the display or the scene does not have.
     pub fn prepare(&self, quality: &Settings) -> Result<Prepared, QualityError> {
         let settings = self.settings(quality);
         let reduced = quality.scene(self.field, self.display);
@@ -111,15 +114,15 @@ impl ColorJob<'_> {
         let pixel = self.display.width / display.width.max(1);
         let padding = ColorJob { field: &field, display: &display, ..self.clone() }.padding(&settings)?;
         let mut problem = Problem::new(&field, self.color, &display, padding)?;
-        // Coarser pixels have a smaller eyebox: pupils outside of it are not worth a draw.
+        // Coarser pixels have a smaller eyebox, and pupils outside of it are useless.
         problem.eyebox = problem.eyebox.min(self.display.eyebox_min());
         Ok(Prepared { problem, settings, pixel: pixel.max(1) })
     }
 
-    /// Solves with settings of this quality. The base's `seconds` and `psnr` hold as in any solve.
+    /// Solves with settings of this quality. The `seconds` and `psnr` of the base apply as in any solve.
     ///
     /// # Errors
-    /// [`QualityError`].
+    /// [`QualityError`] if the preparation or the solve fails.
     pub fn solve(
         &self,
         quality: &Settings,
@@ -131,7 +134,8 @@ impl ColorJob<'_> {
         let mut solution = solve::solve(&problem, &settings, engine, observe)?;
         if pixel > 1 {
             solution.phases = enlarged(&solution.phases, problem.optics.height, problem.optics.width, pixel);
-            // A pupil's share of the SLM's own eyebox is so many times smaller, and what it sees is divided by that share.
+            // A pupil's share of the SLM's own eyebox is smaller by this factor, and its intensity is divided by that
+            // share.
             solution.exposure /= (pixel * pixel) as f64;
         }
         solution.seconds = start.elapsed().as_secs_f64();
@@ -139,7 +143,7 @@ impl ColorJob<'_> {
     }
 }
 
-/// Every pixel of every frame (height, width) on `pixel` x `pixel` of its own.
+/// Repeats every pixel of every frame (height, width) on `pixel` x `pixel` pixels.
 fn enlarged(phases: &[f32], height: usize, width: usize, pixel: usize) -> Vec<f32> {
     let mut out = Vec::with_capacity(phases.len() * pixel * pixel);
     for row in phases.chunks_exact(width.max(1)) {
@@ -219,13 +223,13 @@ mod tests {
             let (y, x) = (i / 48, i % 48);
             assert_eq!(*p, phases[(y - y % 2) * 48 + x - x % 2]);
         }
-        // The exposure is that of the SLM's own eyebox: within what the pixels' own diffraction takes.
+        // The exposure belongs to the SLM's own eyebox, except for the effect of diffraction at the pixels.
         let fitted = reference.score(phases, &mut engine).unwrap().exposure;
         let ratio = fitted / solved.solution.exposure;
         assert!((0.4..2.5).contains(&ratio), "{ratio}");
     }
 
-    /// The truth is what the images say, and it is the same whatever was solved.
+    /// The reference scores the images themselves, independent of the solve.
     #[test]
     fn the_reference_scores_the_images() {
         let scene = Scene::new(40, 32);
@@ -256,7 +260,7 @@ mod tests {
         }
         let other = Reference::new(&job, 8, &mut engine).unwrap();
         assert_ne!(other.pupils, pupils, "another seed, other pupils");
-        // Through wide pupils diffraction takes nothing; through narrow ones no trial has more than it leaves.
+        // Diffraction takes nothing through wide pupils. Through narrow ones no trial exceeds its ceiling.
         assert_eq!(reference.ceiling(&mut engine).unwrap(), None);
         let base = Settings { diameter: [2e-3, 4e-3], ..job.base.clone() };
         let narrow = Reference::new(&ColorJob { base, ..scene.job() }, 7, &mut engine).unwrap();
@@ -281,7 +285,7 @@ mod tests {
         };
         let (after, free) = scored(&recipe);
         let (optimised, shown) = scored(&Settings { levels: Levels::Display, ..recipe });
-        assert!(free > after + 0.5, "levels lose something: {free} {after}");
+        assert!(free > after + 0.5, "levels lose quality, {free} {after}");
         assert!(optimised > after + 0.3, "{optimised} {after}");
         assert!((optimised - shown).abs() < 1e-3, "phases that are on levels stay there");
     }
@@ -310,7 +314,7 @@ mod tests {
             let found = of(recipe.clone());
             assert!(found.work() < start.work() && found.bytes() < start.bytes(), "{recipe}");
         }
-        // The views' pyramid is counted as it is: of 81 views every eighth leaves 4.
+        // The pyramid is counted with its views. With every eighth of 81 views, 4 remain.
         let problem = job.prepare(&Settings::default()).unwrap().problem;
         let four = of(Settings { views: 8, ..Settings::default() });
         assert_eq!((start.bytes() - four.bytes()) * 81 / 77, problem.pyramid.bytes() as u64);
@@ -324,11 +328,11 @@ mod tests {
             let job = ColorJob { display, ..scene.job() };
             job.cost(&Settings::default(), Memory::Host).unwrap().bytes()
         };
-        // Complex float32 for each of the mask's 4 x 4 pixels per SLM pixel.
+        // Fields are complex float32 for each of the mask's 4 x 4 pixels per SLM pixel.
         assert!(bytes(&masked) >= bytes(&scene.display) + 8 * 16 * 32 * 32);
     }
 
-    /// What a plan says that a slow side is padded by is what is solved with.
+    /// A solve pads a slow side by the same number as its plan states.
     #[test]
     fn a_slow_side_is_solved_padded() {
         let display = Display { height: 12, width: 262, ..Display::preset("small").unwrap() };

@@ -1,8 +1,8 @@
 //! Measures the cost and the quality of settings on one color of a scene.
 //!
-//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`ColorJob`] is one color of a
-//! scene that they are tried on; a [`Reference`] scores what came of it, the same truth for all. A [`ModelWorth`] says what each
-//! term of a display's model is worth.
+//! [`Settings`](crate::solve::Settings) hold every setting that trades quality for time. A [`ColorJob`] is one color of
+//! a scene on which they are tested. A [`Reference`] scores the results in the same way for all. A [`ModelWorth`]
+//! measures the gain of each term of a display model.
 
 mod color_job;
 mod model_worth;
@@ -23,7 +23,7 @@ use crate::solve::SolveError;
 use eyebox_base::error::Reason;
 use serde::{Deserialize, Serialize};
 
-/// How much time quality may take.
+/// The time that quality may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -32,49 +32,49 @@ pub enum Quality {
     Fast,
     /// Within half a decibel of accurate, in at most a fifth of its time.
     Balanced,
-    /// The best that there is time for.
+    /// The highest quality in a practical time.
     Accurate,
 }
 
 impl Quality {
-    /// All three, the fastest first.
+    /// All three qualities, the fastest first.
     pub const ALL: [Self; 3] = [Self::Fast, Self::Balanced, Self::Accurate];
 
-    /// The name by which it is chosen.
+    /// Returns the name by which it is chosen.
     pub fn name(self) -> &'static str {
         ["fast", "balanced", "accurate"][self as usize]
     }
 }
 
-/// Why settings could not be tried, or methods not compared.
+/// The reason why settings could not be tested, or methods not compared.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum QualityError {
-    /// The display, or a colour that it does not have.
+    /// The display is invalid, or lacks a color.
     Optics(#[from] OpticsError),
-    /// The solve.
+    /// The solve ended with an error.
     Solve(#[from] SolveError),
-    /// The engine.
+    /// The engine reported a failure.
     Engine(#[from] EngineError),
-    /// A measure of what was seen.
+    /// A measure of an image failed.
     Evaluate(#[from] EvaluateError),
-    /// A hologram.
+    /// A hologram is invalid.
     Hologram(#[from] HologramError),
-    /// The reconstruction of a hologram.
+    /// The reconstruction of a hologram failed.
     Reconstruction(#[from] ReconstructionError),
-    /// A file of results.
+    /// A file of results is unusable.
     File(#[from] FileError),
-    /// A view that is no picture.
-    #[error("a view has pixels that are NaN: there is nothing to compare")]
+    /// A view is not finite.
+    #[error("the views: a pixel is NaN, so they cannot be compared")]
     NotFinite,
-    /// Something given that cannot be used.
+    /// An input is unusable.
     #[error("{what}: {reason}")]
     Input {
-        /// The file, or the setting.
+        /// The file or the setting.
         what: String,
-        /// What is wrong with it, and what would be right.
+        /// The fault and its remedy.
         reason: Reason,
     },
 }

@@ -1,5 +1,6 @@
-//! What each term of a display's model is worth on a scene: solved with all of them, and with all but one, and looked at through
-//! the whole model.
+//! Measures the gain of each term of a display model on a scene.
+//!
+//! The scene is solved with all terms, and with all but one, and each result is simulated through the whole model.
 
 use super::{ColorJob, QualityError, Reference};
 use crate::engine::Engine;
@@ -12,46 +13,48 @@ use std::time::{Duration, Instant};
 
 /// Steps of each of these solves.
 const STEPS: usize = 24;
-/// Rows and columns of the display that they are on, at most.
+/// Largest number of rows and columns of the display for the measurement.
 const MOST: usize = 96;
-/// A term that is worth less, dB, is left out.
+/// Least gain of a term that is kept, in dB.
 const SHOWS_DB: f64 = 0.05;
-/// Sub-pixels that are worth less, dB, are one.
+/// Least gain of further sub-pixels, in dB.
 const SUBPIXELS_DB: f64 = 0.2;
-/// Sub-pixels of the truth that one and two of them are compared by.
+/// Sub-pixels of the reference with which one and two of them are compared.
 const TRUTH: usize = 3;
 
-/// What the terms of one colour's model are worth on a scene.
+/// The gains of the terms of one color's model on a scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ModelWorth {
-    /// The colour.
+    /// The color of the model.
     pub color: Color,
-    /// Rows and columns of the display that it was measured on.
+    /// Rows and columns of the display on which it was measured.
     pub size: [usize; 2],
     /// Steps of each solve.
     pub steps: usize,
-    /// Mean PSNR, solved with every term, dB.
+    /// Mean PSNR of the solve with every term, in dB.
     pub db: f64,
-    /// Each term, and how many dB are lost where it is left out; NaN where there was no time to measure it.
+    /// Each term and the loss without it, in dB. NaN if there was no time to measure it.
     pub lost_db: Vec<(&'static str, f64)>,
-    /// What 2 x 2 sub-pixels are worth over one, dB; none where no crosstalk shows, or there was no time.
+    /// Gain of 2 x 2 sub-pixels over one, in dB. `None` if crosstalk has no effect, or if there was no time.
     pub subpixels_db: Option<f64>,
 }
 
 impl ModelWorth {
-    /// The same SLM with fewer pixels, on which this is measured: a whole number of times fewer.
+    /// Returns the SLM with fewer pixels for the measurement, by a whole number of times.
     pub fn display(display: &Display) -> Display {
         let fewer = display.height.max(display.width).div_ceil(MOST);
         let side = |n: usize| (n / fewer).max(1).next_multiple_of(2).min(n);
         Display { height: side(display.height), width: side(display.width), ..display.clone() }
     }
 
-    /// Measures it: `job` is of [this](Self::display) display. Numbers that are not measured within `limit`, or of a black
-    /// scene, are NaN. Returns `None` if the display is ideal in this color.
+    /// Measures the gains for a `job` with a display from [`display`](Self::display).
+    ///
+    /// Values that are not measured within `limit`, or of a black scene, are NaN. The result is `None` if the display
+    /// is ideal in this color.
     ///
     /// # Errors
-    /// Those of a solve.
+    /// [`QualityError`] if a solve or a score fails.
     pub fn measure(job: &ColorJob, limit: Duration, engine: &mut dyn Engine) -> Result<Option<Self>, QualityError> {
         let (color, display) = (job.color, job.display);
         let terms = display.model(color).terms();
@@ -77,17 +80,17 @@ impl ModelWorth {
         Ok(Some(Self { color, size: [display.height, display.width], steps: STEPS, db, lost_db, subpixels_db }))
     }
 
-    /// The terms that show, and those that were not measured.
+    /// Returns the terms with an effect and the terms that were not measured.
     pub fn kept(&self) -> Vec<&'static str> {
         self.lost_db.iter().filter(|(_, lost)| lost.is_nan() || *lost >= SHOWS_DB).map(|(term, _)| *term).collect()
     }
 
-    /// As many sub-pixels as are worth their time; none where it was not measured.
+    /// Returns the number of sub-pixels that are worth their time, or `None` if it was not measured.
     pub fn subpixels(&self) -> Option<usize> {
         self.subpixels_db.map(|gain| if gain > SUBPIXELS_DB { 2 } else { 1 })
     }
 
-    /// The model's terms that are worth their time, in the place of all.
+    /// Keeps only the terms of the model that are worth their time.
     pub fn apply(&self, model: &mut ModelTerms) {
         let kept = self.kept();
         model.keep(&|name| kept.contains(&name));
@@ -95,7 +98,7 @@ impl ModelWorth {
     }
 }
 
-/// Short solves for displays of different models, and what came of them.
+/// Short solves for displays of different models, and their scores.
 struct Trials<'a> {
     job: &'a ColorJob<'a>,
     end: Instant,
@@ -107,12 +110,13 @@ impl Trials<'_> {
         ColorJob { display, base, ..self.job.clone() }
     }
 
-    /// What is really seen, if the display is this one.
+    /// Returns the reference for the case that the real display is this one.
     fn truth(&self, display: &Display, engine: &mut dyn Engine) -> Result<Reference, QualityError> {
         Reference::new(&self.job(display), !self.job.base.seed, engine)
     }
 
-    /// Mean PSNR of what is solved for a display and seen on another; NaN if no time is left or if the scene is black.
+    /// Returns the mean PSNR of a solve for one display, simulated on another. NaN if no time is left or if the scene
+    /// is black.
     fn decibels(&self, display: &Display, truth: &Reference, engine: &mut dyn Engine) -> Result<f64, QualityError> {
         if asked_to_end().load(Ordering::SeqCst) || Instant::now() > self.end {
             return Ok(f64::NAN);

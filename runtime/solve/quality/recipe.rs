@@ -1,5 +1,6 @@
-//! The settings that trade quality for time: steps, pupils, optimiser, diameters, window, repeats, views, storage, levels,
-//! padding and pixels.
+//! The settings that trade quality for time.
+//!
+//! They are steps, pupils, optimizer, diameters, window, repeats, views, storage, levels, padding and pixels.
 
 use super::Quality;
 use crate::optics::{Display, Geometry, WindowFactor};
@@ -8,13 +9,13 @@ use crate::scene::LightField;
 use crate::solve::{Diameters, Levels, Optimizer, PaddingRule, Settings};
 
 impl Settings {
-    /// Steps of so many pupils by Adam, as its paper draws them.
+    /// Returns settings for `steps` steps of `pupils` pupils by Adam, with diameters drawn as in the paper.
     pub fn adam(steps: usize, pupils: usize) -> Self {
         let (optimizer, diameters) = (Optimizer::adam(), Diameters::Uniform);
         Self { steps, pupils, optimizer, diameters, ..Self::default() }
     }
 
-    /// The built-in settings of a quality (docs/measurements.md).
+    /// Returns the built-in settings of a quality (docs/results/speed-and-accuracy.json).
     pub fn of(quality: Quality) -> Self {
         let steps = match quality {
             Quality::Fast => 40,
@@ -24,7 +25,7 @@ impl Settings {
         Self { steps, window: WindowFactor::Two, optimizer: Optimizer::momentum(), ..Self::default() }
     }
 
-    /// Whether every number is one that a solve takes.
+    /// Returns true if a solve accepts every number.
     pub fn is_sound(&self) -> bool {
         let numbers = match self.optimizer {
             Optimizer::Projection { gain: [a, b], momentum, overlap_power } => [a, b, momentum, overlap_power],
@@ -38,16 +39,18 @@ impl Settings {
             && (1..=2).contains(&self.pixel)
     }
 
-    /// Whether what is solved is less than the problem: fewer views, or coarser pixels.
+    /// Returns true if the solved problem is smaller than the whole one, by fewer views or coarser pixels.
     pub fn reduces(&self) -> bool {
         self.views > 1 || self.pixel > 1
     }
 
-    /// The views used of so many along an axis: the first, and how many. They are every n-th, about the same centre; where
-    /// that cannot be (of 8 views every second has another centre), n is the next smaller number for which it can.
+    /// Returns the step between used views and, per axis, the first view and the number of views.
+    ///
+    /// Used views are every n-th view with the same center. If n allows no such views (every second of 8 views has
+    /// another center), n is the next smaller number that does.
     pub fn thinned(&self, [rows, columns]: [usize; 2]) -> (usize, [[usize; 2]; 2]) {
         let axis = |count: usize, n: usize| {
-            // As many as fit, if what is left over is shared by both ends.
+            // It is the largest number of views whose remainder is shared equally by both ends.
             (1..=count).rev().find(|k| (k - 1) * n < count && (count - 1 - (k - 1) * n).is_multiple_of(2)).map(|k| {
                 let first = (count - 1 - (k - 1) * n) / 2;
                 [first, k]
@@ -58,16 +61,16 @@ impl Settings {
         (1..=self.views.max(1)).rev().find_map(of).unwrap_or((1, [[0, rows], [0, columns]]))
     }
 
-    /// Whether a display can be solved at these pixels: both axes are whole in them.
+    /// Returns true if a display can be solved at these pixels, so that both axes are whole numbers of them.
     pub fn fits(&self, display: &Display) -> bool {
-        // In the far field coarser pixels would be a narrower field of view.
+        // Coarser pixels of a far field would narrow the field of view.
         self.pixel <= 1
             || display.geometry == Geometry::Relay
                 && display.height.is_multiple_of(self.pixel)
                 && display.width.is_multiple_of(self.pixel)
     }
 
-    /// The display that is solved: at coarser pixels where it can be.
+    /// Returns the solved display, with coarser pixels if possible.
     pub(super) fn coarser(&self, display: &Display) -> Display {
         let pixel = if self.fits(display) { self.pixel.max(1) } else { 1 };
         Display {
@@ -78,7 +81,7 @@ impl Settings {
         }
     }
 
-    /// The display and the light field that are solved. `None` where they are the whole ones.
+    /// Returns the solved light field and display, or `None` for the whole ones.
     pub(super) fn scene(&self, field: &LightField, display: &Display) -> Option<(LightField, Display)> {
         let (every, [[top, rows], [left, columns]]) = self.thinned(field.grid);
         let coarse = self.coarser(display);
@@ -104,13 +107,13 @@ impl Settings {
         if coarse == *display {
             return Some((thin, coarse));
         }
-        // Pixels are larger by what there are fewer of: depths stay.
+        // Pixels become larger by the same factor, so depths stay.
         let field = LightField { depth: thin.depth, ..thin.fit(coarse.height, coarse.width, Default::default()) };
         Some((field, coarse))
     }
 }
 
-/// What trades quality for time, for people, the parts that differ from the default last.
+/// Describes the fields that trade quality for time. Fields that differ from the default come last.
 impl std::fmt::Display for Settings {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let window = match self.window {
@@ -178,7 +181,7 @@ mod tests {
             height: 4,
             width: 8,
             colors: vec![Color::Green],
-            // Every view says which one it is.
+            // Every view contains its own number.
             planes: vec![(0..rows * columns).map(|v| vec![v as f32; 32]).collect()],
             view_pitch: None,
             disparity: Some([-1.0, 2.0]),
@@ -277,7 +280,7 @@ mod tests {
     }
 
     proptest! {
-        /// Views that are left stand where they stood, about the same centre, and see the same pictures.
+        /// The remaining views keep their positions, center and pictures.
         #[test]
         fn thinned_views_stay_where_they_are(rows in 1usize..14, columns in 1usize..14, views in 1usize..9) {
             let recipe = Settings { views, ..Settings::default() };
@@ -308,7 +311,7 @@ mod tests {
         assert_eq!(left(2), (2, [[0, 5]; 2]));
         assert_eq!(left(3), (3, [[1, 3]; 2]));
         assert_eq!(left(4), (4, [[0, 3]; 2]));
-        // Every second of eight has another centre.
+        // Every second of eight views has another center.
         assert_eq!(Settings { views: 2, ..Settings::default() }.thinned([8, 9]).0, 1);
         assert_eq!(Settings { views: 3, ..Settings::default() }.thinned([8, 8]), (3, [[2, 2]; 2]));
     }
@@ -321,12 +324,12 @@ mod tests {
         assert!((2.0 * small.eyebox_min() - display.eyebox_min()).abs() < 1e-12);
         assert!((coarse.cell(&small) - whole.cell(&display)).abs() < 1e-12);
         assert_eq!(coarse.depth_range(&small), whole.depth_range(&display));
-        // The same depths by disparity, where none are stated.
+        // Disparities give the same depths if none are stated.
         let free = LightField { depth: None, ..whole.clone() };
         let (thin, small) = Settings { pixel: 2, ..Settings::default() }.scene(&free, &display).unwrap();
         let (a, b) = (thin.depth_range(&small).unwrap(), free.depth_range(&display).unwrap());
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
-        // Odd sizes cannot be.
+        // Odd sizes are not possible.
         let odd = Display { width: 7, ..display };
         assert!(Settings { pixel: 2, ..Settings::default() }.scene(&whole, &odd).is_none());
     }

@@ -1,5 +1,7 @@
-//! The truth that all settings are scored by: the same pupils for all, the full window, every view, the padding that the
-//! scene requires, the SLM's levels, and one exposure.
+//! Scores all settings against one reference.
+//!
+//! It uses the same pupils for all, the full window, every view, the padding that the scene requires, the SLM's levels,
+//! and one exposure.
 
 use super::{ColorJob, QualityError};
 use crate::engine::{Buffer, Engine};
@@ -9,10 +11,10 @@ use crate::plan::{Planner, Purpose, Viewpoint};
 use crate::solve::{Diameters, Levels, Problem, PupilRange, Sampler, Sequence, ValidationScore, Validator};
 use std::sync::Arc;
 
-/// Pupils of a score: random, by the paper's distribution, none of them shown to any solve.
+/// Number of pupils of a score. They are random by the paper's distribution, and no solve uses them.
 pub const PUPILS: usize = 16;
 
-/// Scores holograms of one colour of a scene.
+/// Scores holograms of one color of a scene.
 pub struct Reference {
     problem: Problem,
     planner: Planner,
@@ -20,15 +22,15 @@ pub struct Reference {
     unit: f64,
     levels: Levels,
     pixels: usize,
-    /// The pupils that it looks through.
+    /// The pupils of the scores.
     pub(super) pupils: Vec<Pupil>,
 }
 
 impl Reference {
-    /// For this job; the seed decides the pupils, and is to be another than that of the solves.
+    /// Prepares the reference of this job. The seed decides the pupils and must differ from the seed of the solves.
     ///
     /// # Errors
-    /// [`QualityError`].
+    /// [`QualityError`] for a wrong color, and if the engine fails.
     pub fn new(job: &ColorJob, seed: u64, engine: &mut dyn Engine) -> Result<Self, QualityError> {
         let problem = Problem::new(job.field, job.color, job.display, job.required_padding()?)?;
         let mut planner = problem.planner(1, WindowFactor::Full);
@@ -37,7 +39,7 @@ impl Reference {
             views.unit /= unit;
         }
         let range = PupilRange { diameters: Diameters::Uniform, ..job.base.pupil_range(problem.eyebox) };
-        // Apart from the pupils that solves draw and validate by, which are of their own seed and its complement.
+        // These pupils differ from the pupils of solves and validations, which use their own seed and its complement.
         let mut sampler = Sampler::new(range, Sequence::Random, seed ^ 0x7265_6665_7265_6e63);
         let pupils: Vec<Pupil> = (0..PUPILS).map(|_| sampler.draw()).collect();
         let viewpoints = pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect();
@@ -47,16 +49,16 @@ impl Reference {
         Ok(Self { problem, planner, validator, unit, levels: job.levels.clone(), pixels, pupils })
     }
 
-    /// The same, for an SLM of other levels.
+    /// Returns the reference for an SLM with other levels.
     #[must_use]
     pub fn with_levels(self, levels: Levels) -> Self {
         Self { levels, ..self }
     }
 
-    /// Phases (frames, height, width), as the SLM shows them.
+    /// Scores phases (frames, height, width) as the SLM shows them.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`QualityError::Engine`] if the engine fails.
     pub fn score(&self, phases: &[f32], engine: &mut dyn Engine) -> Result<ValidationScore, QualityError> {
         let mut planner = Planner { frames: phases.len() / self.pixels.max(1), ..self.planner.clone() };
         planner.levels = self.levels.count();
@@ -64,11 +66,14 @@ impl Reference {
         Ok(self.validator.score(engine, &planner)?.in_units_of(self.unit))
     }
 
-    /// Mean and worst JOD of phases (frames, height, width) through `most` of the pupils, spread evenly, at the exposure of their score: of
-    /// whole pictures, the mean of their sub-frames in one colour beside its photograph. None for pictures that have no JOD.
+    /// Returns the mean and worst JOD of phases (frames, height, width) through `most` of the pupils, spread evenly.
+    ///
+    /// It uses the exposure of their score. It compares whole pictures, which are the mean of the sub-frames in one
+    /// color, with their target images. The result is `None` for pictures that have no JOD.
     ///
     /// # Errors
-    /// Those of the engine; [`EvaluateError`](evaluate::EvaluateError) for pictures that hold no numbers.
+    /// [`QualityError`] if the engine fails, and with an [`EvaluateError`](evaluate::EvaluateError) for pictures that
+    /// are not finite.
     pub fn judge(
         &self,
         phases: &[f32],
@@ -95,7 +100,7 @@ impl Reference {
         Ok(Summary::of(&jod).map(|jod| [jod.mean, jod.worst]))
     }
 
-    /// Phases on the engine, as the SLM shows them.
+    /// Loads phases on the engine as the SLM shows them.
     fn show(&self, phases: &[f32], planner: &Planner, engine: &mut dyn Engine) -> Result<(), QualityError> {
         engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&self.problem.pyramid)))?;
         if let Some(levels) = self.levels.table() {
@@ -104,11 +109,11 @@ impl Reference {
         Ok(engine.write(Buffer::Phases, phases)?)
     }
 
-    /// Mean and worst dB that any hologram could have ([`Ceiling`]); none where it is not known, where the picture is a part
-    /// of the field of view, or where diffraction takes nothing through some pupil.
+    /// Returns the mean and worst ceiling in dB ([`Ceiling`]). The result is `None` if the picture fills a part of the
+    /// field of view, or if diffraction takes nothing through some pupil.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`QualityError::Engine`] if the engine fails.
     pub fn ceiling(&self, engine: &mut dyn Engine) -> Result<Option<[f64; 2]>, QualityError> {
         let (problem, planner) = (&self.problem, self.problem.planner(1, WindowFactor::Full));
         if planner.share < 1.0 {

@@ -1,5 +1,6 @@
-//! A hologram's scene, found again and read as it was when the hologram was solved: the one way in for everything that
-//! compares the two or refines one for the other.
+//! Finds the scene of a hologram and reads it as it was read for the solve.
+//!
+//! All code that compares the two, or refines one for the other, uses this module.
 
 use super::SceneSource;
 use crate::evaluate::Views;
@@ -8,30 +9,31 @@ use crate::optics::{Color, Display};
 use crate::scene::{self, LightField, Near, Order, Request, SceneError, ViewSynthesis};
 use std::path::{Path, PathBuf};
 
-/// Pixels along each axis of the views of a far field larger than memory, at most.
+/// Largest number of pixels along each axis of the views of a far field larger than memory.
 const PICTURE: usize = 1024;
 
-/// How scenes are read, as far as it is stated; of a hologram, the rest is as it was solved.
+/// The given settings for reading scenes. The solve of the hologram gives the others.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SceneReading {
-    /// Views per axis of scenes that are rendered or reprojected; none for 9, or as many as a depth map's range needs.
+    /// Views per axis of scenes that are rendered or reprojected. None is 9, or the number that a depth map's range
+    /// needs.
     pub views: Option<usize>,
-    /// Distance of neighboring views in the pupil plane, millimeters, instead of what the scene says.
+    /// Distance of neighboring views in the pupil plane in millimeters, instead of the scene's own.
     pub view_pitch_mm: Option<f64>,
-    /// The depth maps of pictures, as [`scene::depth_maps`] takes them.
+    /// The depth maps of pictures, as for [`scene::depth_maps`].
     pub depth_maps: Vec<PathBuf>,
-    /// Which values of a depth map are near; none for what its file tells.
+    /// The values of a depth map that are near. It is none for the setting of the map's file.
     pub near: Option<Near>,
-    /// Farthest and nearest depth that matter, meters; of a depth map, those that its values reach.
+    /// Farthest and nearest relevant depth in meters. For a depth map, these are the depths of its extreme values.
     pub depth: Option<[f64; 2]>,
-    /// How the views of folders really stand.
+    /// The actual arrangement of the views of folders.
     pub order: Option<Order>,
-    /// Of which views photographs of folders are made.
+    /// The views of folders from which other views are synthesized.
     pub photographs: Option<ViewSynthesis>,
 }
 
 impl SceneReading {
-    /// What is loaded of a scene with this depth map; `force` takes distances as they are that look like a mistake.
+    /// Returns the request for a scene with this depth map. `force` accepts distances that look like a mistake.
     pub fn request<'a>(
         &self,
         display: &'a Display,
@@ -55,39 +57,39 @@ impl SceneReading {
     }
 }
 
-/// Which scene is taken, and how it is read.
+/// The choice of a scene and the settings for reading it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct InputOptions {
-    /// The scene; none for the one that the hologram was solved from, wherever that is found.
+    /// The scene. If it is none, the scene of the solve is searched.
     pub scene: Option<String>,
-    /// Take the scene though it is not the one that the hologram was solved from.
+    /// True to accept a scene other than the scene of the solve.
     pub other_scene: bool,
-    /// How it is read.
+    /// The settings for reading it.
     pub reading: SceneReading,
 }
 
 /// The scene of a hologram, found and identified but not yet read.
 #[derive(Debug, Clone)]
 pub struct SolveInput {
-    /// The display that the hologram was solved for; it decides how the scene is read.
+    /// The display for which the hologram was solved. It determines how the scene is read.
     pub display: Display,
     source: String,
     depth_map: Option<PathBuf>,
     colors: Vec<Color>,
     reading: SceneReading,
-    /// Its distances are those of the solve, which took them.
+    /// True if the distances are unchanged from the solve, which accepted them.
     is_as_solved: bool,
 }
 
 impl SolveInput {
-    /// Finds the scene of a hologram. One that is not named is looked for beside the hologram, where it was when the hologram
-    /// was solved, and by its name; the first that has the digest of what was read is taken.
+    /// Finds the scene of a hologram. If it is not named, it is searched relative to the hologram, at its path during
+    /// the solve, and by its name. The first one with the recorded digest is used.
     ///
     /// # Errors
-    /// [`HologramError::NoDisplay`]; [`HologramError::NoScene`] where the hologram knows none,
-    /// [`HologramError::SceneNotFound`], [`HologramError::ChangedScene`] where what is found was changed, and
-    /// [`HologramError::OtherScene`] for a scene that was named and is another; [`HologramError::Scene`] for one that cannot be
-    /// read.
+    /// Returns [`HologramError::NoDisplay`] or [`HologramError::NoScene`] if the hologram names none. Returns
+    /// [`HologramError::SceneNotFound`] if the scene is at none of the paths, and [`HologramError::ChangedScene`] if
+    /// the scene that was found has changed. Returns [`HologramError::OtherScene`] if the named scene is another, and
+    /// [`HologramError::Scene`] if the scene cannot be read.
     pub fn open(hologram: &Hologram, options: &InputOptions) -> Result<Self, HologramError> {
         let (display, mut reading) = (hologram.made_for()?, options.reading.clone());
         let own = hologram.scene_record();
@@ -102,7 +104,7 @@ impl SolveInput {
         reading.photographs = reading.photographs.or(known.photographs);
         reading.views = reading.views.or(known.views.map(|views| views[0]));
         reading.near = reading.near.or(known.near);
-        // What a depth map's values mean has an order; other scenes have a range.
+        // The depths of a depth map's values have an order. Other scenes have a range.
         reading.depth = reading.depth.or_else(|| match depth_map {
             Some(_) => known.depth_map_mm.map(|both| both.map(|mm| mm * 1e-3)),
             None => known.solve.as_ref().map(|settings| settings.depth),
@@ -111,12 +113,12 @@ impl SolveInput {
         Ok(Self { display, source, depth_map, colors: hologram.named_colors(), reading, is_as_solved })
     }
 
-    /// The source that is read.
+    /// Returns the source of the scene.
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// What is read of it.
+    /// Returns the request for the source.
     pub fn request(&self) -> Request<'_> {
         self.reading.request(&self.display, &self.colors, self.depth_map.as_deref(), self.is_as_solved)
     }
@@ -124,7 +126,7 @@ impl SolveInput {
     /// Reads its light field in the hologram's colors, fitted to the hologram's display.
     ///
     /// # Errors
-    /// [`SceneError`].
+    /// Returns [`SceneError`] for a scene that cannot be read.
     pub fn light_field(&self) -> Result<LightField, SceneError> {
         scene::load(&self.source, &self.request())
     }
@@ -132,16 +134,16 @@ impl SolveInput {
     /// Reads it for a far field larger than memory, color by color.
     ///
     /// # Errors
-    /// [`SceneError`].
+    /// Returns [`SceneError`] for a scene that cannot be read.
     pub fn around(&self) -> Result<Vec<Views>, SceneError> {
         Views::of_colors(&self.source, &self.request(), PICTURE)
     }
 
-    /// Reads it for what a hologram, `tiled` or whole, is compared with; with the farthest and nearest depth that matter,
-    /// meters.
+    /// Reads it for a comparison with a hologram, which is `tiled` or in memory. Also returns the farthest and nearest
+    /// relevant depth in meters.
     ///
     /// # Errors
-    /// [`SceneError`].
+    /// Returns [`SceneError`] for a scene that cannot be read.
     pub fn scene(&self, tiled: bool) -> Result<(SceneSource, [f64; 2]), HologramError> {
         let asked = self.reading.depth;
         if tiled {
@@ -155,14 +157,14 @@ impl SolveInput {
     }
 }
 
-/// A scene, and the depth map that goes with it.
+/// A scene with its depth map.
 struct Found {
     source: String,
     depth_map: Option<PathBuf>,
 }
 
 impl Found {
-    /// The scene that was named, which must be the hologram's own unless another is asked for.
+    /// Returns the named scene, which must be the hologram's own unless another is allowed.
     fn named(
         hologram: &Hologram,
         own: Option<&SceneRecord>,
@@ -189,7 +191,7 @@ impl Found {
         Ok(Self { source, depth_map })
     }
 
-    /// The hologram's own scene, wherever it is.
+    /// Searches the hologram's own scene.
     fn own(hologram: &Hologram, own: Option<&SceneRecord>, options: &InputOptions) -> Result<Self, HologramError> {
         let Some(own) = own else {
             if hologram.scene.is_empty() {
@@ -197,7 +199,7 @@ impl Found {
             }
             let source = hologram.scene.clone();
             tracing::warn!(
-                "{source}: an older eyebox kept only the name of this hologram's scene: whether it has changed is unknown"
+                "{source}: an older eyebox stored only the name of this hologram's scene, so changes cannot be detected"
             );
             let depth_map = given_map(&source, options)?;
             return Ok(Self { source, depth_map });
@@ -225,12 +227,12 @@ impl Found {
     }
 }
 
-/// The depth map that is stated for a scene.
+/// Returns the depth map that is given for a scene.
 fn given_map(source: &str, options: &InputOptions) -> Result<Option<PathBuf>, SceneError> {
     Ok(scene::depth_maps(&[source.to_owned()], &options.reading.depth_maps)?.into_iter().next())
 }
 
-/// The depth map that a scene was read with.
+/// Returns the depth map with which a scene was read.
 fn own_map(own: &SceneRecord, other_scene: bool) -> Result<Option<PathBuf>, HologramError> {
     let Some(file) = &own.depth_map else { return Ok(None) };
     let name = file.absolute.clone().or_else(|| file.relative.clone()).unwrap_or_default();
@@ -238,7 +240,8 @@ fn own_map(own: &SceneRecord, other_scene: bool) -> Result<Option<PathBuf>, Holo
     Ok(Some(first_same(&name, file.places().into_iter(), file, other_scene, digest)?.into()))
 }
 
-/// The first of the places that holds what was read, by its digest; with `other_scene`, the first that holds anything.
+/// Returns the first path with the recorded content, by its digest. With `other_scene`, returns the first path that
+/// exists.
 fn first_same(
     name: &str,
     places: impl Iterator<Item = PathBuf>,

@@ -1,4 +1,4 @@
-//! What people see of the difference between a hologram and its scene, through some of many pupils.
+//! Computes the perceived difference between a hologram and its scene, through some of many pupils.
 
 use super::{HologramScores, ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
@@ -10,51 +10,52 @@ use eyebox_base::reason;
 use std::ops::Range;
 use std::path::Path;
 
-/// Times that sub-frames are shown in the video that is judged: what repeats shows in the second.
+/// Repetitions of the sub-frames in the video of the metric. A repeating pattern becomes visible in the second one.
 const SHOWN: usize = 2;
 
-/// Side of the square around where an eye looks that is judged alone, degrees: a fovea's.
+/// Side of the square around the gaze direction that is evaluated alone, in degrees. It has the size of a fovea.
 pub const FOVEA_DEGREES: f64 = 5.0;
-/// Fewer rows or columns of it are not judged.
+/// Smaller numbers of rows or columns in this square are not evaluated.
 const LEAST: usize = 16;
 
-/// How a hologram is judged by ColorVideoVDP.
+/// Settings for the evaluation of a hologram with ColorVideoVDP.
 #[derive(Debug, Clone, Copy)]
 pub struct JodSettings<'a> {
-    /// How bright and how fine the picture is seen.
+    /// The brightness and resolution at which the picture is viewed.
     pub viewing: Viewing,
-    /// Pixels a degree of the display's own picture ([`Display::pixels_per_degree`](crate::optics::Display::pixels_per_degree)).
+    /// Pixels per degree of the display's own picture
+    /// ([`Display::pixels_per_degree`](crate::optics::Display::pixels_per_degree)).
     pub pixels_per_degree: f64,
-    /// Of how many pupils, spread evenly over the list: a judgement takes longer than a look.
+    /// Largest number of pupils, spread evenly over the list, because the metric takes longer than the simulation.
     pub most: usize,
-    /// Sub-frames a second: they are judged as the video that they are. None: their mean is, as of an eye that is too slow
-    /// for all flicker.
+    /// Sub-frames per second, to evaluate them as a video. If it is none, their mean is evaluated, as for an eye that
+    /// is too slow for any flicker.
     pub sub_frame_rate_hz: Option<f64>,
-    /// Where the eye looks, radians of visual angle right of and below the picture's middle: the [fovea](FOVEA_DEGREES) around there is
-    /// judged alone, too.
+    /// The gaze direction, in radians of visual angle right of and below the picture's middle. The
+    /// [fovea](FOVEA_DEGREES) around it is also evaluated alone.
     pub gaze: Option<[f64; 2]>,
-    /// A folder for one picture a pupil of where JOD are lost ([`lost_picture`]), `pupil-0000.png` by its place in the list.
+    /// A folder for one picture per pupil of the loss in JOD ([`lost_picture`]), named `pupil-0000.png` by its index.
     pub maps: Option<&'a Path>,
 }
 
 impl JodSettings<'_> {
-    /// Places of the pupils that are judged, of so many.
+    /// Returns the indices of the evaluated pupils in a list of `pupils` pupils.
     pub fn places(&self, pupils: usize) -> Vec<usize> {
         let count = self.most.min(pupils);
         (0..count).map(|i| i * pupils / count).collect()
     }
 }
 
-/// Planes of colours of these names as one picture.
+/// Returns planes of colors with these names as one picture.
 fn picture<'a>(names: &[Option<Color>], planes: &'a [Plane], black: &'a [f32]) -> Rgb<'a> {
     let named: Vec<_> = names.iter().copied().zip(planes.iter().map(|p| &p.values[..])).collect();
     rgb(&named, black)
 }
 
-/// What was found through one pupil: of the whole picture, and where the eye looks; and what should be seen.
+/// The results of one pupil, which are the whole picture, the gaze direction alone, and the target image.
 type JudgedPupil = (Judged, Option<f64>, Vec<Plane>);
 
-/// Rows and columns around where an eye looks, of a picture of that [rows, columns].
+/// Returns the rows and columns around the gaze direction, for a picture of `size` [rows, columns].
 fn fovea([x, y]: [f64; 2], pixels_per_degree: f64, size: [usize; 2]) -> Result<[Range<usize>; 2], EvaluateError> {
     let axis = |angle: f64, pixels: usize| {
         let middle = pixels as f64 / 2.0 + angle.to_degrees() * pixels_per_degree;
@@ -68,28 +69,29 @@ fn fovea([x, y]: [f64; 2], pixels_per_degree: f64, size: [usize; 2]) -> Result<[
         let [tall, wide] = size.map(|pixels| pixels as f64 / pixels_per_degree);
         let reason = reason!(
             "gaze-at-the-edge",
-            "where the eye looks, {right:.1} degrees right of the middle and {below:.1} below it, there is too little of a picture \
-             {wide:.1} degrees wide and {tall:.1} tall: {LEAST} pixels are needed each way"
+            "the gaze is {right:.1} degrees right of the middle and {below:.1} below it, with too few pixels there \
+             in a picture {wide:.1} degrees wide and {tall:.1} tall. {LEAST} pixels are needed each way"
         );
         return Err(EvaluateError::Jod { reason });
     }
     Ok(found)
 }
 
-/// These rows and columns of a plane.
+/// Returns these rows and columns of a plane.
 fn cut(plane: &Plane, down: &Range<usize>, along: &Range<usize>) -> Plane {
     let rows = down.clone().flat_map(|row| &plane.values[row * plane.columns..][along.clone()]);
     Plane { rows: down.len(), columns: along.len(), values: rows.copied().collect() }
 }
 
 impl PhaseSource<'_> {
-    /// Puts JOD to those of the scores' pupils that [`JodSettings::places`] names, of whole pictures (not averaged, as PSNR's
-    /// are) at the scores' exposures, all colours together; `observe` is told how many are judged. Pupils whose colours have pictures
-    /// of different sizes (holograms in tiles), and pictures too small or too large to be judged, have none.
+    /// Computes JOD for the pupils that [`JodSettings::places`] selects. It uses whole pictures (not averaged, unlike
+    /// PSNR) at the scores' exposures, with all colors together. `observe` receives the number of finished pupils.
+    /// Pupils whose colors have pictures of different sizes (holograms in tiles) get none, as do pictures that are too
+    /// small or too large.
     ///
     /// # Errors
-    /// [`ReconstructionError::Evaluate`] for settings that cannot be; those of [`look_through`](Self::look_through) and of the
-    /// files of maps.
+    /// Returns [`ReconstructionError::Evaluate`] for impossible settings, and the errors of
+    /// [`look_through`](Self::look_through) and of writing the maps.
     pub fn judge(
         &self,
         scene: &SceneSource,

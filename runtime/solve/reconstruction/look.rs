@@ -1,4 +1,4 @@
-//! The intensity that a pupil sees of a hologram, in memory or in tiles.
+//! Computes the intensity of a hologram through a pupil, in memory or in tiles.
 
 use super::ReconstructionError;
 use crate::engine::{Buffer, Engine, Purpose};
@@ -10,15 +10,16 @@ use crate::scene::crop_share;
 use std::ops::Range;
 
 impl PhaseSource<'_> {
-    /// What a pupil sees of every colour: the time-averaged intensity over the pupil's share of the eyebox (OPTICS 2), or that
-    /// of sub-frame `frame` alone. No exposure is applied. On the SLM's pixels, or in the far field a square of as many; of a
-    /// hologram in tiles, on [`Sampling::Picture`].
+    /// Returns the intensity of every color through a pupil. It is averaged over the sub-frames, or of sub-frame
+    /// `frame` alone, and divided by the pupil's share of the eyebox (OPTICS 2). No exposure is applied. The image has
+    /// the SLM's pixels, or in the far field a square of as many pixels. A hologram in tiles uses
+    /// [`Sampling::Picture`].
     ///
     /// # Errors
-    /// [`HologramError::Optics`]; those of the engine and of the tiles.
+    /// Returns [`HologramError::Optics`] and the errors of the engine and of the tiles.
     ///
     /// # Panics
-    /// If there is no such sub-frame: the caller's mistake.
+    /// Panics if the sub-frame does not exist, which is a mistake of the caller.
     pub fn look(
         &self,
         frame: Option<usize>,
@@ -29,13 +30,13 @@ impl PhaseSource<'_> {
         (0..self.about().colors.len()).map(one).collect()
     }
 
-    /// The same of one colour through several pupils, sampled as asked.
+    /// Returns the intensity of one color through several pupils, with the given sampling.
     ///
     /// # Errors
-    /// Those of [`look`](Self::look).
+    /// Returns the errors of [`look`](Self::look).
     ///
     /// # Panics
-    /// If there is no such colour or sub-frame: the caller's mistake.
+    /// Panics if the color or sub-frame does not exist, which is a mistake of the caller.
     pub fn look_through(
         &self,
         color: usize,
@@ -54,17 +55,18 @@ impl PhaseSource<'_> {
     }
 }
 
-/// On which pixels a far field larger than memory is seen. Other holograms are seen on the SLM's.
+/// The pixels of the image of a far field larger than memory. Images of other holograms have the SLM's pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sampling {
-    /// As many as the pupil resolves.
+    /// The image has as many pixels as the pupil resolves.
     Pupil,
-    /// As many: two samples of a window twice as wide averaged to one along each axis.
+    /// The image has as many pixels as the pupil resolves. Along each axis, two samples of a window twice as wide are
+    /// averaged to one.
     Picture,
 }
 
 impl Sampling {
-    /// The window that is computed,
+    /// Returns the window that is computed.
     pub(super) fn factor(self) -> WindowFactor {
         match self {
             Self::Pupil => WindowFactor::One,
@@ -72,7 +74,8 @@ impl Sampling {
         }
     }
 
-    /// and what becomes of the square image in it, whose axis comes first: the picture's part, with the axis in the middle.
+    /// Returns the picture's part of the square image in the window, with the axis moved from the first pixel to the
+    /// middle.
     pub(super) fn picture(self, image: Vec<f32>, share: f64) -> Plane {
         let n = (image.len() as f64).sqrt().round() as usize;
         let image = centered(&image, n, n);
@@ -83,15 +86,15 @@ impl Sampling {
 }
 
 impl Hologram {
-    /// What a pupil sees of every colour, without exposure; see [`PhaseSource::look`].
+    /// Returns the intensity of every color through a pupil, without exposure. See [`PhaseSource::look`].
     ///
     /// # Errors
-    /// Those of [`PhaseSource::look`].
+    /// Returns the errors of [`PhaseSource::look`].
     pub fn look(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, ReconstructionError> {
         PhaseSource::from(self).look(None, pupil, engine)
     }
 
-    /// What is seen of planes in its colours, of its own picture's size, behind what bends its display's picture.
+    /// Applies the distortion of its display's picture to planes in its colors, which have its picture's size.
     pub fn as_seen(&self, mut planes: Vec<Plane>) -> Vec<Plane> {
         for (plane, color) in planes.iter_mut().zip(&self.colors) {
             let size = [plane.rows, plane.columns];
@@ -102,11 +105,11 @@ impl Hologram {
         planes
     }
 
-    /// Plans for what is seen of one of its colours: the whole spectrum, with the padding and the display's model that it was
-    /// solved with.
+    /// Returns the planner for images of one of its colors. It has the whole spectrum, and the padding and the
+    /// display's model of the solve.
     ///
     /// # Errors
-    /// [`HologramError::Optics`] for optics that cannot be.
+    /// Returns [`HologramError::Optics`] for impossible optics.
     pub fn planner(&self, color: usize) -> Result<Planner, HologramError> {
         let plain = Planner::new(self.optics(color)?, self.frames, WindowFactor::Full);
         let plain = plain.with_padding(self.metadata.padding());
@@ -137,7 +140,7 @@ fn whole(
     };
     let (rows, columns) = hologram.picture_size();
     let obstruction = hologram.metadata.obstruction;
-    // Marks move with the pupil, and so each pupil has tables of its own.
+    // The shadows of an obstruction move with the pupil, so each pupil has its own tables.
     let alike = if obstruction.is_some() { 1 } else { pupils.len().max(1) };
     let mut seen = Vec::with_capacity(pupils.len());
     for pupils in pupils.chunks(alike) {
@@ -152,7 +155,8 @@ fn whole(
     Ok(seen.into_iter().map(|values| Plane { rows, columns, values }).collect())
 }
 
-/// What a pupil sees of a hologram in tiles. Sub-frames go one after the other: memory follows the pupil's area.
+/// Returns the image of a hologram in tiles through a pupil. Sub-frames are processed one after the other, so that
+/// memory depends only on the pupil's area.
 fn tiled(
     tiles: &Tiles,
     color: usize,
@@ -173,7 +177,8 @@ fn tiled(
     };
     let phases = tiles.read_around(color, at, size)?;
     let pixels = size[0] * size[1];
-    // Seen in each other, all sub-frames of a set go through the engine at once; a single one was seen alone.
+    // If sub-frames affect each other, all sub-frames of a set go through the engine at once. A single one is simulated
+    // alone.
     if frames.len() > 1 && model.is_some_and(|model| model.model().lag > 0.0) {
         let planner = Planner { frames: frames.len(), ..planner };
         engine.load(&planner.shape(Purpose::View), None)?;

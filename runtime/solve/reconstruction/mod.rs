@@ -1,8 +1,9 @@
 //! Computes the image that an eye sees of a hologram, and compares it with the target image of the scene.
 //!
-//! A pupil looks at a [`PhaseSource`](crate::hologram::PhaseSource) ([`Hologram::look`](crate::hologram::Hologram::look)); a
-//! [`SceneSource`] has the photographs of the scene through the same pupils, and [`HologramScores`] compare the two. [`SolveInput`] finds
-//! the scene of a hologram again and reads it as it was when the hologram was solved.
+//! [`Hologram::look`](crate::hologram::Hologram::look) simulates a [`PhaseSource`](crate::hologram::PhaseSource)
+//! through a pupil. A [`SceneSource`] provides the target images of the scene through the same pupils, and
+//! [`HologramScores`] compare the two. [`SolveInput`] finds the scene of a hologram and reads it as it was read for the
+//! solve.
 
 mod input;
 mod jod;
@@ -23,16 +24,16 @@ use crate::files::FileError;
 use crate::hologram::HologramError;
 use crate::optics::OpticsError;
 
-/// Why a hologram could not be looked at or scored.
+/// The reason why a hologram could not be simulated or scored.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum ReconstructionError {
-    /// The hologram, its optics or its file.
+    /// An error of the hologram, its optics or its file.
     Hologram(#[from] HologramError),
-    /// The engine.
+    /// An error of the engine.
     Engine(#[from] EngineError),
-    /// A measure of the difference.
+    /// An error of a measure.
     Evaluate(#[from] EvaluateError),
 }
 

@@ -1,4 +1,4 @@
-//! What should be seen: a scene before a display, photographed through any pupil.
+//! Computes the target images of a scene in front of a display, through any pupil.
 
 use super::{ReconstructionError, Sampling};
 use crate::engine::{Engine, Purpose};
@@ -8,12 +8,12 @@ use crate::scene::LightField;
 use crate::solve::Problem;
 use std::sync::Arc;
 
-/// A scene before a display, in some of its colours.
+/// A scene in front of a display, in some of its colors.
 #[non_exhaustive]
 pub enum SceneSource {
-    /// All views of its light field, colour by colour.
+    /// All views of its light field, color by color.
     Whole(Vec<Problem>),
-    /// A far field larger than memory: views are made from around each pupil.
+    /// A far field larger than memory, whose views are made around each pupil.
     Around(Vec<Views>),
 }
 
@@ -24,10 +24,11 @@ impl From<Vec<Problem>> for SceneSource {
 }
 
 impl SceneSource {
-    /// A light field that has the display's size, in all of its colours. Its views are given up one colour at a time.
+    /// Creates it from a light field of the display's size, in all of its colors. The views are released color by
+    /// color.
     ///
     /// # Errors
-    /// A colour that the display does not have.
+    /// Returns an error for a color that the display does not have.
     pub fn new(mut field: LightField, display: &Display) -> Result<Self, OpticsError> {
         let mut problems = Vec::with_capacity(field.colors.len());
         for (i, color) in field.colors.clone().into_iter().enumerate() {
@@ -37,7 +38,7 @@ impl SceneSource {
         Ok(Self::Whole(problems))
     }
 
-    /// How many colours it has.
+    /// Returns the number of its colors.
     pub fn colors(&self) -> usize {
         match self {
             Self::Whole(problems) => problems.len(),
@@ -45,28 +46,28 @@ impl SceneSource {
         }
     }
 
-    /// Whether there is none.
+    /// Returns true if it has no colors.
     pub fn is_empty(&self) -> bool {
         self.colors() == 0
     }
 
-    /// The photograph in every colour through one pupil (OPTICS 3): linear light, in the samples of
+    /// Returns the target image in every color through one pupil (OPTICS 3). It is linear light, in the samples of
     /// [`PhaseSource::look`](crate::hologram::PhaseSource::look).
     ///
     /// # Errors
-    /// Those of the engine.
+    /// Returns the errors of the engine.
     pub fn photograph(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, ReconstructionError> {
         let one = |color| Ok(self.photographs(color, &[*pupil], Sampling::Picture, engine)?.remove(0));
         (0..self.colors()).map(one).collect()
     }
 
-    /// The same of one colour through several pupils, sampled as asked.
+    /// Returns the target images of one color through several pupils, with the given sampling.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// Returns the errors of the engine.
     ///
     /// # Panics
-    /// If there is no such colour: the caller's mistake.
+    /// Panics if the color does not exist, which is a mistake of the caller.
     pub fn photographs(
         &self,
         color: usize,

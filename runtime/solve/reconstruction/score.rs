@@ -1,4 +1,4 @@
-//! A hologram against its scene.
+//! Scores a hologram against its scene.
 
 use super::{ReconstructionError, Sampling, SceneSource};
 use crate::engine::Engine;
@@ -7,60 +7,60 @@ use crate::hologram::{Hologram, HologramError, PhaseSource};
 use crate::optics::Pupil;
 use eyebox_base::reason;
 
-/// Pupils whose pictures are in memory at once.
+/// The number of pupils whose pictures are in memory at once.
 const AT_ONCE: usize = 64;
 
-/// What one pupil scored, over all colours.
+/// The scores of one pupil over all colors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PupilScore {
-    /// The pupil, metres.
+    /// The pupil, in meters.
     pub pupil: Pupil,
-    /// PSNR over all colors, every pixel counting the same, dB; `None` if the target is black.
+    /// PSNR over all colors with the same weight for every pixel, in dB. It is `None` if the target is black.
     pub psnr: Option<f64>,
-    /// The most that any hologram could have there ([`Ceiling`]), dB, infinite where diffraction takes nothing; none where
-    /// it is not known: in tiles, and where the picture is a part of the field of view.
+    /// The highest PSNR of any hologram through this pupil ([`Ceiling`]), in dB. It is infinite if diffraction causes
+    /// no loss. It is none if it cannot be computed, for tiles and if the picture is a part of the field of view.
     pub ceiling: Option<f64>,
-    /// The finest detail that all colours can have there, cycles a degree.
+    /// The finest detail that all colors can have through this pupil, in cycles per degree.
     pub finest_cycles_per_degree: f64,
-    /// Mean SSIM over the colours; none where the picture is smaller than SSIM's window.
+    /// Mean SSIM over the colors. It is none if the picture is smaller than SSIM's window.
     pub ssim: Option<f64>,
-    /// PSNR of what is seen past an obstruction against what the same hologram shows a clear pupil, over all colors, dB; none for a
-    /// clear pupil, or where that sees nothing.
+    /// PSNR of the image with an obstruction against the image of the same hologram through a clear pupil, over all
+    /// colors, in dB. It is none for a clear pupil, or if the clear pupil receives no light.
     pub against_clear: Option<f64>,
-    /// Just-objectionable differences from 10 over all colours; none where it was not [judged](PhaseSource::judge).
+    /// Quality in JOD, 10 at most, over all colors. It is none unless it was [computed](PhaseSource::judge).
     pub jod: Option<f64>,
-    /// The same where the eye looks ([`JodSettings::gaze`](super::JodSettings::gaze)).
+    /// JOD at the gaze direction alone ([`JodSettings::gaze`](super::JodSettings::gaze)).
     pub jod_there: Option<f64>,
 }
 
-/// Scores of a hologram.
+/// The scores of a hologram.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HologramScores {
-    /// One for each pupil, in their order.
+    /// One score for each pupil, in their order.
     pub pupils: Vec<PupilScore>,
-    /// Per colour, the exposure that was fitted over all pupils.
+    /// For each color, the exposure that was fitted over all pupils.
     pub exposures: Vec<f64>,
 }
 
 impl HologramScores {
-    /// Summary of the PSNR over the pupils whose target is not black; `None` without any.
+    /// Returns a summary of the PSNR over the pupils whose target is not black, or `None` without any.
     pub fn summary(&self) -> Option<Summary> {
         self.summary_of(|pupil| pupil.psnr)
     }
 
-    /// Summary of another score, over the pupils that have it; `None` if none has.
+    /// Returns a summary of another score over the pupils that have it, or `None` if no pupil has it.
     pub fn summary_of(&self, score: impl Fn(&PupilScore) -> Option<f64>) -> Option<Summary> {
         Summary::of(&self.pupils.iter().filter_map(score).collect::<Vec<_>>())
     }
 }
 
 impl PhaseSource<'_> {
-    /// Compares what pupils see with the scene's photographs, after 2 x 2 averaging, with one exposure per colour for all of
-    /// them (OPTICS 2 and 8). The scene has the hologram's colours, in their order.
+    /// Compares the images through pupils with the target images of the scene, after 2 x 2 averaging. One exposure per
+    /// color is used for all pupils (OPTICS 2 and 8). The scene has the hologram's colors in their order.
     ///
     /// # Errors
-    /// [`HologramError::Inconsistent`] for a scene of other colours; [`ReconstructionError::Evaluate`] for a colour without light;
-    /// those of [`look`](Self::look).
+    /// Returns [`HologramError::Inconsistent`] for a scene of other colors, [`ReconstructionError::Evaluate`] for a
+    /// color without light, and the errors of [`look`](Self::look).
     pub fn score(
         &self,
         scene: &SceneSource,
@@ -69,7 +69,7 @@ impl PhaseSource<'_> {
     ) -> Result<HologramScores, ReconstructionError> {
         let (has, given) = (self.about().colors.len(), scene.colors());
         if has != given {
-            let reason = reason!("colors-count", "it has {has} colours, and the scene {given}");
+            let reason = reason!("colors-count", "it has {has} colors, but the scene has {given}");
             return Err(HologramError::Inconsistent(reason).into());
         }
         let optics = (0..has).map(|color| self.about().optics(color)).collect::<Result<Vec<_>, _>>()?;
@@ -86,7 +86,7 @@ impl PhaseSource<'_> {
                     let seen = self.look_through(color, None, pupils, Sampling::Pupil, engine)?;
                     Ok(seen.iter().map(Plane::pooled).zip(wanted.iter().map(Plane::pooled)).collect())
                 };
-            // A picture of this colour that is all that the SLM's own frequencies make.
+            // The ceiling exists if the picture of this color has all frequencies of the SLM.
             let is_whole = matches!(self, Self::Whole(_)) && self.about().picture_share(color) == 1.0;
             let whole = is_whole.then(|| &optics[color]);
             let (mut of_color, mut kept) = (Vec::with_capacity(pupils.len()), Vec::new());
@@ -99,7 +99,7 @@ impl PhaseSource<'_> {
             }
             let exposure = Sums::fit_exposure(&of_color)?;
             sums.iter_mut().zip(of_color).for_each(|(sums, of_color)| sums.push((of_color, exposure)));
-            // The exposure is known after all pupils: where they are many, their pictures are made once more.
+            // The exposure is fitted after all pupils. For many pupils, their pictures are computed a second time.
             let of_pupils = ssims.chunks_mut(AT_ONCE).zip(against_clear.chunks_mut(AT_ONCE));
             for (some, (ssims, against_clear)) in pupils.chunks(AT_ONCE).zip(of_pupils) {
                 let made = if pupils.len() > AT_ONCE { pairs(some, engine)? } else { std::mem::take(&mut kept) };
@@ -108,7 +108,7 @@ impl PhaseSource<'_> {
                     *sum = sum.zip(one).map(|(sum, one)| sum + one);
                 }
                 let Some(clear) = &clear else { continue };
-                // Of the clear pupil, at the same exposure.
+                // The target is the image through the clear pupil at the same exposure.
                 let targets = clear.look_through(color, None, some, Sampling::Pupil, engine)?;
                 for (((seen, _), target), sums) in made.iter().zip(&targets).zip(against_clear) {
                     let target: Vec<f32> = target.pooled().values.iter().map(|v| v * exposure as f32).collect();
@@ -133,10 +133,10 @@ impl PhaseSource<'_> {
 }
 
 impl Hologram {
-    /// [`PhaseSource::score`].
+    /// Scores this hologram with [`PhaseSource::score`].
     ///
     /// # Errors
-    /// Those of [`PhaseSource::score`].
+    /// Returns the errors of [`PhaseSource::score`].
     pub fn score(
         &self,
         scene: &SceneSource,
@@ -155,7 +155,7 @@ mod tests {
     use crate::optics::{Color, Display};
     use crate::scene::{self, Request};
 
-    /// Pictures of a few pupils are kept, those of many are made twice: the same comes of both.
+    /// The pictures of few pupils are kept, and pictures of many are computed twice. Both must give the same scores.
     #[test]
     fn many_pupils_score_as_few_do() {
         let display = Display { height: 24, width: 24, ..Display::preset("small").unwrap() };

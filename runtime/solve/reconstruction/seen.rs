@@ -1,4 +1,4 @@
-//! What is asked of a hologram in memory by who has a scene and a pupil of its own: whether they fit it, and what the eye sees.
+//! Checks a scene and a pupil against a hologram in memory, and computes the exposed image of an eye.
 
 use super::{ReconstructionError, SceneSource};
 use crate::engine::Engine;
@@ -8,23 +8,24 @@ use crate::optics::{OpticsError, Padding, Pupil};
 use crate::scene::LightField;
 use crate::solve::{Problem, PupilRange, Sampler, Sequence};
 
-/// Pupils that decide the exposures of phases that came without.
+/// Number of pupils that determine the exposures of phases without exposures.
 const PUPILS: usize = 16;
 
 impl Hologram {
-    /// Refuses a scene that is not the one that it shows, or whose light field has not the size of what is seen of it.
+    /// Refuses a scene that the hologram does not show, or whose light field differs in size from the hologram's
+    /// picture.
     ///
     /// # Errors
-    /// [`HologramError::OtherScene`], [`HologramError::OtherSize`].
+    /// Returns [`HologramError::OtherScene`] or [`HologramError::OtherSize`].
     pub fn check_shows(&self, record: &SceneRecord, field: &LightField) -> Result<(), HologramError> {
         self.check_is_of(record)?;
         self.check_size(field)
     }
 
-    /// Refuses a light field that has not the size of what is seen of it.
+    /// Refuses a light field that differs in size from the hologram's picture.
     ///
     /// # Errors
-    /// [`HologramError::OtherSize`].
+    /// Returns [`HologramError::OtherSize`] with both sizes.
     pub fn check_size(&self, field: &LightField) -> Result<(), HologramError> {
         let (given, shows) = ((field.height, field.width), self.picture_size());
         if given != shows {
@@ -33,10 +34,10 @@ impl Hologram {
         Ok(())
     }
 
-    /// Refuses a pupil that no eye has or that its light does not reach, in any of its colours.
+    /// Refuses a pupil that no eye has, or that the light of any of its colors does not reach.
     ///
     /// # Errors
-    /// Those of [`Pupil::check_usual`].
+    /// Returns the errors of [`Pupil::check_usual`].
     pub fn check_pupil(&self, pupil: Pupil) -> Result<Pupil, OpticsError> {
         let display = self.made_for().ok().filter(|display| !display.sources.is_empty());
         for (at, color) in self.colors.iter().enumerate() {
@@ -48,11 +49,11 @@ impl Hologram {
         Ok(pupil)
     }
 
-    /// Gives it the exposures with which it is most like its scene, one a colour for all of the eyebox (OPTICS 2), where
-    /// they are not known. `field` has its size and its colours.
+    /// Fits unknown exposures to the scene, one per color for the whole eyebox (OPTICS 2). `field` has its size and its
+    /// colors.
     ///
     /// # Errors
-    /// Those of [`made_for`](Self::made_for), of [`Problem::new`] and [`score`](Self::score).
+    /// Returns the errors of [`made_for`](Self::made_for), [`Problem::new`] and [`score`](Self::score).
     pub fn fit_exposure(&mut self, field: &LightField, engine: &mut dyn Engine) -> Result<(), ReconstructionError> {
         if !self.metadata.exposure_assumed {
             return Ok(());
@@ -60,7 +61,7 @@ impl Hologram {
         let display = self.made_for()?;
         let problem = |color| Problem::new(field, color, &display, Padding::default());
         let problems = self.named_colors().into_iter().map(problem).collect::<Result<Vec<_>, _>>()?;
-        // Light is much the same at every depth: a doubtful one will do.
+        // The light is almost the same at every depth, so an uncertain depth is sufficient.
         let range = PupilRange::over(display.eyebox_min(), field.reach(&display).0);
         let mut sampler = Sampler::new(range, Sequence::Sobol, self.seed);
         let pupils: Vec<_> = (0..PUPILS).map(|_| sampler.draw()).collect();
@@ -73,11 +74,11 @@ impl Hologram {
         Ok(())
     }
 
-    /// What an eye sees through a pupil: one plane of linear light per colour, with 1 as the scene's full scale, behind what bends
-    /// its display's picture.
+    /// Returns the image that an eye sees through a pupil, as one plane of linear light per color. 1 is the scene's
+    /// full scale. The distortion of the display's picture is applied.
     ///
     /// # Errors
-    /// [`HologramError::NoExposure`]; those of [`look`](Self::look).
+    /// Returns [`HologramError::NoExposure`], or the errors of [`look`](Self::look).
     pub fn seen(&self, pupil: &Pupil, engine: &mut dyn Engine) -> Result<Vec<Plane>, ReconstructionError> {
         if self.metadata.exposure_assumed {
             return Err(HologramError::NoExposure.into());

@@ -1,4 +1,4 @@
-//! A solve: what it begins with, and then its steps.
+//! Solves one color, from its first phases to the end of its steps.
 
 use super::error::SolveError;
 use super::method::Method;
@@ -10,12 +10,12 @@ use super::start_table;
 use crate::engine::Engine;
 use std::time::Instant;
 
-/// Solves one colour. `observe` is called after every step.
+/// Solves one color and calls `observe` after every step.
 ///
-/// The same seed gives the same phases, bit for bit, on one engine.
+/// The same seed gives the same phases on one engine, bit for bit.
 ///
 /// # Errors
-/// [`SolveError`]; where the engine fails, the best state so far is lost with this call.
+/// [`SolveError`]. If the engine fails, the best state is lost with this call.
 pub fn solve(
     problem: &Problem,
     settings: &Settings,
@@ -25,10 +25,10 @@ pub fn solve(
     solve_from(problem, settings, None, engine, observe)
 }
 
-/// [`solve`] from phases that are given. Methods in closed form have no use for them.
+/// Solves one color from given phases, as [`solve`] does otherwise. Methods in closed form do not use them.
 ///
 /// # Errors
-/// Those of [`solve`]; [`SolveError::Setting`] for another number of phases.
+/// The errors of [`solve`], and [`SolveError::Setting`] for another number of phases.
 pub fn solve_from(
     problem: &Problem,
     settings: &Settings,

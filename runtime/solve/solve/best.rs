@@ -1,8 +1,8 @@
-//! The best state of a refinement. Refinement for one pupil can get worse again, so its last state is often not its best.
+//! Keeps the best state of a refinement, because refinement for one pupil can become worse again.
 //!
-//! Every step is judged, at the pupil that was asked for, as [`Hologram::score`](crate::hologram::Hologram::score) judges it: at
-//! the exposure that suits the state best. Only so is the result of more steps never worse. Looking through one pupil takes
-//! about as long as a step.
+//! The last state is therefore often not the best. Every step is judged at the requested pupil, as
+//! [`Hologram::score`](crate::hologram::Hologram::score) does, at the exposure that suits the state best. Only this
+//! makes the result of more steps never worse. A simulation through one pupil takes about as long as a step.
 
 use super::outcome::Flow;
 use super::steer::Refiner;
@@ -11,36 +11,36 @@ use crate::evaluate::Sums;
 use crate::optics::{Pupil, PupilDistribution};
 use std::time::Instant;
 
-/// One color under refinement, or all colors that share their drives.
+/// One color under refinement, or all colors that share their drive values.
 pub trait Refinable {
-    /// The eye has moved.
+    /// Aims the refinement at a new position of the eye.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError>;
 
-    /// Takes a step. Returns its loss; with one that is NaN or infinite the phases stay as they were.
+    /// Takes a step and returns its loss. If the loss is NaN or infinite, the phases stay as they were.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     fn step(&mut self) -> Result<f64, EngineError>;
 
-    /// Looks through pupils. Returns, color by color, the sums of each pupil.
+    /// Simulates the view through pupils and returns, per color, the sums of each pupil.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     fn look_at_colors(&mut self, pupils: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError>;
 
-    /// The pupils that steps are taken for.
+    /// Returns the pupils for which steps are taken.
     fn aimed_at(&self) -> PupilDistribution;
 
     /// Reads the phases of each color: (frames, height, width), radians.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     fn state(&mut self) -> Result<Vec<Vec<f32>>, EngineError>;
 
-    /// The display's switchable sources that light it, by their places, if it chooses them.
+    /// Returns the indices of the display's switchable sources that light it, if it chooses them.
     fn lit(&self) -> Option<&[usize]> {
         None
     }
@@ -72,23 +72,23 @@ impl Refinable for Refiner {
     }
 }
 
-/// A step of a refinement, with all steps before it.
+/// One step of a refinement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RefinedStep {
     /// Steps since the pupil was set.
     pub step: usize,
-    /// Loss of this step, the mean over the colors.
+    /// The loss of this step, averaged over the colors.
     pub loss: f64,
-    /// Time of the steps of this call, without that of judging them, seconds.
+    /// Time of the steps of this call in seconds, without the time for judging them.
     pub seconds: f64,
 }
 
 /// A state of a refinement.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BestState {
-    /// The step after which it was reached; 0 for the state before the first.
+    /// The step after which this state was reached. 0 is the state before the first step.
     pub step: usize,
-    /// PSNR at the pupil over all of its colors, dB; `None` if the target is black.
+    /// PSNR at the pupil over all of its colors, in dB. `None` if the target is black.
     pub psnr: Option<f64>,
     /// Phases of each color: (frames, height, width), radians.
     pub phases: Vec<Vec<f32>>,
@@ -99,38 +99,38 @@ pub struct BestState {
 pub struct BestKeeper {
     pupil: Pupil,
     taken: usize,
-    /// PSNR of each color after the last step, dB; empty before the first judgment.
+    /// PSNR of each color after the last step, in dB. It is empty before the first judgment.
     last: Vec<Option<f64>>,
     best: Option<BestState>,
 }
 
 impl BestKeeper {
-    /// Begins for a pupil, metres.
+    /// Starts with no state for a pupil in meters.
     pub fn new(pupil: Pupil) -> Self {
         Self { pupil, taken: 0, last: Vec::new(), best: None }
     }
 
-    /// The best state so far; `None` before the first judgment.
+    /// Returns the current best state, or `None` before the first judgment.
     pub fn best(&self) -> Option<&BestState> {
         self.best.as_ref()
     }
 
-    /// Takes out the best state. `None` before the first judgment.
+    /// Returns the best state and consumes the keeper. The result is `None` before the first judgment.
     pub fn into_best(self) -> Option<BestState> {
         self.best
     }
 
-    /// PSNR at the pupil of each color as it is now, dB; `None` for a black target.
+    /// Returns the PSNR at the pupil of each color in its current state, in dB. `None` is a black target.
     pub fn psnr_of_colors(&self) -> &[Option<f64>] {
         &self.last
     }
 
-    /// Judges the state as it is, and keeps it if it is the best.
+    /// Judges the current state and keeps it if it is the best.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn judge(&mut self, refined: &mut dyn Refinable) -> Result<(), EngineError> {
-        // Without light each exposure is as bad.
+        // Without light every exposure is equally bad.
         let exposed = |sums: Sums| (sums, Sums::fit_exposure(&[sums]).unwrap_or(0.0));
         let looks = refined.look_at_colors(&[self.pupil])?;
         let colors: Vec<(Sums, f64)> = looks.into_iter().flatten().map(exposed).collect();
@@ -143,16 +143,16 @@ impl BestKeeper {
     }
 }
 
-/// Whether a PSNR beats the best before it. Before a black target nothing can be judged, and the last state is kept.
+/// Returns true if a PSNR exceeds the best one before it. A black target allows no judgment, so the last state is kept.
 fn is_better(psnr: Option<f64>, best: Option<f64>) -> bool {
     psnr.zip(best).is_none_or(|(psnr, best)| psnr > best)
 }
 
-/// Takes at most `steps` steps of all that is refined together, and judges each. Ends earlier if `observe` stops it or if a loss is
-/// not a finite number. Returns the last loss and the number of steps.
+/// Takes at most `steps` steps of all given refinements and judges each step. It ends earlier if `observe` stops it or
+/// if a loss is not a finite number. It returns the last loss and the number of steps.
 ///
 /// # Errors
-/// Those of the engines.
+/// [`EngineError`] if an engine fails.
 pub fn refine(
     parts: &mut [(&mut dyn Refinable, &mut BestKeeper)],
     steps: usize,
@@ -190,7 +190,7 @@ pub fn refine(
 mod tests {
     use super::*;
 
-    /// A refinement whose PSNR after each step is known.
+    /// A refinement with a given PSNR after each step.
     struct Scripted {
         decibels: Vec<f64>,
         at: usize,
@@ -207,7 +207,7 @@ mod tests {
         }
 
         fn look_at_colors(&mut self, _: &[Pupil]) -> Result<Vec<Vec<Sums>>, EngineError> {
-            // At the exposure 1/2 the error is orthogonal to the image.
+            // At an exposure of 1/2 the error is orthogonal to the image.
             let error = 10f64.powf(-self.decibels[self.at] / 10.0);
             Ok(vec![vec![Sums { with_target: 1.0, with_itself: 2.0, of_target: 0.5 + error, pixels: 1 }]])
         }
@@ -231,7 +231,7 @@ mod tests {
         let mut before = f64::NEG_INFINITY;
         for steps in 0..decibels.len() {
             let (mut refined, mut keeper) = scripted(&decibels);
-            // In one call and in two.
+            // The steps are taken in one call and in two.
             for part in [steps / 2, steps - steps / 2] {
                 let (_, taken) = refine(&mut [(&mut refined, &mut keeper)], part, &mut |_| Flow::Continue).unwrap();
                 assert_eq!(taken, part);

@@ -1,4 +1,4 @@
-//! Phases that go with the picture that they show, sub-frame by sub-frame.
+//! Moves phases with the picture that they show, sub-frame by sub-frame.
 
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Geometry, Optics};
@@ -6,7 +6,7 @@ use crate::plan::Planner;
 use eyebox_kernels::trig;
 use std::f64::consts::TAU;
 
-/// Room for what is moved, before and after.
+/// Memory for the values before and after a move.
 #[derive(Default)]
 pub(super) struct Carry {
     before: Vec<f32>,
@@ -14,10 +14,10 @@ pub(super) struct Carry {
 }
 
 impl Carry {
-    /// Moves the values of each sub-frame by whole pixels (x, y), those behind the last shift not at all.
+    /// Moves the values of each sub-frame by whole pixels (x, y). Sub-frames after the last shift do not move.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub(super) fn shift(
         &mut self,
         engine: &mut dyn Engine,
@@ -40,14 +40,15 @@ impl Carry {
         engine.write(buffer, after)
     }
 
-    /// What was moved last, as it was before.
+    /// Returns the values before the last move.
     pub(super) fn before(&self) -> &[f32] {
         &self.before
     }
 }
 
-/// Values of a sub-frame whose picture stands `shift` pixels (x, y) farther: before a relay the pattern itself is moved, round its
-/// edges; in the far field phases are turned by a ramp.
+/// Computes the values of a sub-frame whose picture moves by `shift` pixels (x, y).
+///
+/// If there is a relay, the pattern itself moves and wraps around its edges. In the far field a phase ramp is added.
 pub(super) fn move_frame(from: &[f32], to: &mut [f32], [slm, grid]: [&Optics; 2], [x, y]: [f64; 2]) {
     let (h, w) = (slm.height, slm.width);
     if [x, y] == [0.0; 2] {

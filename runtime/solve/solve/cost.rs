@@ -1,4 +1,4 @@
-//! What a solve takes, before anything runs: work and bytes, counted from the very steps that it would take.
+//! Predicts the work and the memory of a solve before it runs, from the steps that it would take.
 
 use super::optimizer::Optimizer;
 use super::problem::Problem;
@@ -12,8 +12,9 @@ use crate::optics::{DisplayModel, WindowFactor};
 use crate::plan::{self, Comparison, Group, Planner, Slots};
 use serde::Serialize;
 
-/// What the terms of the display's model add to a step's work: each by itself, and all of them (`"all"`), as shares of the step
-/// of an ideal display. None where the display is ideal.
+/// Returns the work that each term of the display model adds to a step, and all terms together (`"all"`).
+///
+/// The values are shares of the step of an ideal display. The list is empty for an ideal display.
 pub fn model_work(problem: &Problem, settings: &Settings) -> Vec<(&'static str, f64)> {
     let Some(tables) = &problem.model else { return Vec::new() };
     let model = tables.model();
@@ -28,36 +29,38 @@ pub fn model_work(problem: &Problem, settings: &Settings) -> Vec<(&'static str, 
     each.chain([("all", share(model.clone()))]).collect()
 }
 
-/// What one colour takes.
+/// Work and memory of the solve of one color.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
-    /// Work of a step, on average, in the order of [`Group::ALL`]; a unit is about a nanosecond of one core.
+    /// Average work of a step, in the order of [`Group::ALL`]. A unit is about a nanosecond of one core.
     pub step: [f64; Group::ALL.len()],
-    /// Work beside the steps: the views' pyramid, and validation.
+    /// Work besides the steps, which is the pyramid of the views and validation.
     pub beside: f64,
-    /// Steps.
+    /// The number of steps.
     pub steps: usize,
-    /// What memory goes to, bytes: the peak is their sum.
+    /// Bytes per use of memory. The peak is their sum.
     pub memory: Vec<(&'static str, u64)>,
-    /// Smallest and largest window, points along the longer axis; zeros where no step is taken.
+    /// Smallest and largest window, in points along the longer axis. Both are 0 without steps.
     pub windows: [usize; 2],
 }
 
-/// Staging between host and device, and what a Vulkan driver keeps to compile kernels, bytes (measured on a software
-/// device).
+/// Staging memory between host and device, and the memory that a Vulkan driver keeps to compile kernels, in bytes
+/// (measured on a software device).
 const STAGING: u64 = 112 << 20;
-/// Work for a pixel of a view, from light to all levels of its pyramid.
+/// Work per pixel of a view, from light to all levels of its pyramid.
 const PIXEL_OF_A_VIEW: f64 = 1.0;
 
 impl Cost {
-    /// Of a solve on an engine whose buffers lie in `memory`, from its first steps, until they have drawn so many pupils:
-    /// pupils repeat themselves. Nothing runs, and an [outline](Problem::outline) will do.
+    /// Counts a solve on an engine whose buffers are in `memory`, from its first steps until they have drawn `pupils`
+    /// pupils.
+    ///
+    /// More are not needed because pupils repeat. Nothing runs, and an [outline](Problem::outline) is enough.
     pub fn new(problem: &Problem, settings: &Settings, memory: Memory, pupils: usize) -> Self {
         let settings = settings.as_computed();
         let planner = problem.planner_of(&settings);
         let purpose = settings.optimizer.purpose();
         let shape = planner.shape(purpose);
-        // On the host, halves are rounded to and not stored.
+        // On the host, values are rounded to halves but stored as float32.
         let complex = if memory == Memory::Host { 8 } else { settings.storage.bytes() as u64 };
         let steps = if settings.method.is_iterative() { settings.steps } else { 0 };
         let seen = steps.min(pupils.div_ceil(settings.pupils.max(1)));
@@ -71,7 +74,7 @@ impl Cost {
             }
             windows.extend(next.pupil_passes.iter().map(|l| l.window.rows.max(l.window.columns)));
         }
-        // Validation looks through one whole spectrum at a time.
+        // Validation uses one whole spectrum at a time.
         let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
         let mut viewpoints = Viewpoints::new(problem, &settings, settings.seed);
         let looks: Vec<_> = (0..PUPILS).map(|_| whole.viewpoint(&viewpoints.draw(), &Comparison::default())).collect();
@@ -89,65 +92,64 @@ impl Cost {
             parts.push(("buffers", plan::shared_bytes(&shape, complex)));
             parts.push(("windows", slots.bytes_with(look)));
         }
-        // The best so far, and the next while it is read.
+        // These are the current best result, and the next one while it is read.
         parts.push(("results", 2 * 4 * (shape.pixels() * settings.frames) as u64));
         let windows = [windows.iter().min(), windows.iter().max()].map(|n| n.copied().unwrap_or(0));
         Self { step, beside, steps, memory: parts, windows }
     }
 
-    /// Work in all.
+    /// Returns the total work.
     pub fn work(&self) -> f64 {
         self.steps as f64 * self.step.iter().sum::<f64>() + self.beside
     }
 
-    /// Bytes of all parts.
+    /// Returns the bytes of all parts.
     pub fn bytes(&self) -> u64 {
         self.memory.iter().map(|m| m.1).sum()
     }
 }
 
-/// What one colour of a solve will take.
+/// Predicted time and memory of one color of a solve.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Seconds of a step, on average.
+    /// Average seconds per step.
     pub step_seconds: f64,
-    /// The same per group of kernels, in the order of [`Group::ALL`].
+    /// Average seconds per step and group of kernels, in the order of [`Group::ALL`].
     pub group_seconds: [f64; Group::ALL.len()],
-    /// What memory goes to when most is held, bytes: the peak is their sum.
+    /// Bytes per use of memory at the time of the highest use. The peak is their sum.
     pub memory: Vec<(&'static str, u64)>,
-    /// Smallest and largest window, points along the longer axis.
+    /// Smallest and largest window, in points along the longer axis.
     pub windows: [usize; 2],
 }
 
 impl Forecast {
-    /// Peak of the process, bytes.
+    /// Returns the peak memory of the process, in bytes.
     pub fn peak_bytes(&self) -> u64 {
         self.memory.iter().map(|m| m.1).sum()
     }
 }
 
-/// What a scene has in memory beside the colour that is solved.
+/// Memory that a scene uses besides the color that is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Loaded {
-    /// Values of all its views in all loaded colours, as float32.
+    /// Values of all its views in all loaded colors, as float32.
     pub values: usize,
-    /// Bytes of the program with its engine open, before it loads anything: with a Vulkan driver, many times what it is
-    /// without.
+    /// Bytes of the program with its engine open, before it loads anything. A Vulkan driver multiplies this number.
     pub program: u64,
-    /// Bytes of the program at most while it loaded the scene; 0 where the system does not say. Views may be larger as
-    /// they are read than as they are solved.
+    /// Peak bytes of the program while it loaded the scene. 0 if the system does not report it. Views can need more
+    /// memory while they are read than while they are solved.
     pub loading: u64,
-    /// Where the engine's buffers lie.
+    /// Location of the engine's buffers.
     pub memory: Memory,
-    /// Colours solved before this one: their phases are kept, and the engine keeps the last one's views until it is given
-    /// this one's.
+    /// Colors solved before this one. Their phases are kept, and the engine keeps the views of the last one until it
+    /// receives the views of this one.
     pub done: usize,
 }
 
-/// Pupils whose steps are looked at.
+/// Number of pupils whose steps the forecast counts.
 const SEEN: usize = 512;
 
-/// Predicts a solve of one colour. Nothing runs, and an [outline](Problem::outline) will do.
+/// Predicts a solve of one color. Nothing runs, and an [outline](Problem::outline) is enough.
 pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: Loaded) -> Forecast {
     let cost = Cost::new(problem, settings, loaded.memory, SEEN);
     let optimizer = settings.as_computed().optimizer;
@@ -166,7 +168,8 @@ pub fn forecast(problem: &Problem, settings: &Settings, rates: &Rates, loaded: L
         before.extend([("views before", pyramid), ("results before", loaded.done as u64 * phases)]);
     }
     let solving = [&scene[..], &before, &cost.memory].concat();
-    // Views that are padded, or smaller than the image, are made as float32 before they are stored; no fields are held yet.
+    // Views that are padded, or smaller than the image, are made as float32 before they are stored. No fields exist yet
+    // at this point.
     let copies = grid != problem.optics || problem.share < 1.0;
     let copied = if copies { 4 * (problem.pyramid.count * points) as u64 } else { 0 };
     let preparing = [&scene[..], &before, &[("views", pyramid), ("views as they are made", copied)]].concat();

@@ -1,5 +1,7 @@
-//! The double-phase method: every value of a complex field as two phases on a checkerboard (Maimone, Georgiou and
-//! Kollin, SIGGRAPH 2017). The field is that of the central view, each pixel at its depth, with smooth phase.
+//! Encodes a complex field as two phases per value on a checkerboard, by the double-phase method.
+//!
+//! The method is from Maimone, Georgiou and Kollin, SIGGRAPH 2017. The field has the amplitude of the central view and
+//! smooth phase, and each pixel is at its depth.
 
 use super::error::SolveError;
 use super::problem::Problem;
@@ -11,15 +13,15 @@ use crate::scene;
 use eyebox_kernels::trig::wrap;
 use std::sync::Arc;
 
-/// Depths that a scene is cut into.
+/// Number of depth layers of a scene.
 const LAYERS: usize = 48;
 
-/// Phases (frames, height, width): sub-frames differ in which half of the checkerboard a pixel belongs to.
+/// Computes phases (frames, height, width). Sub-frames differ in the half of the checkerboard to which a pixel belongs.
 ///
-/// The engine is loaded for one sub-frame, and must be loaded again for what comes after.
+/// The engine is loaded for one sub-frame and must be loaded again for later work.
 ///
 /// # Errors
-/// Those of the engine.
+/// [`SolveError::Engine`] if the engine fails.
 pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn Engine) -> Result<Vec<f32>, SolveError> {
     let planner = problem.planner(1, WindowFactor::Full);
     engine.load(&planner.shape(Purpose::Project), Some(Arc::clone(&problem.pyramid)))?;
@@ -27,7 +29,7 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
     let range = settings.depth.map(|z| z / per_pixel);
     let (light, disparity) = scene::central_view(&problem.pyramid, &problem.views, range);
 
-    // Each layer holds the pixels nearest to its depth; its light passes the disc that a centred eye can see.
+    // Each layer holds the pixels nearest to its depth. Its light passes the disc that a centered eye can see.
     let layers = if range[1] > range[0] { LAYERS } else { 1 };
     let step = (range[1] - range[0]) / layers as f64;
     let layer_of = |d: f32| (((f64::from(d) - range[0]) / step) as usize).min(layers - 1);
@@ -38,7 +40,8 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
         planner.pupil_pass(&pupil, &Comparison::default())
     };
     let full = planner.layers_step((0..layers).map(pupil_pass).collect());
-    // A window's index 0 is bin (y0, x0): its image turns by that frequency (the signs of a checkerboard, mostly).
+    // Index 0 of a window is bin (y0, x0), so its image is modulated by that frequency (mostly the signs of a
+    // checkerboard).
     let ((height, width), window) = (planner.grid.image_size(), full.pupil_passes[0].window);
     let turn = |i: usize| {
         let across = (window.y0 * (i / width) as i64).rem_euclid(height as i64) as f64 / height as f64;
@@ -52,7 +55,7 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
             continue;
         }
         let value = |at: usize| if layer[at] == i { light[at].sqrt() } else { 0.0 };
-        // In the far field the axis comes first, as the planner's photographs have it.
+        // In the far field the axis comes first, as in the planner's target images.
         let (ay, ax) = if planner.grid.geometry == Geometry::FarField { (height / 2, width / 2) } else { (0, 0) };
         let rolled = |n: usize| (n / width + ay) % height * width + (n % width + ax) % width;
         let window: Vec<f32> = (0..height * width)
@@ -71,7 +74,7 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
         return Ok(encode(&place, &field, settings.frames));
     };
     let (height, width) = (place.height as usize, place.width as usize);
-    // Where the source is weaker, more of it is to be left.
+    // A weaker source needs a larger amplitude.
     for (i, amplitude) in model.source_amplitude([height, width]).into_iter().enumerate() {
         let at = (i / width + place.top as usize) * place.grid_width as usize + i % width + place.left as usize;
         field[2 * at..2 * at + 2].iter_mut().for_each(|v| *v /= amplitude as f32);
@@ -85,7 +88,7 @@ pub(super) fn phases(problem: &Problem, settings: &Settings, engine: &mut dyn En
     Ok(phases)
 }
 
-/// `field`: pairs (re, im) on the grid.
+/// Encodes `field`, pairs (re, im) on the grid, as phases.
 fn encode(place: &eyebox_kernels::modulate::Args, field: &[f32], frames: usize) -> Vec<f32> {
     let (height, width) = (place.height as usize, place.width as usize);
     let at = |y: usize, x: usize| {

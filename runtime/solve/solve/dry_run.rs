@@ -1,4 +1,4 @@
-//! Steps that are recorded and not run: what they ask of a device, and of the host that records them.
+//! Records steps without running them, to measure their demands on a device and on the recording host.
 
 use super::error::SolveError;
 use super::problem::Problem;
@@ -14,31 +14,31 @@ use crate::plan::{DeviceModel, Estimate, Recording};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A step that was recorded, and what was made for it.
+/// A recorded step and the counts of objects made for it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DryRunStep {
-    /// What it records.
+    /// The commands of the step.
     pub recording: Recording,
-    /// What was done for it beside.
+    /// Counts of further work for the step.
     pub counts: Counts,
 }
 
-/// Steps that were recorded, one after the other.
+/// A series of recorded steps.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DryRun {
-    /// The steps; pipelines and memory are made for the first ones.
+    /// The steps. Pipelines and memory are made for the first ones.
     pub steps: Vec<DryRunStep>,
-    /// How they store waves.
+    /// The storage of complex fields.
     pub storage: Storage,
-    /// What the host takes to make, check and record a step: the median of as many further ones.
+    /// Time that the host takes to make, check and record a step. It is the median of as many further steps.
     pub host: Duration,
 }
 
 impl DryRun {
-    /// Of the steps of a solve, on a device that [only records](crate::gpu::Options::record_only).
+    /// Records steps of a solve, on a device that [only records](crate::gpu::Options::record_only).
     ///
     /// # Errors
-    /// Those of the settings and of the device.
+    /// [`SolveError`] for wrong settings and for failures of the device.
     pub fn of_solve(problem: &Problem, settings: &Settings, gpu: &Gpu, count: usize) -> Result<Self, SolveError> {
         settings.check()?;
         let planner = problem.planner_of(settings);
@@ -54,10 +54,10 @@ impl DryRun {
         })
     }
 
-    /// Of the steps of a refinement for pupils of `aim`.
+    /// Records steps of a refinement for pupils of `aim`.
     ///
     /// # Errors
-    /// Those of the settings and of the device.
+    /// [`SolveError`] for wrong settings and for failures of the device.
     pub fn of_refinement(
         problem: Problem,
         frames: usize,
@@ -74,17 +74,17 @@ impl DryRun {
         record_steps(gpu, count, storage, || refiner.advance().map(drop))
     }
 
-    /// The later half of the steps, for which most is made already.
+    /// Returns the later half of the steps, which reuse most pipelines and memory.
     fn later(&self) -> &[DryRunStep] {
         &self.steps[self.steps.len() / 2..]
     }
 
-    /// What one of the later half of the steps would take on a device, without the host.
+    /// Estimates the time of a step of the later half on a device, without the host.
     pub fn estimate(&self, device: &DeviceModel) -> Estimate {
         device.estimate(&self.later().iter().map(|step| &step.recording).collect::<Vec<_>>(), self.storage.bytes())
     }
 
-    /// The mean of a number over the later half of the steps.
+    /// Returns the mean of a number over the later half of the steps.
     pub fn mean(&self, of: impl Fn(&DryRunStep) -> u64) -> f64 {
         self.later().iter().map(|step| of(step) as f64).sum::<f64>() / self.later().len().max(1) as f64
     }
@@ -103,7 +103,7 @@ fn record_steps(
         done?;
         steps.push(DryRunStep { recording, counts: gpu.counts().since(before) });
     }
-    // Writing down what is recorded takes time as well: the host is timed where nobody asks.
+    // The host is timed without recording output because storing the recording takes time as well.
     let mut times = Vec::with_capacity(count);
     for _ in 0..count {
         let begun = Instant::now();

@@ -1,38 +1,38 @@
-//! What can be wrong with a solve.
+//! Errors of a solve.
 
 use crate::engine::EngineError;
 use crate::optics::OpticsError;
 use crate::scene::SceneError;
 use eyebox_base::error::Reason;
 
-/// Why a solve failed.
+/// The cause of a failed solve.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SolveError {
-    /// A setting that cannot be.
+    /// A setting has an invalid value.
     #[error("{what} is {value}: it must be {right}")]
     Setting {
-        /// Which, with its unit.
+        /// The setting and its unit.
         what: &'static str,
-        /// Its value.
+        /// The invalid value as text.
         value: String,
-        /// What would be right.
+        /// A description of the valid values.
         right: &'static str,
     },
-    /// Settings as text that cannot be read.
+    /// The text of the settings is invalid.
     #[error("the settings: {0}")]
     Text(Reason),
-    /// A scene that does not tell what is needed of it.
+    /// The scene lacks data that the solve needs.
     Scene(#[from] SceneError),
-    /// A colour or a size that the display does not have.
+    /// The display does not have this color or size.
     Optics(#[from] OpticsError),
-    /// From the engine.
+    /// The engine failed during the solve.
     Engine(#[from] EngineError),
 }
 
-/// Refuses the `value` of a setting unless it `fits`; `right` says which values do.
+/// Returns an error for the `value` of a setting unless it `fits`. `right` describes the valid values.
 pub(super) fn require(
     fits: bool,
     what: &'static str,

@@ -1,23 +1,24 @@
-//! One exposure per colour, for the whole eyebox, chosen from the scene (OPTICS 6c).
+//! Chooses one exposure per color for the whole eyebox, from the scene (OPTICS 6c).
 //!
-//! Exposure is light efficiency: too low, and every photon must land where a pupil may look; too high, and the speckle
-//! of the light that is left over shows in dark places. The best one follows the bright end of the scene. Two measures
-//! of that end, taken from photographs, agree on scenes that are seen as surfaces, and either is within 0.3 dB of the
-//! best; on sparse scenes (points on black) they part, and short pilot solves between them decide.
+//! The exposure decides the light efficiency. If it is too low, every photon must reach a place that a pupil can see.
+//! If it is too high, the speckle of the excess light shows in dark places. The best exposure follows the bright end of
+//! the scene. Two measures of that end are computed from target images. They agree on scenes of surfaces, and either
+//! one is within 0.3 dB of the best. They differ on sparse scenes (points on black), and then short pilot solves
+//! between them decide.
 
-/// The bright end of a scene, by two measures; linear light.
+/// The bright end of a scene by two measures, in linear light.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BrightEnd {
-    /// `sum T^3 / sum T^2`: the mean brightness of the light that makes up the squared signal.
+    /// `sum T^3 / sum T^2`, the mean brightness of the light that makes up the squared signal.
     pub contrast: f64,
     /// 0.65 of the 99th percentile.
     pub percentile: f64,
-    /// The mean: no exposure below it, for there is no more light.
+    /// The mean. A lower exposure is useless because there is no more light.
     pub mean: f64,
 }
 
 impl BrightEnd {
-    /// Of photographs of a scene.
+    /// Measures the target images of a scene.
     pub fn of<'a>(photographs: impl IntoIterator<Item = &'a [f32]>) -> Self {
         let (mut count, mut m1, mut m2, mut m3) = (0u64, 0.0, 0.0, 0.0);
         let mut values = Vec::new();
@@ -32,7 +33,7 @@ impl BrightEnd {
             values.extend_from_slice(image);
         }
         if m2.is_nan() || m2 <= 0.0 {
-            // A black scene: any exposure shows it.
+            // Any exposure shows a black scene.
             return Self { contrast: 0.35, percentile: 0.35, mean: 0.0 };
         }
         let rank = (values.len() - 1) * 99 / 100;
@@ -40,18 +41,18 @@ impl BrightEnd {
         Self { contrast: m3 / m2, percentile: 0.65 * f64::from(*p99), mean: m1 / count as f64 }
     }
 
-    /// The same where the eyebox has this much light: an exposure is per unit of it.
+    /// Returns the bright end for an eyebox with this much light. An exposure is per unit of it.
     #[must_use]
     pub(crate) fn lit(self, light: f64) -> Self {
         Self { contrast: self.contrast / light, percentile: self.percentile / light, mean: self.mean / light }
     }
 
-    /// A first guess.
+    /// Returns a first guess of the exposure.
     pub(crate) fn guess(&self) -> f64 {
         self.contrast.max(self.mean)
     }
 
-    /// Where the two measures part: exposures to try, evenly spaced in log, lowest first.
+    /// Returns exposures to try if the two measures differ, evenly spaced in log, lowest first.
     pub fn candidates(&self) -> Option<Vec<f64>> {
         let low = self.percentile.max(self.mean).max(self.contrast / 64.0);
         let high = self.guess();
@@ -59,13 +60,14 @@ impl BrightEnd {
         if ratio.is_nan() || ratio <= 2.0 {
             return None;
         }
-        // A factor of two apart or a little more; one below the range, for the percentile may overshoot too.
+        // They are a factor of two apart or slightly more. One is below the range because the percentile may be too
+        // high as well.
         let steps = ratio.log2().ceil();
         Some((-1..=steps as i32).map(|i| low * ratio.powf(f64::from(i) / steps)).filter(|e| *e >= self.mean).collect())
     }
 }
 
-/// Where the parabola through three points (log exposure, dB) peaks, within the outer two.
+/// Returns the peak of the parabola through three points (log exposure, dB), limited to the outer two.
 pub fn peak(points: [(f64, f64); 3]) -> f64 {
     let [(a, fa), (b, fb), (c, fc)] = points.map(|(e, f)| (e.ln(), f));
     let (left, right) = ((b - a) * (fb - fc), (b - c) * (fb - fa));
@@ -88,7 +90,7 @@ mod tests {
         let mut points = vec![0.001f32; 10_000];
         points[5_000..5_020].fill(0.9);
         let end = BrightEnd::of([&points[..]]);
-        let tried = end.candidates().expect("two measures that part");
+        let tried = end.candidates().expect("two measures that differ");
         assert!(tried.len() > 3 && tried[0] < 0.05 && tried.iter().all(|e| *e >= end.mean), "{tried:?}");
         assert!(tried.windows(2).all(|t| t[1] > t[0]));
     }

@@ -1,23 +1,24 @@
-//! Phase levels of an SLM that a solve keeps to.
+//! Phase levels that a solve is restricted to.
 
 use crate::optics::Display;
 use serde::{Deserialize, Serialize};
 
-/// Which phases a solve may end in.
+/// The phases in which a solve may end.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Option<Stored>", into = "Option<Stored>")]
 #[non_exhaustive]
 pub enum Levels {
-    /// Any.
+    /// Any phase is allowed.
     #[default]
     Any,
-    /// Those of the display, whatever it is; [`quality::ColorJob`](crate::quality::ColorJob) puts them in.
+    /// The levels of the display. [`quality::ColorJob`](crate::quality::ColorJob) replaces this variant by them.
     Display,
-    /// These, radians, 1 to 256 of them: what is optimised for, straight-through.
+    /// These 1 to 256 phases in radians, which a straight-through estimator optimizes for.
     Given(Vec<f64>),
 }
 
-/// As files have it: nothing, `true`, how many evenly spaced ones, or the phases. `false` is what earlier versions wrote for nothing.
+/// The stored form, which is nothing, `true`, a number of evenly spaced levels, or the phases. Earlier versions wrote
+/// `false` for nothing.
 #[derive(Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -51,7 +52,7 @@ impl From<Levels> for Option<Stored> {
 }
 
 impl Levels {
-    /// Those that a display shows; any where they are more than a solve tells apart.
+    /// Returns the levels of a display, or any phase if they are more than a solve distinguishes.
     pub fn of(display: &Display) -> Self {
         match display.levels as usize {
             n @ 1..=eyebox_kernels::quantise::MOST => Self::Given(even_levels(n)),
@@ -59,17 +60,17 @@ impl Levels {
         }
     }
 
-    /// The phases, radians; nothing where any will do.
+    /// Returns the phases in radians, or `None` for any phase.
     pub fn given(&self) -> Option<&[f64]> {
         if let Self::Given(levels) = self { Some(levels) } else { None }
     }
 
-    /// How many; 0 where any phase will do.
+    /// Returns the number of levels, or 0 for any phase.
     pub fn count(&self) -> usize {
         self.given().map_or(0, <[f64]>::len)
     }
 
-    /// As the kernel `quantise` takes them: wrapped, ascending, filled up. Nothing where any phase will do.
+    /// Returns the table for the kernel `quantise`, which is wrapped, ascending and filled up. `None` is any phase.
     pub fn table(&self) -> Option<Vec<f32>> {
         let mut table: Vec<f32> = self.given()?.iter().map(|l| eyebox_kernels::trig::wrap(*l as f32)).collect();
         table.sort_by(f32::total_cmp);
@@ -78,7 +79,7 @@ impl Levels {
     }
 }
 
-/// `n` levels evenly spaced over a turn, the first at 0: what a linear SLM of `n` grey levels shows.
+/// Returns `n` levels evenly spaced over a turn from 0 on, which a linear SLM of `n` gray levels shows.
 pub fn even_levels(n: usize) -> Vec<f64> {
     (0..n).map(|i| i as f64 * std::f64::consts::TAU / n as f64).collect()
 }

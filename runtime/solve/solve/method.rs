@@ -1,9 +1,11 @@
-//! The methods that can be compared: each is a choice of what is looked through, of the first phases and of terms beside
-//! the image; operators, optimisers and engines are the same for all (OPTICS 7).
+//! The methods that can be compared (OPTICS 7).
+//!
+//! Each method chooses the viewpoints, the first phases and the loss terms besides the image. Operators, optimizers and
+//! engines are the same for all.
 
 use serde::{Deserialize, Serialize};
 
-/// How a hologram is made.
+/// The method that makes a hologram.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -13,25 +15,26 @@ pub enum Method {
     Slfh,
     /// A focal stack of the light field through the whole eyebox.
     Lf2fs,
-    /// The short-time Fourier transform against the views, inside a circular Fourier filter (Choi et al. 2022).
+    /// The short-time Fourier transform, compared with the views inside a circular Fourier filter (Choi et al. 2022).
     Stft,
-    /// The same without the filter.
+    /// The short-time Fourier transform without the filter.
     StftUnfiltered,
-    /// The same with an exact window: each view's disc in the pupil plane, on the wave as on the light field.
+    /// The short-time Fourier transform with an exact window. Each view has its disc in the pupil plane of both the
+    /// wave and the light field.
     StftExact,
-    /// A focal stack, from constant phase, by gradient descent: Adam, whatever optimiser is set, for the projection
-    /// keeps most of a constant phase's symmetry.
+    /// A focal stack from constant phase by gradient descent. It always uses Adam because the projection keeps most of
+    /// the symmetry of a constant phase.
     Smooth,
     /// The double-phase method, in closed form (Maimone et al. 2017).
     Dpac,
-    /// A focal stack, and light evened out over the eyebox (Chakravarthula et al. 2022).
+    /// A focal stack with the light evened out over the eyebox (Chakravarthula et al. 2022).
     PupilAware,
-    /// The first phases of [`Slfh`](Self::Slfh), from a table, and no step ([`StartTable`](super::StartTable)).
+    /// The first phases of [`Slfh`](Self::Slfh) from a table, without a step ([`StartTable`](super::StartTable)).
     Table,
 }
 
 impl Method {
-    /// All of them, the runtime's own first.
+    /// All methods, the runtime's own first.
     pub const ALL: [Self; 9] = [
         Self::Slfh,
         Self::Lf2fs,
@@ -44,18 +47,18 @@ impl Method {
         Self::Table,
     ];
 
-    /// The name by which it is chosen.
+    /// Returns the name by which the method is chosen.
     pub fn name(self) -> &'static str {
         ["slfh", "lf2fs", "stft", "stft-unfiltered", "stft-exact", "smooth", "dpac", "pupil-aware", "table"]
             [self as usize]
     }
 
-    /// The method of this name.
+    /// Returns the method of this name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|m| m.name() == name)
     }
 
-    /// For people.
+    /// Returns the title for people.
     pub fn title(self) -> &'static str {
         [
             "SLFH",
@@ -70,26 +73,27 @@ impl Method {
         ][self as usize]
     }
 
-    /// What it does, in one sentence.
+    /// Returns a description of one sentence.
     pub fn about(self) -> &'static str {
         match self {
-            Self::Slfh => "Random pupils anywhere in the eyebox: each photograph of the light field against its image.",
-            Self::Lf2fs => "Photographs of the light field through the whole eyebox, at random focus.",
+            Self::Slfh => "Random pupils anywhere in the eyebox, each with a target image of the light field.",
+            Self::Lf2fs => "Target images of the light field through the whole eyebox, at random focus.",
             Self::Stft => {
-                "The wave's short-time Fourier transform (Hann window) against the views, inside a circular filter."
+                "The short-time Fourier transform (Hann window) of the wave against the views, inside a circle."
             }
             Self::StftUnfiltered => "The short-time Fourier transform against the views, with no circular filter.",
-            Self::StftExact => "Each view's own disc of the pupil plane, on the wave as on the light field.",
-            Self::Smooth => "Photographs through the whole eyebox at random focus, from constant phase.",
-            Self::Dpac => "The central view with its depth, each complex value written as two phases; closed form.",
-            Self::PupilAware => "Photographs through the whole eyebox, and light evened out over the eyebox.",
+            Self::StftExact => "The disc of each view in the pupil plane of both the wave and the light field.",
+            Self::Smooth => "Target images through the whole eyebox at random focus, from constant phase.",
+            Self::Dpac => "The central view with its depth in closed form, with each complex value as two phases.",
+            Self::PupilAware => "Target images through the whole eyebox, with the light evened out over the eyebox.",
             Self::Table => {
-                "Phases that a table of the display has for each pixel's brightness: no step, for pupils anywhere in the eyebox."
+                "Phases from a table of the display for the brightness of each pixel, without a step, for pupils \
+                 anywhere in the eyebox."
             }
         }
     }
 
-    /// The paper.
+    /// Returns the citation of the paper.
     pub fn citation(self) -> &'static str {
         match self {
             Self::Slfh => {
@@ -105,7 +109,7 @@ impl Method {
                 "The exact window that Schiffers et al., Stochastic Light Field Holography, ICCP 2023, argue for"
             }
             Self::Smooth => {
-                "Gradient descent from constant phase; compare Maimone, Georgiou, Kollin: Holographic Near-eye Displays, SIGGRAPH 2017"
+                "Gradient descent from constant phase. Compare Maimone, Georgiou, Kollin: Holographic Near-eye Displays, SIGGRAPH 2017"
             }
             Self::Dpac => {
                 "Maimone, Georgiou, Kollin: Holographic Near-eye Displays for Virtual and Augmented Reality, SIGGRAPH 2017"
@@ -119,23 +123,23 @@ impl Method {
         }
     }
 
-    /// Whether it takes steps; the others have their phases at once.
+    /// Returns true if the method takes steps. The other methods have their phases at once.
     pub fn is_iterative(self) -> bool {
         !matches!(self, Self::Dpac | Self::Table)
     }
 
-    /// Whether what it solves for are pupils, whatever light fills them: of a source of several modes, through a mask, behind a
-    /// prescription.
+    /// Returns true if the method simulates pupils, for light of any kind. Such light comes from a source of several
+    /// modes, through a mask, or through the optics of a prescription.
     pub(super) fn looks_through_pupils(self) -> bool {
         !matches!(self, Self::Stft | Self::StftUnfiltered | Self::Dpac)
     }
 
-    /// Whether all sub-frames come out alike, so that one is enough to compute.
+    /// Returns true if all sub-frames are equal, so that one is enough to compute.
     pub(super) fn repeats_frames(self) -> bool {
         self == Self::Smooth
     }
 
-    /// Whether it looks through windows of the short-time Fourier transform.
+    /// Returns true if the viewpoints are windows of the short-time Fourier transform.
     pub(super) fn is_stft(self) -> bool {
         matches!(self, Self::Stft | Self::StftUnfiltered)
     }

@@ -1,9 +1,10 @@
-//! Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the
-//! light field gives, moves the phases. Written once, for every engine and both optimisers.
+//! Solves holograms by Stochastic Light Field Holography (Schiffers et al. 2023) and related methods.
 //!
-//! The wave goes to the retina by the angular spectrum method. Phases are moved by one of two optimisers
-//! ([`Optimizer`]): the pupil-wise projection, which replaces amplitudes as Gerchberg and Saxton do and puts the changes
-//! of many pupils together as ptychography does, or Adam on the Wirtinger gradient.
+//! A step draws pupils, compares the images of the wave with images of the light field, and moves the phases. One
+//! implementation serves every engine and both optimizers. The wave propagates to the retina by the angular spectrum
+//! method. One of two optimizers ([`Optimizer`]) moves the phases. The pupil-wise projection replaces amplitudes, as
+//! Gerchberg and Saxton do, and combines the changes of many pupils, as ptychography does. Adam follows the Wirtinger
+//! gradient.
 
 mod begin;
 mod best;

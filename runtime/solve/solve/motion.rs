@@ -1,4 +1,4 @@
-//! What moves while the sub-frames of a set are lit, as a solver draws it (OPTICS 15).
+//! The movement of eye and content while the sub-frames of a set are lit (OPTICS 15).
 
 use super::error::{SolveError, require};
 use crate::optics::Pupil;
@@ -6,31 +6,31 @@ use crate::plan::{Moving, Viewpoint};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// No picture moves faster, pixels a set: what is computed of it stays a number.
+/// Highest allowed velocity of a picture, in pixels per set. It keeps all computed values finite.
 const FASTEST: f64 = 1e4;
 
-/// What moves while the sub-frames of a set are lit; by default nothing. A set is as long as the sub-frames that an eye
-/// averages.
+/// The movement of eye and content while the sub-frames of a set are lit. By default nothing moves. A set is as long as
+/// the sub-frames that an eye averages.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Motion {
-    /// How the content moves, pixels a set (x, y).
+    /// Velocity of the content, in pixels per set (x, y).
     pub content: [f64; 2],
-    /// When the content is where the scene shows it: sets from the middle of the light.
+    /// Time at which the content is where the scene shows it, in sets from the middle of the light.
     pub at: f64,
-    /// How the eye turns, pixels a set (x, y). None: that is not known; it rests in half of the draws, and follows the content in
-    /// the others.
+    /// Velocity of the eye's rotation, in pixels per set (x, y). If it is `None`, the eye rests in half of the draws
+    /// and follows the content in the others.
     pub eye: Option<[f64; 2]>,
-    /// Eyes that turn are drawn evenly from a disc of this radius around it, pixels a set.
+    /// Radius of a disc around that velocity from which velocities are drawn evenly, in pixels per set.
     pub spread: f64,
-    /// How the pupil moves as the eye turns, metres a set (x, y).
+    /// Movement of the pupil as the eye turns, in meters per set (x, y).
     pub drift: [f64; 2],
-    /// When the sub-frames are lit: the middle of that time from the middle of the set, and its length, sets.
+    /// Time at which the sub-frames are lit, as its middle relative to the middle of the set and its length, in sets.
     pub lit: [f64; 2],
-    /// How many sub-frames that follow each other an eye averages, the first following the last again; none for all. Each
-    /// pupil is drawn with a window of its own, so that any window is a good set.
+    /// Number of consecutive sub-frames that an eye averages, or `None` for all. The first sub-frame follows the last
+    /// one. Each pupil is drawn with its own window, so that any window is a good set.
     pub window: Option<usize>,
-    /// The sub-frame that is lit first, of sets that roll; those before it follow behind the last.
+    /// The sub-frame of a rolling set that is lit first. The sub-frames before it follow after the last one.
     #[serde(skip)]
     pub first: usize,
 }
@@ -43,26 +43,26 @@ impl Default for Motion {
 }
 
 impl Motion {
-    /// Whether nothing moves: sub-frames might as well be lit at once.
+    /// Returns true if nothing moves, so that all sub-frames could be lit at once.
     pub fn is_still(&self) -> bool {
         let rests = |v: [f64; 2]| v == [0.0; 2];
         let Self { content, eye, spread, drift, window, .. } = *self;
         rests(content) && eye.is_none_or(rests) && spread == 0.0 && rests(drift) && window.is_none()
     }
 
-    /// Refuses what cannot be.
+    /// Returns an error for impossible values.
     pub(super) fn check(&self, frames: usize) -> Result<(), SolveError> {
         let fits = |v: [f64; 2]| v.iter().all(|v| v.abs() <= FASTEST);
         let Self { content, eye, spread, drift, at, lit: [middle, length], window, first } = *self;
         let is_slow = fits(content) && eye.is_none_or(fits) && (0.0..=FASTEST).contains(&spread);
         let velocities = format_args!("{content:?}, {eye:?}, {spread}");
-        require(is_slow, "a velocity (pixels a set)", velocities, "numbers within 1e4")?;
+        require(is_slow, "a velocity (pixels per set)", velocities, "numbers within 1e4")?;
         let is_near = drift.iter().all(|v| v.abs() <= 1.0) && at.abs() <= FASTEST;
-        let (what, right) = ("the motion of the pupil (m a set)", "numbers within 1, within 1e4 sets");
+        let (what, right) = ("the motion of the pupil (m per set)", "numbers within 1, within 1e4 sets");
         require(is_near, what, format_args!("{drift:?} at {at}"), right)?;
         let is_within = middle.abs() <= 1.0 && length > 0.0 && length <= 1.0;
         let times = format_args!("{middle}, {length}");
-        require(is_within, "when sub-frames are lit (sets)", times, "within the set")?;
+        require(is_within, "the time at which sub-frames are lit (sets)", times, "within the set")?;
         let is_of_set = first < frames.max(1) && (first == 0 || window.is_none_or(|n| n >= frames));
         require(is_of_set, "the sub-frame that is lit first", first, "one of the set, 0 of a stream")?;
         let Some(window) = window else { return Ok(()) };
@@ -70,7 +70,7 @@ impl Motion {
         require((1..=frames).contains(&window), what, window, right)
     }
 
-    /// Whether pupils that were drawn for another serve this one as well: within a quarter of a pixel over a set.
+    /// Returns true if pupils drawn for `other` suit this motion as well, within a quarter of a pixel over a set.
     pub(super) fn is_served_by(&self, other: &Self) -> bool {
         let close = |a: [f64; 2], b: [f64; 2], slack: f64| (0..2).all(|i| (a[i] - b[i]).abs() <= slack);
         let speed = self.content[0].hypot(self.content[1]);
@@ -83,15 +83,15 @@ impl Motion {
             && (self.lit, self.window, self.first) == (other.lit, other.window, other.first)
     }
 
-    /// What a pupil sees of so many sub-frames that were refined for this: one whose eye turns as it was expected to, and rests where
-    /// that was not known.
+    /// Returns the viewpoint of a pupil on `frames` sub-frames that were refined for this motion. Its eye turns as
+    /// expected, or rests if no rotation is given.
     pub fn seen_through(&self, pupil: Pupil, frames: usize) -> Viewpoint {
         let known = Self { eye: Some(self.eye.unwrap_or_default()), spread: 0.0, window: None, ..*self };
         known.viewpoint(pupil, frames, [0.0; 4])
     }
 
-    /// What a pupil becomes that looks at so many sub-frames, at a point of the unit cube: whether it turns, how far from the
-    /// expected velocity and in which direction, and its window.
+    /// Returns the viewpoint of a pupil on `frames` sub-frames, at a point of the unit cube. The point decides the
+    /// rotation, the distance and direction from the expected velocity, and the window.
     pub(super) fn viewpoint(&self, pupil: Pupil, frames: usize, [turns, radius, angle, first]: [f64; 4]) -> Viewpoint {
         if self.is_still() {
             return Viewpoint::Pupil(pupil);
@@ -106,7 +106,7 @@ impl Motion {
         let count = self.window.unwrap_or(frames);
         let first = if count < frames { ((first * frames as f64) as usize).min(frames - 1) } else { self.first };
         let Self { drift, content, at, lit: [middle, length], .. } = *self;
-        // Whoever looks from another sub-frame on reckons from when the set would have begun with that of number 0.
+        // An eye that begins at another sub-frame counts from the time at which the set would have begun with number 0.
         let lit = [middle - length * self.first as f64 / frames.max(1) as f64, length];
         Viewpoint::Moving(Moving { pupil, drift, eye, content, at, lit, first, count })
     }
@@ -129,14 +129,14 @@ mod tests {
         assert_eq!(drawn(motion, [0.2, 1.0, 0.0, 0.0]).eye, [0.0, 0.0]);
         assert_eq!(drawn(motion, [0.7, 1.0, 0.0, 0.0]).eye, [12.0, 0.0]);
         assert_eq!([0.0, 0.5, 0.999].map(|u| drawn(motion, [0.0, 0.0, 0.0, u]).first), [0, 8, 15]);
-        // Who is known to turn is drawn so.
+        // A known rotation is used in every draw.
         let known = Motion { eye: Some([3.0, -1.0]), ..motion };
         assert_eq!(drawn(known, [0.2, 0.0, 0.0, 0.0]).eye, [3.0, -1.0]);
         let pupil = Pupil::from_mm([1.0, 2.0, 3.0, 0.0]);
         assert_eq!(Motion::default().viewpoint(pupil, 8, [0.7; 4]), Viewpoint::Pupil(pupil));
     }
 
-    /// From whichever sub-frame on, those to come are lit one after the other, a sixteenth of a set apart.
+    /// For every first sub-frame, the following ones are lit one after the other, a sixteenth of a set apart.
     #[test]
     fn a_set_that_rolls_begins_with_any_of_its_sub_frames() {
         for first in 0..16 {

@@ -1,4 +1,4 @@
-//! Tests of what motion costs, and of the windows of a stream (OPTICS 15).
+//! Tests the cost of motion and the windows of a stream (OPTICS 15).
 
 use super::{Flow, Motion, Problem, PupilRange, RefineSettings, Refiner, Sampler, Sequence, Settings, Solution, solve};
 use crate::engine::{Buffer, Engine, cpu::CpuEngine};
@@ -25,7 +25,7 @@ fn solved(problem: &Problem, settings: &Settings) -> Solution {
     solve(problem, settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
 }
 
-/// PSNR of what random pupils see, their mean, dB; each looks as `look` makes it.
+/// Mean PSNR over random pupils in dB. Each one moves as `look` makes it.
 fn mean_db(problem: &Problem, solution: &Solution, look: impl Fn(Pupil) -> Moving) -> f64 {
     let frames = solution.phases.len() / (SIZE * SIZE);
     let planner = problem.planner(frames, WindowFactor::Two);
@@ -39,7 +39,7 @@ fn mean_db(problem: &Problem, solution: &Solution, look: impl Fn(Pupil) -> Movin
     sums.iter().map(|s| s.psnr(solution.exposure)).sum::<f64>() / sums.len() as f64
 }
 
-/// What an eye whose place is known sees after some steps for it, dB, by how it looks; refined as if this moved.
+/// PSNR in dB of an eye at a known position after some steps for it and for this motion, by its own movement.
 fn refined_db(of: &(Problem, Solution), motion: Motion, look: impl Fn(Pupil) -> Moving) -> f64 {
     let (problem, solution) = of;
     let steering = RefineSettings { pupils: 4, ..RefineSettings::default() };
@@ -58,8 +58,8 @@ fn refined_db(of: &(Problem, Solution), motion: Motion, look: impl Fn(Pupil) -> 
     sums.iter().map(|s| s.psnr(solution.exposure)).sum::<f64>() / sums.len() as f64
 }
 
-/// Content that moves by ten pixels a set: an eye that follows it sees it nearly as well as what stands still, one that stays sees
-/// the photograph integrated over the motion; refined as if it stood still, who follows sees it smeared.
+/// Content moves by ten pixels per set. An eye that follows it sees it nearly as well as static content. An eye that
+/// rests sees the target image integrated over the motion. Without motion compensation the following eye sees blur.
 #[test]
 fn what_moves_is_seen_as_well_as_what_stands_still() {
     let problem = problem();
@@ -84,8 +84,8 @@ fn what_moves_is_seen_as_well_as_what_stands_still() {
     assert!(smeared < followed - 1.5, "{all}");
 }
 
-/// A stream of sixteen sub-frames solved over its windows of eight, with as many pupils to a sub-frame: every window is a good
-/// set. Of two sets solved apart, a window of half of each is worse.
+/// A stream of sixteen sub-frames is solved over its windows of eight, with as many pupils per sub-frame. Every window
+/// is a good set. A window of half of each of two separate sets is worse.
 #[test]
 fn every_window_of_a_stream_is_a_good_set() {
     let problem = problem();
@@ -101,7 +101,7 @@ fn every_window_of_a_stream_is_a_good_set() {
     let least = |all: &[f64]| all.iter().copied().fold(f64::INFINITY, f64::min);
     let most = |all: &[f64]| all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let all = format!(
-        "windows {:.2} to {:.2} dB; of two sets apart {:.2} to {:.2}",
+        "windows {:.2} to {:.2} dB, of two separate sets {:.2} to {:.2}",
         least(&stream),
         most(&stream),
         least(&apart),

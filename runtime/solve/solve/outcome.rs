@@ -1,84 +1,85 @@
-//! What goes into a solve beside its settings, what it says while it runs, and what comes of it.
+//! The inputs of a solve besides its settings, its progress, and its results.
 
 use super::validation::ValidationScore;
 use crate::plan::Kernel;
 
-/// Why a solve ended.
+/// The reason why a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
     /// All steps were taken.
     Steps,
-    /// Time was up.
+    /// The time was up.
     Seconds,
-    /// The quality asked for was reached.
+    /// The required quality was reached.
     Quality,
-    /// The observer said so.
+    /// The observer stopped it.
     Asked,
-    /// A loss was not a finite number: the step was not taken, and the state before it is what is left.
+    /// A loss was not a finite number. That step was not taken, and the state before it remains.
     NotFinite {
-        /// Which step, from 1.
+        /// The number of the step, from 1.
         step: usize,
-        /// The first kernel that gave such a number; None where the phases themselves were not finite.
+        /// The first kernel that computed such a number. `None` if the phases themselves were not finite.
         kernel: Option<Kernel>,
     },
 }
 
-/// What the observer is shown after each step.
+/// The state of a solve that the observer receives after each step.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Progress<'a> {
-    /// Steps of the short solves that choose the exposure, taken and in all, while they run; the numbers below are of the
-    /// solve that follows them, but for the loss.
+    /// Taken and total steps of the pilot solves that choose the exposure, while they run. The other values then belong
+    /// to the solve that follows, except for the loss.
     pub pilot: Option<[usize; 2]>,
-    /// Share of the table of first phases that is fitted, while it is: once for a display, before the first step.
+    /// Fitted share of the table of first phases, while it is fitted. This occurs once per display, before the first
+    /// step.
     pub fitting: Option<f64>,
-    /// Steps taken.
+    /// Number of steps taken.
     pub step: usize,
-    /// Steps asked for.
+    /// Number of requested steps.
     pub steps: usize,
-    /// Since the start.
+    /// Seconds since the start.
     pub seconds: f64,
-    /// Mean squared difference over this step's pupils and pixels.
+    /// Mean squared difference over the pupils and pixels of this step.
     pub loss: f64,
-    /// The best score on validation pupils so far, if there was one.
+    /// The best score on validation pupils, if there is one.
     pub validation: Option<&'a ValidationScore>,
 }
 
-/// The observer's answer.
+/// The answer of the observer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// Go on.
+    /// The solve continues with the next step.
     Continue,
-    /// Stop, and keep the best so far.
+    /// The solve stops and keeps the best state.
     Stop,
 }
 
-/// A solved colour.
+/// The solution of one color.
 #[derive(Debug, Clone)]
 pub struct Solution {
-    /// (frames, height, width), radians in -pi .. pi.
+    /// Phases (frames, height, width), radians in -pi .. pi.
     pub phases: Vec<f32>,
-    /// The exposure that it was solved for.
+    /// The exposure for which it was solved.
     pub exposure: f64,
     /// Mean of the scene over the exposure.
     pub efficiency: f64,
-    /// Of the phases, on validation pupils.
+    /// Score of the phases on validation pupils.
     pub validation: ValidationScore,
-    /// Steps taken.
+    /// Number of steps taken.
     pub steps: usize,
-    /// Seconds taken.
+    /// Duration of the solve in seconds.
     pub seconds: f64,
-    /// Seconds of a step, the median; 0 without steps.
+    /// Median duration of a step in seconds, or 0 without steps.
     pub step_seconds: f64,
-    /// Why it ended.
+    /// The reason why it ended.
     pub stop: Stop,
 }
 
-/// Phases to begin with, instead of random ones: those of a scene that is nearly the same.
+/// First phases from a similar scene, instead of random ones.
 #[derive(Debug, Clone, Copy)]
 pub struct Warm<'a> {
-    /// (frames, height, width), radians.
+    /// Phases (frames, height, width), radians.
     pub phases: &'a [f32],
-    /// How far along its schedule the solve begins, 0 to 1: what is nearly right wants smaller steps.
+    /// Position in the schedule at which the solve begins, 0 to 1. Nearly correct phases need smaller steps.
     pub progress: f64,
 }

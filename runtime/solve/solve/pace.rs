@@ -1,34 +1,36 @@
-//! How long a step is expected to take, and whether one may begin before a deadline. Times are numbers, in seconds: nothing
-//! here looks at a clock.
+//! Predicts the duration of a step and decides if one may begin before a deadline.
+//!
+//! Times are numbers in seconds. Nothing here reads a clock.
 
-/// Steps that are remembered.
+/// Number of stored step durations.
 const REMEMBERED: usize = 8;
-/// Of these the second shortest is how long a step takes that nothing held up; one that took more than so many times as
-/// long was held up by something else, and says nothing of the next.
+/// The second shortest stored step is the duration of an undisturbed step. A step that took more than this factor times
+/// that duration was delayed by something else and does not predict the next one.
 const HELD_UP: f64 = 2.0;
-/// What is expected after each deadline in a row before which no step could begin, of what was expected before.
+/// Factor on the prediction after each consecutive deadline before which no step could begin.
 const HOPE: f64 = 0.9;
 
-/// The times of the last steps of one kind.
+/// The durations of the last steps of one kind.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Pace {
     last: [f64; REMEMBERED],
-    /// Steps so far.
+    /// Total number of steps.
     steps: usize,
-    /// Deadlines in a row before which none could begin.
+    /// Consecutive deadlines before which no step could begin.
     refused: i32,
 }
 
 impl Pace {
-    /// A step took so long.
+    /// Records the duration of a step in seconds.
     pub fn took(&mut self, seconds: f64) {
         self.last[self.steps % REMEMBERED] = seconds;
         self.steps += 1;
         self.refused = 0;
     }
 
-    /// What the next step is expected to take: the longest of the last ones, without those that were held up, and less and
-    /// less while none could begin. Nothing before the first.
+    /// Returns the expected duration of the next step in seconds, or 0 before the first step.
+    ///
+    /// It is the longest of the last durations, except for delayed steps. It decreases while no step can begin.
     pub fn expected(&self) -> f64 {
         let mut known = self.last;
         let known = &mut known[..self.steps.min(REMEMBERED)];
@@ -38,8 +40,9 @@ impl Pace {
         longest * HOPE.powi(self.refused)
     }
 
-    /// Whether a step may begin where so long is left until a deadline, before which `taken` have been. That none could begin
-    /// is remembered: after some such deadlines one is tried.
+    /// Returns true if a step may begin `left` seconds before a deadline, before which `taken` steps were taken.
+    ///
+    /// Refusals are counted, so that a step is tried after several deadlines without one.
     pub fn may_begin(&mut self, left: f64, taken: usize) -> bool {
         let fits = left > 0.0 && self.expected() <= left;
         if !fits && taken == 0 && left > 0.0 {
@@ -54,8 +57,9 @@ mod tests {
     use super::*;
     use crate::solve::SplitMix;
 
-    /// Deadlines `period` seconds apart; a step takes one second and up to 5 % more, and ten times as long at random. Steps
-    /// that were taken where steps begin by `may_begin`, told the time that is left and the steps before this deadline.
+    /// Simulates deadlines `period` seconds apart. A step takes one second and up to 5 % more, and ten times as long at
+    /// random. `may_begin` receives the remaining time and the steps before this deadline. The result is the number of
+    /// steps taken.
     fn steps(
         period: f64,
         share: f64,
@@ -91,7 +95,7 @@ mod tests {
                     let took = |seconds| pace.borrow_mut().took(seconds);
                     let begins = |left, taken| pace.borrow_mut().may_begin(left, taken);
                     let done = steps(period, share, seed, 10_000, begins, took);
-                    // Whoever knows what a step takes that nothing holds up.
+                    // This is the count with a known duration of an undisturbed step.
                     let fit = steps(period, share, seed, 10_000, |left, _| left >= 1.05, |_| ());
                     assert!(done * 10 >= fit * 9, "{period}, {share}, {seed}: {done} of {fit}");
                 }
@@ -99,7 +103,7 @@ mod tests {
         }
     }
 
-    /// The first step of all takes longest: shaders are compiled, memory is taken.
+    /// The first step takes longest because shaders are compiled and memory is allocated.
     #[test]
     fn one_slow_step_does_not_end_it() {
         let mut pace = Pace::default();

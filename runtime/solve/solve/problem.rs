@@ -1,4 +1,4 @@
-//! What is to be solved: a scene on a display, in one colour.
+//! The problem that a solve receives, which is a scene on a display in one color.
 
 use super::settings::Settings;
 use crate::optics::{
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Sum of each view. Four side by side, for each addition waits for the one before it.
+/// Returns the sum of each view. Four views are summed side by side because each addition waits for the one before it.
 fn sums(views: &[Vec<f32>]) -> Vec<f64> {
     let some = |views: &[Vec<f32>]| match views {
         [a, b, c, d] => {
@@ -26,42 +26,44 @@ fn sums(views: &[Vec<f32>]) -> Vec<f64> {
     views.par_chunks(4).flat_map_iter(some).collect()
 }
 
-/// One colour of a display, and the scene in that colour.
+/// One color of a display, and the scene in that color.
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// Optics over the SLM.
+    /// The optics over the SLM.
     pub optics: Optics,
-    /// Zeros around the SLM; the views cover the padded grid.
+    /// Zeros around the SLM. The views cover the padded grid.
     pub padding: Padding,
-    /// Side of the eyebox that pupils are drawn in, metres: what all colours of the display serve.
+    /// Side of the eyebox in which pupils are drawn, in meters. All colors of the display serve this eyebox.
     pub eyebox: f64,
-    /// The parts of it that the lit ones of the display's switchable sources serve; none for all of it.
+    /// The parts of the eyebox that the lit switchable sources of the display serve. The list is empty if they serve
+    /// all of it.
     pub regions: Arc<[EyeboxRegion]>,
-    /// Where the views stand,
+    /// The grid of the views around `center`.
     pub views: ViewGrid,
-    /// around this place (x, y) of the pupil plane, metres.
+    /// Center (x, y) of the views in the pupil plane, in meters.
     pub center: [f64; 2],
     /// The views on the padded grid.
     pub pyramid: Arc<Pyramid>,
-    /// Mean of the scene's linear light over the image.
+    /// Mean linear light of the scene over the image.
     pub mean: f64,
-    /// Share of the image that the picture takes along each axis: less than 1 for the far field's longer wavelengths.
+    /// Share of the image that the picture fills along each axis. It is less than 1 for the longer wavelengths of a far
+    /// field.
     pub share: f64,
-    /// What the display does to the light beside showing phases (OPTICS 10); none for the ideal one.
+    /// The faults of the display (OPTICS 10), or `None` for an ideal display.
     pub model: Option<Arc<ModelTables>>,
-    /// The eye that looks (OPTICS 11); none for a perfect one.
+    /// The eye of the viewer (OPTICS 11), or `None` for a perfect eye.
     pub eye: Option<Arc<EyeTables>>,
-    /// The modes of the display's source (OPTICS 12); none for a laser on the axis.
+    /// The modes of the display's source (OPTICS 12). The list is empty for a laser on the axis.
     pub modes: Arc<[SourceMode]>,
-    /// Which of the display's switchable sources are lit as the eye moves, where they are steered.
+    /// The choice of the lit switchable sources as the eye moves, if they follow the eye.
     pub choice: Option<SourceChoice>,
 }
 
 impl Problem {
-    /// The scene `field`, which has the display's size, in one of its colours.
+    /// Prepares one color of the scene `field`, which has the size of the display.
     ///
     /// # Errors
-    /// A colour that the display or the scene does not have.
+    /// [`OpticsError::NoColor`] for a color that the display or the scene does not have.
     pub fn new(field: &LightField, color: Color, display: &Display, padding: Padding) -> Result<Self, OpticsError> {
         let missing = || OpticsError::NoColor {
             display: field.name.clone(),
@@ -69,7 +71,7 @@ impl Problem {
             has: field.colors.iter().map(Color::to_string).collect::<Vec<_>>().join(", "),
         };
         let views = &field.planes[field.colors.iter().position(|c| *c == color).ok_or_else(missing)?];
-        // Shown so that it is seen as the scene is (OPTICS 10).
+        // The views are distorted so that the eye sees the scene correctly (OPTICS 10).
         let size = [field.height, field.width];
         let bend = display.picture.map(color, size).map(|map| Bend::to_display(&map, size));
         let bent: Option<Vec<_>> = bend.map(|bend| views.par_iter().map(|view| bend.apply(view)).collect());
@@ -85,7 +87,7 @@ impl Problem {
         } else if grid == outline.optics {
             Pyramid::new(views, height, width)
         } else {
-            // Behind a mask the picture has the mask's pixels.
+            // Behind a mask the picture has the pixels of the mask.
             let finer = outline.optics.mask_factor;
             let larger =
                 (finer > 1).then(|| Resize::new([height, width], [finer * height, finer * width], Fit::Stretch));
@@ -106,10 +108,11 @@ impl Problem {
         Ok(Self { pyramid: Arc::new(pyramid), mean: mean * share * share, ..outline })
     }
 
-    /// What plans and forecasts need: the views' places and sizes, without their light. Its mean is NaN.
+    /// Prepares positions and sizes of the views without their light, which is enough for plans and forecasts. The mean
+    /// is NaN.
     ///
     /// # Errors
-    /// A colour that the display does not have.
+    /// [`OpticsError`] for a color that the display does not have.
     pub fn outline(display: &Display, color: Color, padding: Padding, views: ViewGrid) -> Result<Self, OpticsError> {
         let optics = display.optics(color)?;
         let grid = padding.grid(optics);
@@ -124,25 +127,25 @@ impl Problem {
         Ok(Self { optics, padding, eyebox, regions, views, center, pyramid, mean, share, model, eye, modes, choice })
     }
 
-    /// Whether a static mask stands in front of the SLM.
+    /// Returns true if a static mask is in front of the SLM.
     pub(crate) fn has_mask(&self) -> bool {
         self.model.as_ref().is_some_and(|model| model.parts().mask > 0)
     }
 
-    /// Side of a pixel of the picture, as its views have it, radians.
+    /// Returns the side of a pixel of the picture, as its views have it, in radians.
     pub fn pixel(&self) -> f64 {
         let grid = self.padding.grid(self.optics);
         grid.field_of_view().1 / grid.width as f64 / grid.focal_length
     }
 
-    /// A power of two near the scene's brightest value, or 1 where that is of ordinary size: dividing by it keeps
-    /// float32 in range, and changes no digit.
+    /// Returns a power of two near the scene's brightest value, or 1 for ordinary values. Division by it keeps float32
+    /// in range and changes no digit.
     pub fn unit(&self) -> f64 {
         let exponent = f64::from(self.pyramid.scale).log2().round();
         if exponent.abs() > 10.0 { exponent.exp2() } else { 1.0 }
     }
 
-    /// Plans for a solve of this problem by these settings.
+    /// Returns the planner for a solve of this problem with these settings.
     pub fn planner_of(&self, settings: &Settings) -> Planner {
         let plain = self.planner(settings.solved_frames(), settings.window);
         let (levels, storage) = (settings.levels.count(), settings.storage);
@@ -150,7 +153,7 @@ impl Problem {
         if settings.all_modes { plain } else { plain.with_fewer_modes(self.eyebox) }
     }
 
-    /// Plans for this problem.
+    /// Returns the planner for this problem with `frames` sub-frames.
     pub fn planner(&self, frames: usize, window: WindowFactor) -> Planner {
         let plain = Planner::new(self.optics, frames, window).with_padding(self.padding);
         let views = ViewLayout::new(self.views, &self.pyramid).centered_at(self.center);

@@ -1,4 +1,4 @@
-//! Seconds per unit of work, as they were measured on this machine.
+//! Measures and stores the seconds per unit of work of an engine on this machine.
 
 use super::levels::{Levels, even_levels};
 use super::optimizer::Optimizer;
@@ -21,33 +21,33 @@ use std::time::Instant;
 /// Seconds per unit of work at one size of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Rate {
-    /// Points of the grid.
+    /// Number of points of the grid.
     points: f64,
-    /// Per group of kernels, in the order of [`Group::ALL`].
+    /// Seconds per group of kernels, in the order of [`Group::ALL`].
     seconds: [f64; Group::ALL.len()],
 }
 
-/// Rates of an engine on a machine, measured ([`Rates::of`]).
+/// Rates of an engine on a machine, as measured by [`Rates::of`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
-    /// With the projection, smallest grid first.
+    /// Rates of the projection, smallest grid first.
     project: Vec<Rate>,
-    /// With Adam.
+    /// Rates of Adam, smallest grid first.
     adam: Vec<Rate>,
 }
 
 /// Sides of the square grids that are timed.
 const SIDES: [usize; 4] = [128, 256, 512, 1024];
-/// Timed steps of each, in groups and whole: the fewer where they are long, and vary little.
+/// Timed steps of each grid, in groups and whole. Long steps are timed less often because they vary little.
 const ROUNDS: [usize; 2] = [4, 2];
-/// A step that takes longer than this is long, seconds.
+/// A step that takes longer than this is long, in seconds.
 const LONG: f64 = 0.15;
-/// What timing takes, bytes a point: views, fields and windows.
+/// Memory for the timing in bytes per point, for views, fields and windows.
 const BYTES: u64 = 800;
-/// A step that takes longer than this is the last to be timed, seconds.
+/// A step that takes longer than this is the last one to be timed, in seconds.
 const LONGEST: f64 = 0.6;
 
-/// As a file of the user's cache holds them.
+/// The content of a file of the user's cache.
 #[derive(Serialize, Deserialize)]
 struct StoredRates {
     engine: String,
@@ -55,11 +55,11 @@ struct StoredRates {
     rates: Rates,
 }
 
-/// Files larger than this are not ours, bytes.
+/// Larger files are not read as rates, in bytes.
 const LARGEST: u64 = 1 << 20;
 
 impl StoredRates {
-    /// What a file keeps of this engine, if it does: a file that cannot be read, is damaged or is another's is none.
+    /// Returns the rates of this engine from a file. A file that is unreadable, damaged or of another engine has none.
     fn load(file: &Path, engine: &str) -> Option<Rates> {
         let kept: Self = serde_json::from_slice(&crate::files::read::bytes(file, LARGEST).ok()?).ok()?;
         let ours = kept.engine == engine && kept.version == env!("CARGO_PKG_VERSION") && kept.rates.is_sound();
@@ -68,11 +68,13 @@ impl StoredRates {
 }
 
 impl Rates {
-    /// Those of this engine that the user's cache keeps, or else, or `again`, measured and kept. `measuring` is told the
-    /// engine's name before it is timed. Where nothing can be kept, the next call measures again.
+    /// Returns the rates of this engine from the user's cache, or measures and stores them.
+    ///
+    /// With `again` it always measures. `measuring` receives the engine's name before the measurement. If the rates
+    /// cannot be stored, the next call measures again.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn of(
         engine: &mut dyn Engine,
         storage: Storage,
@@ -86,27 +88,27 @@ impl Rates {
         }
         measuring(&name);
         if file.is_none() {
-            tracing::warn!("there is no folder for caches, so that this is measured each time: set XDG_CACHE_HOME");
+            tracing::warn!("no cache folder: the rates are measured each time. Set XDG_CACHE_HOME");
         }
         let rates = Self::measure(engine, storage)?;
         let kept = StoredRates { engine: name, version: env!("CARGO_PKG_VERSION").into(), rates };
         if let Some(file) = file {
-            // A convenience: what keeps it from being kept is no one's concern.
+            // The cache is a convenience, so failures to store are ignored.
             let _ = file.parent().map(std::fs::create_dir_all);
             let _ = write_file(&file, |out| Ok(serde_json::to_writer(out, &kept)?));
         }
         Ok(kept.rates)
     }
 
-    /// Times steps of an ordinary solve (8 sub-frames, 16 pupils of 2 to 20 mm, 9 x 9 views) on `engine`, with fields
-    /// stored so: one to three seconds on a CPU.
+    /// Times steps of an ordinary solve (8 sub-frames, 16 pupils of 2 to 20 mm, 9 x 9 views) on `engine` with this
+    /// storage of fields. This takes one to three seconds on a CPU.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     fn measure(engine: &mut dyn Engine, storage: Storage) -> Result<Self, EngineError> {
         let mut rates = Self { project: Vec::new(), adam: Vec::new() };
         let room = crate::memory::available().unwrap_or(u64::MAX);
-        // The smallest is timed whatever there is.
+        // The smallest grid is timed regardless of the memory.
         let sides = SIDES.into_iter().enumerate().filter(|(i, side)| *i == 0 || (side * side) as u64 * BYTES < room);
         for (_, side) in sides {
             let views = noise(side);
@@ -126,7 +128,7 @@ impl Rates {
         Ok(rates)
     }
 
-    /// Whether these can be rates: read from a file, they might be anything.
+    /// Returns true if these values can be rates. A file might contain anything.
     fn is_sound(&self) -> bool {
         let sound = |rates: &Vec<Rate>| {
             !rates.is_empty()
@@ -136,7 +138,8 @@ impl Rates {
         sound(&self.project) && sound(&self.adam)
     }
 
-    /// Seconds per unit of work on a grid of so many points: between measured sizes by their logarithm.
+    /// Returns the seconds per unit of work on a grid of `points` points, interpolated between measured sizes by their
+    /// logarithm.
     pub(super) fn at(&self, adam: bool, points: f64) -> [f64; Group::ALL.len()] {
         let rates = if adam { &self.adam } else { &self.project };
         let above = rates.iter().position(|r| r.points >= points);
@@ -151,14 +154,14 @@ impl Rates {
     }
 }
 
-/// Views of noise on the timed grid.
+/// Makes views of noise on the timed grid.
 fn noise(side: usize) -> Arc<Pyramid> {
     let phases = random_phases(side * side, 1);
     let view: Vec<f32> = phases.iter().map(|p| p.abs()).collect();
     Arc::new(Pyramid::new(&[&view[..]; 81], side, side))
 }
 
-/// One size, one optimiser; also the seconds of a whole step.
+/// Measures one size with one optimizer. It also returns the seconds of a whole step.
 fn measure(
     engine: &mut dyn Engine,
     side: usize,
@@ -168,7 +171,7 @@ fn measure(
     let display = Display { height: side, width: side, ..Display::preset("paper").expect("a preset") };
     let color = display.wavelengths[1].color;
     let grid = ViewGrid { rows: 9, columns: 9, cell: display.eyebox_min() / 9.0 };
-    let outline = Problem::outline(&display, color, Default::default(), grid).expect("a colour of the display");
+    let outline = Problem::outline(&display, color, Default::default(), grid).expect("a color of the display");
     let problem = Problem { pyramid: Arc::clone(views), ..outline };
     let levels = Levels::Given(even_levels(16));
     let settings = Settings { seed: 3, levels, ..settings };
@@ -191,7 +194,7 @@ fn measure(
             engine.run_part(&step, part)?;
             seconds[group as usize] += start.elapsed().as_secs_f64();
         }
-        // The first warms up: it makes buffers, plans and pipelines.
+        // The first round warms up, because it makes buffers, plans and pipelines.
         if round > 0 {
             for ((best, seconds), work) in best.iter_mut().zip(seconds).zip(work) {
                 *best = best.min(seconds / work.max(1.0));
@@ -202,8 +205,8 @@ fn measure(
         }
         round += 1;
     }
-    // Groups that run by themselves wait for their slowest pupil each; in a step only the last one does. And a step is
-    // what it is on average, not at its best.
+    // Groups that run alone each wait for their slowest pupil, but in a step only the last group does. The rate also
+    // belongs to an average step, not to the best one.
     let (mut expected, mut taken) = (0.0, 0.0);
     for _ in 0..rounds {
         let step = steps.next(0.0);
@@ -216,7 +219,7 @@ fn measure(
     Ok((Rate { points: (side * side) as f64, seconds }, taken / rounds as f64))
 }
 
-/// Runs of neighbouring kernels of one group.
+/// Returns runs of neighboring kernels of one group.
 fn parts(step: &Step) -> Vec<(Group, Range<usize>)> {
     let mut parts: Vec<(Group, Range<usize>)> = Vec::new();
     for (i, dispatch) in step.list.iter().enumerate() {
@@ -233,7 +236,7 @@ fn parts(step: &Step) -> Vec<(Group, Range<usize>)> {
 mod tests {
     use super::*;
 
-    /// A file that is cut off, holds what no rate is, or is of another engine is none.
+    /// A file is not used if it is cut off, holds impossible rates, or is from another engine.
     #[test]
     fn damaged_rates_are_none() {
         let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The settings of a refinement, and the same as text.
+//! The settings of a refinement, also as TOML text.
 
 use super::error::{SolveError, require};
 use super::step::Update;
@@ -9,43 +9,43 @@ use eyebox_base::error::Reason;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::{Map, Value};
 
-/// How the phases follow.
+/// The optimizer of a refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", tag = "kind")]
 #[non_exhaustive]
 pub enum Strategy {
-    /// Pupil-wise projection (OPTICS 6b).
+    /// The pupil-wise projection (OPTICS 6b).
     Projection {
-        /// Gain of the first step after a jump,
+        /// Gain of the first step after a jump.
         gain: f64,
-        /// and of steps long after it:
+        /// Gain of steps long after a jump.
         settled: f64,
-        /// the difference falls to 1/e in so many steps.
+        /// Number of steps in which the difference between both gains falls to 1/e.
         settling: f64,
-        /// Share of the velocity that is kept.
+        /// Share of the velocity that each step keeps.
         momentum: f64,
-        /// The change is divided by the overlap to this power.
+        /// Exponent of the overlap by which the change is divided.
         overlap_power: f64,
     },
-    /// Adam on the closed-form gradient (OPTICS 4).
+    /// Adam on the closed-form Wirtinger gradient (OPTICS 4).
     Adam {
-        /// Learning rate, radians.
+        /// Learning rate in radians.
         rate: f64,
     },
 }
 
 impl Strategy {
-    /// The projection as tuned on several scenes.
+    /// Returns the projection as tuned on several scenes.
     pub const fn projection() -> Self {
         Self::Projection { gain: 3.0, settled: 1.0, settling: 8.0, momentum: 0.5, overlap_power: 1.0 }
     }
 
-    /// Adam at the rate that suits most scenes.
+    /// Returns Adam at the rate that suits most scenes.
     pub const fn adam() -> Self {
         Self::Adam { rate: 0.05 }
     }
 
-    /// Refuses what only makes phases that are no numbers.
+    /// Returns an error for values that make phases which are not finite.
     fn check(self) -> Result<(), SolveError> {
         let gains = 0.0..=1e6;
         match self {
@@ -61,12 +61,12 @@ impl Strategy {
         }
     }
 
-    /// What its steps are for.
+    /// Returns the purpose of the engine's buffers.
     pub(super) fn purpose(self) -> Purpose {
         if matches!(self, Self::Adam { .. }) { Purpose::Adam } else { Purpose::Project }
     }
 
-    /// The `step`-th step since phases or aim were set anew, from 1.
+    /// Returns the update of the `step`-th step since new phases or a new aim, from 1.
     pub(super) fn update(self, step: usize) -> Update {
         match self {
             Self::Projection { gain, settled, settling, momentum, overlap_power } => {
@@ -81,31 +81,31 @@ impl Strategy {
 /// Everything that decides a refinement, besides the scene and the aim.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RefineSettings {
-    /// How the phases follow. A file may name it alone.
+    /// The optimizer. A file may contain its name alone.
     #[serde(deserialize_with = "strategy")]
     pub strategy: Strategy,
-    /// Pupils around the eye a step.
+    /// Pupils around the eye per step.
     pub pupils: usize,
-    /// Pupils over the whole eyebox a step, on average.
+    /// Average number of pupils over the whole eyebox per step.
     pub elsewhere: f64,
-    /// Window per pupil.
+    /// The spectral window of each pupil.
     #[serde(deserialize_with = "super::settings::window")]
     pub window: WindowFactor,
-    /// Steps over the same pupils before others are drawn: their photographs are made once. At least 1.
+    /// Steps over the same pupils before others are drawn. Their target images are made once. At least 1.
     pub repeats: usize,
-    /// How complex fields are stored; none for what the engine [prefers](crate::engine::Engine::preferred_storage): a refined hologram is 20
-    /// to 40 dB from its target, which hides what halves cost.
+    /// Storage of complex fields. `None` uses what the engine [prefers](crate::engine::Engine::preferred_storage). A
+    /// refined hologram is 20 to 40 dB from its target, which hides the error of halves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub storage: Option<Storage>,
-    /// Decides the pupils.
+    /// Seed of the pupils.
     pub seed: u64,
 }
 
 impl RefineSettings {
-    /// Refuses what cannot be.
+    /// Returns an error for invalid values.
     pub fn check(&self) -> Result<(), SolveError> {
-        require((1..=4096).contains(&self.pupils), "the number of pupils a step", self.pupils, "1 to 4096")?;
-        require((0.0..=64.0).contains(&self.elsewhere), "the pupils elsewhere a step", self.elsewhere, "0 to 64")?;
+        require((1..=4096).contains(&self.pupils), "the number of pupils per step", self.pupils, "1 to 4096")?;
+        require((0.0..=64.0).contains(&self.elsewhere), "the pupils elsewhere per step", self.elsewhere, "0 to 64")?;
         self.strategy.check()
     }
 }
@@ -125,20 +125,20 @@ impl Default for RefineSettings {
 }
 
 impl RefineSettings {
-    /// The defaults with what a TOML text says by the names of the fields.
+    /// Reads a TOML text with the names of the fields over the defaults.
     ///
     /// # Errors
-    /// [`SolveError::Text`] with the key that is not known or has no such value; [`SolveError::Setting`].
+    /// [`SolveError::Text`] with an unknown key or a key with a wrong value, and [`SolveError::Setting`].
     pub fn from_toml(text: &str) -> Result<Self, SolveError> {
         let settings = keys(text).and_then(|given| Self::over(&[], &given)).map_err(SolveError::Text)?;
         settings.check()?;
         Ok(settings)
     }
 
-    /// Returns the defaults with the given keys over them, but for those of `beside`.
+    /// Returns the defaults with the given keys over them, without the keys of `beside`.
     ///
     /// # Errors
-    /// The key that is unknown or has no such value.
+    /// The reason names an unknown key or a key with a wrong value.
     pub(crate) fn over(beside: &[&str], given: &Map<String, Value>) -> Result<Self, Reason> {
         let mut whole = keys_of(&Self::default());
         if given.contains_key("storage") {
@@ -148,7 +148,7 @@ impl RefineSettings {
     }
 }
 
-/// A strategy, or its name alone.
+/// Reads a strategy or its name alone.
 fn strategy<'de, D: Deserializer<'de>>(from: D) -> Result<Strategy, D::Error> {
     super::settings::whole_or_name(from, Strategy::projection(), Strategy::adam())
 }

@@ -1,4 +1,4 @@
-//! A solve under way: exposure, steps, validation, and what to do where a loss is not finite.
+//! Runs a solve, with its exposure, its steps, its validation, and its response to a loss that is not finite.
 
 use super::error::SolveError;
 use super::exposure::{BrightEnd, peak};
@@ -19,20 +19,20 @@ use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Pupils, or windows of another kind, that a solve is validated by.
+/// Number of validation pupils of a solve, or of windows of another kind.
 pub(super) const PUPILS: usize = 8;
 
-/// One color before its exposure is chosen: what plans its steps and what scores them.
+/// One color before its exposure is chosen, with its planner and its validator.
 pub(super) struct Ready<'a> {
     pub problem: &'a Problem,
     pub planner: Planner,
     pub validator: Validator,
-    /// Linear light of the targets' value 1.
+    /// Linear light of a target value of 1.
     pub unit: f64,
 }
 
 impl<'a> Ready<'a> {
-    /// Loads an engine with what the problem needs for this purpose.
+    /// Loads an engine with the data of the problem for this purpose.
     pub fn new(
         problem: &'a Problem,
         settings: &Settings,
@@ -47,7 +47,8 @@ impl<'a> Ready<'a> {
         if let Some(levels) = settings.levels.table() {
             engine.write(Buffer::Levels, &levels)?;
         }
-        // What the method looks through (pupils by the paper's distribution), from another seed: no step is shown these.
+        // These viewpoints of the method (pupils by the paper's distribution) come from another seed, so that no step
+        // uses them.
         let uniform = Settings { diameters: Diameters::Uniform, ..settings.clone() };
         let mut viewpoints = Viewpoints::new(problem, &uniform, !settings.seed);
         let validator = Validator::new(engine, &planner, (0..PUPILS).map(|_| viewpoints.draw()).collect())?;
@@ -55,20 +56,20 @@ impl<'a> Ready<'a> {
     }
 }
 
-/// From first phases to the best.
+/// The state of a descent from the first phases to the best ones.
 struct Descent<'o> {
-    /// Steps at most, and from one verdict to the next.
+    /// The largest number of steps, and the steps between two validations.
     steps: usize,
     every: usize,
-    /// Quality at which it stops, dB.
+    /// The PSNR at which it stops, in dB.
     wanted: Option<f64>,
-    /// Steps that have ended.
+    /// Number of steps that have ended.
     step: usize,
     /// The score of the phases that the engine keeps.
     best: Option<ValidationScore>,
-    /// The step after which phases were validated last.
+    /// The step after which phases were last validated.
     judged: usize,
-    /// Whether the last validation sent the phases back to the best ones.
+    /// True if the last validation restored the best phases.
     sent_back: bool,
     /// Steps that were begun and have not ended.
     under_way: VecDeque<(Step, PendingStep)>,
@@ -80,41 +81,45 @@ impl Descent<'_> {
         step.is_multiple_of(self.every) || step == self.steps
     }
 
-    /// The step that is to be ended now: all of them, or all but one that is still under way.
+    /// Returns the step that must end now. If `all` is false, one step may stay under way.
     fn next(&mut self, all: bool) -> Option<(Step, PendingStep)> {
         let last_is_over = self.under_way.back().is_some_and(|(_, begun)| begun.is_over());
         if all || last_is_over || self.under_way.len() > 1 { self.under_way.pop_front() } else { None }
     }
 }
 
-/// A solve under way.
+/// A solve that is under way.
 pub(super) struct Run<'a> {
     ready: &'a Ready<'a>,
     settings: &'a Settings,
     engine: &'a mut dyn Engine,
-    /// Where it begins, if not at random phases.
+    /// Phases at which it begins, if they are not random.
     pub(super) from: Option<Warm<'a>>,
     start: Instant,
     pub(super) exposure: f64,
-    /// Whether this is a pilot: it stops only when asked.
+    /// True for a pilot, which stops early only by its observer.
     pilot: bool,
     /// Seconds of each step since the last start, without validation.
     pub(super) durations: Vec<f64>,
 }
 
-/// Steps of a pilot solve.
+/// Number of steps of a pilot solve.
 const PILOT_STEPS: usize = 24;
-/// A state that is worse than the best one by more, dB, is given up: steps continue from the best one, and are shorter.
+/// A state that is worse than the best one by more than this, in dB, is dropped. Steps then continue from the best one
+/// and are shorter.
 const FALL_DB: f64 = 0.1;
-/// A longer solve wants more light than its pilot (docs/measurements.md).
+/// Factor on the exposure of a pilot, because a longer solve needs more light (docs/results/against-pytorch.json).
 const PILOT_RISE: f64 = 1.25;
-/// Adam does best with less light to spare than the projection (docs/measurements.md).
+/// Factor on the exposure for Adam, which is best with less excess light than the projection
+/// (docs/results/against-pytorch.json).
 const ADAM_EXPOSURE: f64 = 0.85;
-/// Crosstalk that leaves less of the drives' variance wants less light, in proportion (docs/displays.md).
+/// Share of the variance of the drive values below which crosstalk lowers the exposure, in proportion
+/// (docs/displays.md).
 const CROSSTALK_LEAVES: f64 = 0.6;
 
-/// This share of what a scene's bright end asks for, or less on a display with crosstalk: light that it keeps from being steered
-/// away falls everywhere, and less to spare is better.
+/// Returns this share of the exposure that the bright end of a scene requires, or less on a display with crosstalk.
+///
+/// Light that crosstalk keeps from being directed away falls everywhere, so less excess light is better.
 pub(crate) fn exposure_under(model: Option<&ModelTables>, share: f64, end: &BrightEnd) -> f64 {
     let left = model.map_or(1.0, |model| model.variance_left());
     let share = (left / CROSSTALK_LEAVES).min(1.0) * share;
@@ -122,7 +127,7 @@ pub(crate) fn exposure_under(model: Option<&ModelTables>, share: f64, end: &Brig
 }
 
 impl<'a> Run<'a> {
-    /// Before its exposure is chosen.
+    /// Creates the run before its exposure is chosen.
     pub(super) fn new(
         ready: &'a Ready<'a>,
         settings: &'a Settings,
@@ -133,10 +138,11 @@ impl<'a> Run<'a> {
         Self { ready, settings, engine, from, start, exposure: 0.0, pilot: false, durations: Vec::new() }
     }
 
-    /// Of the efficiency that is set; else from the scene's bright end, by pilot solves where its two measures part.
+    /// Chooses the exposure from the given efficiency, or from the bright end of the scene. If the two measures of that
+    /// end differ, pilot solves decide.
     pub(super) fn choose_exposure(&mut self, observe: &mut dyn FnMut(&Progress) -> Flow) -> Result<f64, SolveError> {
         let Ready { problem, ref validator, unit, .. } = *self.ready;
-        // A black scene has no efficiency: any exposure shows it.
+        // A black scene has no efficiency. Any exposure shows it.
         if let Some(efficiency) = self.settings.efficiency.filter(|_| problem.mean > 0.0) {
             return Ok(problem.mean / efficiency / unit);
         }
@@ -152,7 +158,7 @@ impl<'a> Run<'a> {
             let seconds = start.elapsed().as_secs_f64();
             Progress { pilot: Some([taken, all]), fitting: None, step: 0, steps, seconds, loss, validation: None }
         };
-        // Who was asked to stop at an earlier colour tries nothing.
+        // If the observer stopped at an earlier color, no pilot runs.
         if observe(&at(0, f64::NAN)) == Flow::Stop {
             self.pilot = false;
             return Ok(end.guess());
@@ -181,7 +187,7 @@ impl<'a> Run<'a> {
         Ok(PILOT_RISE * found)
     }
 
-    /// From the first phases, `steps` steps at most.
+    /// Takes at most `steps` steps from the first phases.
     pub(super) fn descend(
         &mut self,
         steps: usize,
@@ -224,7 +230,8 @@ impl<'a> Run<'a> {
                 begun_steps += 1;
                 descent.under_way.push_back((next, taken));
             }
-            // On a device one step may be under way while the next is made; verdicts, and the end, wait for it.
+            // On a device one step may be under way while the next one is prepared. Validations and the end wait for
+            // it.
             let waits = end.is_some() || descent.is_verdict(begun_steps);
             let mut stop = None;
             while let Some((next, taken)) = descent.next(waits || stop.is_some()) {
@@ -243,7 +250,8 @@ impl<'a> Run<'a> {
         Ok((descent.best.expect("it was just validated"), descent.step, stop))
     }
 
-    /// Ends a step, and says whether the descent stops with it; one that was under way when it was to `stop` is taken as well.
+    /// Ends a step and returns the reason if the descent stops with it. A step that was under way at an earlier `stop`
+    /// is taken as well.
     fn end(
         &mut self,
         descent: &mut Descent<'_>,
@@ -256,7 +264,7 @@ impl<'a> Run<'a> {
         descent.step += 1;
         let step = descent.step;
         if !loss.is_finite() {
-            // What is under way behind it leaves phases alone.
+            // Steps that are still under way do not change phases.
             descent.under_way.clear();
             let kernel = first_fault(self.engine, next)?;
             if kernel.is_none() && descent.best.is_none() {
@@ -288,15 +296,17 @@ impl<'a> Run<'a> {
 
     fn first_phases(&self, pixels: usize) -> Vec<f32> {
         match (self.from, self.settings.method) {
-            // Fewer where all sub-frames come out alike.
+            // Fewer phases are needed if all sub-frames are equal.
             (Some(from), _) => from.phases[..pixels].to_vec(),
             (None, Method::Smooth) => vec![0.0; pixels],
             _ => random_phases(pixels, self.settings.seed),
         }
     }
 
-    /// Scores the engine's phases, which keeps them if they are the best so far. Phases that are not finite never are: what
-    /// they show has no score. Phases that are much worse than the best become the best again, if steps are left.
+    /// Scores the engine's phases, and keeps them if they are the best.
+    ///
+    /// Phases that are not finite are never kept because their image has no score. Phases that are much worse than the
+    /// best are replaced by the best, if steps remain.
     fn validate(&mut self, descent: &mut Descent<'_>) -> Result<(), EngineError> {
         let (step, best) = (descent.step, &mut descent.best);
         descent.judged = step;
@@ -305,7 +315,7 @@ impl<'a> Run<'a> {
         let score = validator.score(self.engine, &whole)?.in_units_of(*unit);
         let better = |b: &ValidationScore| score.mean() >= b.mean() || b.mean().is_nan();
         if best.as_ref().is_none_or(better) {
-            // What was scored is what the SLM shows.
+            // The score belongs to the phases that the SLM shows.
             let shown = if planner.levels > 0 { Buffer::Shown } else { Buffer::Phases };
             let finite = |engine: &mut dyn Engine| Ok(engine.read(shown)?.iter().all(|p| p.is_finite()));
             if best.is_none() || !score.mean().is_nan() || finite(self.engine)? {
@@ -315,7 +325,7 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         let fell = best.as_ref().is_some_and(|b| score.mean() < b.mean() - FALL_DB);
-        // Shown levels are no place to continue from: they have lost the phases between them.
+        // Steps do not continue from shown levels because these have lost the phases between them.
         if fell && step < descent.steps && planner.levels == 0 {
             self.engine.restore()?;
             descent.sent_back = true;
@@ -324,8 +334,8 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Steps from one validation to the next: ten of them where quality is to stop the solve, else three, for one costs about
-/// two steps.
+/// Returns the steps from one validation to the next. There are ten validations if quality stops the solve, and
+/// otherwise three, because one costs about two steps.
 pub(super) fn interval(steps: usize, stops: bool) -> usize {
     steps.div_ceil(if stops { 10 } else { 3 }).max(3)
 }

@@ -1,26 +1,26 @@
-//! Which pupils are drawn (OPTICS 6e): a distribution of diameters, and a sequence over (diameter, x, y, depth).
+//! Draws pupils from a distribution of diameters and a sequence over (diameter, x, y, depth) (OPTICS 6e).
 
 use crate::optics::{EyeboxRegion, Pupil, PupilDistribution};
 use eyebox_base::random::SplitMix;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How diameters are distributed between their limits.
+/// The distribution of diameters between their limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Diameters {
-    /// Uniform in d: the paper's.
+    /// Uniform in d, as in the paper.
     Uniform,
-    /// Uniform in log d: small pupils are the hardest to serve and the cheapest to compute.
+    /// Uniform in log d, because small pupils are the hardest to serve and the cheapest to compute.
     #[serde(alias = "log")]
     LogUniform,
-    /// Uniform in 1/d.
+    /// Uniform in the reciprocal 1/d.
     Reciprocal,
 }
 
 impl Diameters {
-    /// The name by which it is chosen.
+    /// Returns the name by which it is chosen.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Uniform => "uniform",
@@ -30,44 +30,44 @@ impl Diameters {
     }
 }
 
-/// What fills the four dimensions.
+/// The sequence that fills the four dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Sequence {
-    /// Independent pseudo-random numbers: the paper's.
+    /// Independent pseudo-random numbers, as in the paper.
     Random,
     /// Sobol's sequence (Joe and Kuo 2008), scrambled after Owen by hashing (Burley 2020).
     Sobol,
 }
 
-/// Where pupils are drawn: metres.
+/// The range from which pupils are drawn, in meters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PupilRange {
-    /// Side of the square that the whole pupil stays in, where it fits: the eyebox that all colours serve.
+    /// Side of the square in which the whole pupil stays if it fits. It is the eyebox that all colors serve.
     pub eyebox: f64,
     /// Smallest and largest diameter.
     pub diameter: [f64; 2],
     /// Nearest and farthest focus.
     pub depth: [f64; 2],
-    /// Distribution of diameters.
+    /// Distribution of the diameters.
     pub diameters: Diameters,
 }
 
 impl PupilRange {
-    /// Diameters that are usual in an eyebox of this side: from 2 mm to most of it, 20 mm at most.
+    /// Returns the usual diameters in an eyebox of this side, from 2 mm to most of it and 20 mm at most.
     pub fn usual_diameter(eyebox: f64) -> [f64; 2] {
         let largest = (eyebox * 10.0 / 11.0).min(20e-3);
         [2e-3_f64.min(largest / 2.0), largest]
     }
 
-    /// All of an eyebox, its usual diameters alike.
+    /// Returns the range over a whole eyebox with its usual diameters, drawn uniformly.
     pub fn over(eyebox: f64, depth: [f64; 2]) -> Self {
         Self { eyebox, diameter: Self::usual_diameter(eyebox), depth, diameters: Diameters::Uniform }
     }
 
-    /// The pupil at a point of the unit cube (diameter, x, y, depth) in one of these regions of the pupil plane, by their areas; in
-    /// the eyebox where there is none.
+    /// Returns the pupil at a point of the unit cube (diameter, x, y, depth) in one of these regions of the pupil
+    /// plane, weighted by area. Without a region it is in the eyebox.
     pub fn within(&self, regions: &[EyeboxRegion], [d, x, y, z]: [f64; 4]) -> Pupil {
         let area = |region: &EyeboxRegion| region.size[0] * region.size[1];
         let all: f64 = regions.iter().map(area).sum();
@@ -84,7 +84,7 @@ impl PupilRange {
         self.at([d, x, y, z])
     }
 
-    /// The pupil at a point of the unit cube (diameter, x, y, depth).
+    /// Returns the pupil at a point of the unit cube (diameter, x, y, depth).
     pub fn at(&self, [d, x, y, z]: [f64; 4]) -> Pupil {
         let [low, high] = self.diameter;
         let diameter = match self.diameters {
@@ -98,7 +98,7 @@ impl PupilRange {
     }
 }
 
-/// An endless stream of pupils, the same for the same seed.
+/// An endless stream of pupils, which is the same for the same seed.
 #[derive(Debug, Clone)]
 pub struct Sampler {
     range: PupilRange,
@@ -107,29 +107,30 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// From the start.
+    /// Starts the stream from its beginning.
     pub fn new(range: PupilRange, sequence: Sequence, seed: u64) -> Self {
         Self { range, regions: Arc::new([]), points: Points::new(sequence, seed) }
     }
 
-    /// The same over these regions of the pupil plane ([`Display::regions`](crate::optics::Display::regions)).
+    /// Returns the same stream over these regions of the pupil plane
+    /// ([`Display::regions`](crate::optics::Display::regions)).
     #[must_use]
     pub fn over(self, regions: impl Into<Arc<[EyeboxRegion]>>) -> Self {
         Self { regions: regions.into(), ..self }
     }
 
-    /// The next pupil.
+    /// Returns the next pupil.
     pub fn draw(&mut self) -> Pupil {
         self.range.within(&self.regions, self.points.draw())
     }
 
-    /// The next point of the unit cube (diameter, x, y, depth).
+    /// Returns the next point of the unit cube (diameter, x, y, depth).
     pub(super) fn point(&mut self) -> [f64; 4] {
         self.points.draw()
     }
 }
 
-/// An endless stream of points of the unit cube of four dimensions, the same for the same seed.
+/// An endless stream of points of the four-dimensional unit cube, which is the same for the same seed.
 #[derive(Debug, Clone)]
 pub(super) struct Points {
     sequence: Sequence,
@@ -139,14 +140,14 @@ pub(super) struct Points {
 }
 
 impl Points {
-    /// From the start.
+    /// Starts the stream from its beginning.
     pub(super) fn new(sequence: Sequence, seed: u64) -> Self {
         let mut random = SplitMix(seed ^ 0x7075_7069_6c73);
         let scramble = [0; 4].map(|_: u32| random.next() as u32);
         Self { sequence, random, scramble, index: 0 }
     }
 
-    /// The next point.
+    /// Returns the next point.
     pub(super) fn draw(&mut self) -> [f64; 4] {
         match self.sequence {
             Sequence::Random => [0; 4].map(|_: i32| self.random.unit()),
@@ -159,19 +160,20 @@ impl Points {
     }
 }
 
-/// So many pupils of a distribution, spread evenly; the same for the same seed.
+/// Returns `count` pupils of a distribution, evenly spread and the same for the same seed.
 pub fn pupils_of(distribution: &PupilDistribution, count: usize, seed: u64) -> Vec<Pupil> {
     let mut points = Points::new(Sequence::Sobol, seed);
     (0..count).map(|_| distribution.pupil(points.draw())).collect()
 }
 
-/// Phases uniform in -pi .. pi, in float32; the same for the same seed.
+/// Returns phases uniform in -pi .. pi in float32, the same for the same seed.
 pub fn random_phases(count: usize, seed: u64) -> Vec<f32> {
     let mut random = SplitMix(seed ^ 0x7068_6173_6573);
     (0..count).map(|_| ((random.unit() - 0.5) * std::f64::consts::TAU) as f32).map(eyebox_kernels::trig::wrap).collect()
 }
 
-/// Direction numbers of the first four dimensions, from (degree, coefficients, initial values).
+/// Computes Sobol's sequence in the first four dimensions from direction numbers (degree, coefficients, initial
+/// values).
 fn sobol(index: u32, dimension: usize) -> u32 {
     const POLYNOMIALS: [(u32, u32, [u32; 3]); 3] = [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
     if dimension == 0 {
@@ -195,7 +197,8 @@ fn sobol(index: u32, dimension: usize) -> u32 {
     (0..32).filter(|bit| index >> bit & 1 == 1).fold(0, |x, bit| x ^ v[bit])
 }
 
-/// Owen's nested scrambling by a hash that only lets higher bits decide (Laine and Karras 2011), which no general mixer does.
+/// Applies Owen's nested scrambling by a hash in which only higher bits decide (Laine and Karras 2011). No general
+/// mixer has this property.
 fn owen(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
     x = x.wrapping_add(seed);
@@ -215,7 +218,7 @@ mod tests {
 
     #[test]
     fn sobol_fills_every_elementary_interval() {
-        // A (0, m, 1) net in each dimension: 64 points, one per interval of 1/64, scrambled or not.
+        // These 64 points are a (0, m, 1) net in each dimension, with one point per interval of 1/64, scrambled or not.
         for d in 0..4 {
             for seed in [None, Some(77)] {
                 let mut hit = [false; 64];
@@ -226,7 +229,7 @@ mod tests {
                 assert!(hit.iter().all(|h| *h), "dimension {d}, {seed:?}");
             }
         }
-        // And the second with the third: one point in each of 8 x 8 squares.
+        // The first dimension with the second has one point in each of 8 x 8 squares.
         let mut hit = [false; 64];
         (0..64).for_each(|i| hit[((sobol(i, 0) >> 29) * 8 + (sobol(i, 1) >> 29)) as usize] = true);
         assert!(hit.iter().all(|h| *h));

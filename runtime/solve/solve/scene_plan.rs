@@ -1,8 +1,8 @@
-//! What a scene requires of the model, decided before any work; the rest is left out.
+//! Decides which parts of the full model a scene requires, before any work, and leaves out the rest.
 //!
-//! Each part that can be left out ([`Full`]) is left out only where the result stays the same: colours without light, views
-//! that show what their neighbours show or that no pupil reaches, padding where nothing would come in again on the other
-//! side, the spectrum that no pupil passes. What is left out, and why, is said ([`Decision`]), and each can be kept.
+//! Each part ([`Full`]) is left out only if the result stays the same. These parts are colors without light, views that
+//! show the same as their neighbors or that no pupil reaches, padding that keeps nothing out, and the spectrum that no
+//! pupil passes. Each decision and its reason are recorded ([`Decision`]), and each part can be kept.
 
 use super::error::SolveError;
 use super::problem::Problem;
@@ -19,15 +19,15 @@ use crate::scene::{DARK, DepthSource, LightField, ViewGrid};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Parts of the model that are kept whatever the scene requires.
+/// Parts of the model that are kept regardless of the scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Full {
-    /// Colours without light.
+    /// Colors that hold no light.
     pub colors: bool,
     /// Views that show nothing new, or that no pupil reaches.
     pub views: bool,
-    /// Zeros around the SLM, as wide as light walks off.
+    /// Zeros around the SLM, as wide as light moves out of the picture.
     pub padding: bool,
     /// The whole spectrum for every pupil.
     pub window: bool,
@@ -36,12 +36,12 @@ pub struct Full {
 }
 
 impl Full {
-    /// Everything.
+    /// All parts are kept.
     pub const ALL: Self = Self { colors: true, views: true, padding: true, window: true, modes: true };
     /// The names of the parts.
     pub const PARTS: [&'static str; 5] = ["colors", "views", "padding", "window", "modes"];
 
-    /// The part of this name, kept; false where there is none.
+    /// Keeps the part of this name. Returns false if there is no such part.
     pub fn keep(&mut self, name: &str) -> bool {
         match name {
             "colors" => self.colors = true,
@@ -56,72 +56,77 @@ impl Full {
     }
 }
 
-/// What is asked of a plan.
+/// The input of a plan.
 #[derive(Debug, Clone)]
 pub struct PlanRequest<'a> {
-    /// The settings of the solve; its depths are used where `depth` says none.
+    /// The settings of the solve. Their depths are used if `depth` is `None`.
     pub settings: &'a Settings,
-    /// Depths asked for, metres; none for those that the scene reaches.
+    /// Requested depths in meters, or `None` for the depths that the scene reaches.
     pub depth: Option<[f64; 2]>,
-    /// Parts kept whatever the scene requires.
+    /// Parts kept regardless of the scene.
     pub full: Full,
-    /// Speckle contrast (standard deviation over mean in an even patch) asked for; none for the settings' sub-frames.
+    /// Requested speckle contrast (standard deviation over mean in an even patch), or `None` for the sub-frames of the
+    /// settings.
     pub contrast: Option<f64>,
 }
 
-/// One decision, for people.
+/// One decision of a plan, as text.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Decision {
-    /// What it is about.
+    /// The subject of the decision.
     pub what: &'static str,
-    /// What was decided.
+    /// The decision as text.
     pub value: String,
-    /// Why.
+    /// The reason for the decision.
     pub why: String,
-    /// Whether something of the full model is left out.
+    /// True if a part of the full model is left out.
     pub saves: bool,
 }
 
-/// What is computed of a scene.
+/// The parts of a scene that are computed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScenePlan {
-    /// Colours that are solved.
+    /// Colors that are solved.
     pub colors: Vec<Color>,
-    /// Colours that hold no light.
+    /// Colors that hold no light.
     pub dark: Vec<Color>,
-    /// Rows and columns of views left out on each side, for no pupil reaches them.
+    /// Rows and columns of views left out on each side because no pupil reaches them.
     pub outer: [usize; 2],
-    /// Views along an axis that became one; 1 for all as they are.
+    /// Number of views along an axis that are merged into one. 1 keeps all views.
     pub merge: usize,
-    /// Depth at which they were laid upon each other, metres.
+    /// Depth at which the views were aligned for merging, in meters.
     pub merge_depth: f64,
     /// Zeros around the SLM.
     pub padding: Padding,
-    /// The display's source, with how many modes stand for it: [`lit`](Self::lit).
+    /// The display's source with its chosen number of modes (see [`lit`](Self::lit)).
     pub source: SourceSections,
-    /// The settings with what was decided.
+    /// The settings with the decisions applied.
     pub settings: Settings,
     /// All decisions, in order.
     pub choices: Vec<Decision>,
 }
 
-/// A saving may cost so much, dB.
+/// Highest allowed loss of a saving, in dB.
 const TOLERANCE: f64 = 0.05;
-/// Photographs of merged views must be this like those of all, dB of the brightest: twenty and more below the speckle of
-/// any hologram, so less than [`TOLERANCE`].
+/// Required agreement of the target images of merged views and of all views, in dB of the brightest value.
+///
+/// This error is 20 dB and more below the speckle of any hologram, so the loss is less than [`TOLERANCE`].
 const LIKENESS: f64 = 60.0;
-/// What light in the margins costs that comes in again on the other side, dB per mean square of the picture, the
-/// brightest being 1: measured on still-life, dense-grass and antinous with 2 to 8 % of the picture within reach
-/// (docs/measurements.md). Little, for an edge that is wrong replaces one that was noisy.
+/// Loss by light in the margins that enters again at the opposite side, in dB per mean square of a picture with a
+/// brightest value of 1.
+///
+/// It was measured on still-life, dense-grass and antinous with 2 to 8 % of the picture within reach
+/// (docs/results/speed-and-accuracy.json). It is small because a wrong edge replaces a noisy one.
 const WRAP_COST: f64 = 16.0;
-/// Pixels by which views of a block may part before merging them is not even tried.
+/// Distance in pixels of content in the views of a block, up to which merging is tested.
 const MAX_MERGED_STEP_PX: f64 = 1.0;
 
 impl ScenePlan {
-    /// Decides. Only where views might be merged is anything computed: a few photographs, both ways.
+    /// Makes all decisions. Only the test of merged views computes anything, which is a few target images of both
+    /// versions.
     ///
     /// # Errors
-    /// Settings that cannot be; colours that the display does not have.
+    /// [`SolveError`] for invalid settings, and for colors that the display does not have.
     pub fn new(field: &LightField, display: &Display, request: &PlanRequest) -> Result<Self, SolveError> {
         let mut plan = Self {
             colors: field.colors.clone(),
@@ -153,13 +158,13 @@ impl ScenePlan {
         Ok(plan)
     }
 
-    /// Where the views stand that the plan leaves.
+    /// Returns the grid of the views that the plan keeps.
     pub fn left(&self, field: &LightField, display: &Display) -> ViewGrid {
         let axis = |i: usize| (field.grid[i] - 2 * self.outer[i]) / self.merge;
         ViewGrid { rows: axis(0), columns: axis(1), cell: field.cell(display) * self.merge as f64 }
     }
 
-    /// The scene with what the plan leaves of it.
+    /// Returns the scene reduced to the parts that the plan keeps.
     pub fn reduce(&self, field: LightField, display: &Display) -> LightField {
         let field = field.with_colors(&self.colors).without_outer(display, self.outer);
         if self.merge > 1 { field.merged(display, self.merge, self.merge_depth) } else { field }
@@ -169,7 +174,7 @@ impl ScenePlan {
         self.choices.push(Decision { what, value: value.into(), why: why.into(), saves: false });
     }
 
-    /// Marks the last choice as a saving.
+    /// Marks the last decision as a saving.
     fn saves(&mut self) {
         if let Some(last) = self.choices.last_mut() {
             last.saves = true;
@@ -185,16 +190,16 @@ impl ScenePlan {
         let all = names(&field.colors);
         let no_light = format!("{} {} no light", names(&dark), if dark.len() == 1 { "holds" } else { "hold" });
         if dark.is_empty() {
-            self.say("colours", all, "each holds light");
+            self.say("colors", all, "each holds light");
         } else if request.full.colors {
-            self.say("colours", all, format!("kept as asked, though {no_light}"));
+            self.say("colors", all, format!("kept as requested, although {no_light}"));
         } else if lit.is_empty() {
             self.colors.truncate(1);
             self.dark = dark[1..].to_vec();
-            self.say("colours", names(&self.colors), "the scene is black: one colour shows it");
+            self.say("colors", names(&self.colors), "the scene is black, and one color shows it");
             self.saves();
         } else {
-            self.say("colours", names(&lit), no_light);
+            self.say("colors", names(&lit), no_light);
             self.saves();
             (self.colors, self.dark) = (lit, dark);
         }
@@ -207,27 +212,27 @@ impl ScenePlan {
             if rows + columns == 0 {
                 "light reaches every edge"
             } else {
-                "no view has light there; the SLM's pixels still shape the rest, so they are solved"
+                "no view has light there. The SLM's pixels still shape the rest, so they are solved"
             },
         );
     }
 
     fn choose_depth(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
         let (depth, why) = match request.depth {
-            Some([a, b]) => ([a.min(b), a.max(b)], "as asked".to_owned()),
+            Some([a, b]) => ([a.min(b), a.max(b)], "as requested".to_owned()),
             None => {
                 let (depth, source) = field.reach(display);
                 let depth = source.sure(depth, display.focal_length)?;
                 let why = match source {
-                    DepthSource::Stated => "the scene says how deep it reaches",
-                    _ => "measured in the central view: the scene does not say",
+                    DepthSource::Stated => "the scene states its depth",
+                    _ => "measured in the central view because the scene does not state it",
                 };
                 (depth, why.to_owned())
             }
         };
         self.settings.depth = depth;
         let flat = depth[0] == depth[1];
-        let why = if flat { format!("{why}; one plane: no eye has to focus elsewhere") } else { why };
+        let why = if flat { format!("{why}. There is one plane, so no eye has to focus elsewhere") } else { why };
         self.say("depth", depths_in_words(depth, display.focal_length), why);
         Ok(())
     }
@@ -235,19 +240,19 @@ impl ScenePlan {
     fn choose_views(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<(), SolveError> {
         let count = field.grid[0] * field.grid[1];
         if request.full.views {
-            self.say("views", format!("{count}"), "all, as asked");
+            self.say("views", format!("{count}"), "all, as requested");
             return Ok(());
         }
         self.outer = field.unseen(display, display.eyebox_min());
         let seen = self.outer.iter().zip(field.grid).map(|(o, n)| n - 2 * o).product::<usize>();
         let mut why = if seen < count {
-            format!("{} lie beyond the eyebox", count - seen)
+            format!("{} are outside the eyebox", count - seen)
         } else {
-            "every one is seen by some pupil".into()
+            "a pupil sees each of them".into()
         };
         let [far, near] = self.settings.depth;
         self.merge_depth = 0.5 * (far + near);
-        // Within a block, content half the range off its depth moves so far from the middle to the edge.
+        // Within a block, content at half the range from this depth moves this far between the middle and the edge.
         let cell = field.cell(display);
         let apart = |k: usize| {
             0.5 * (near - far) * 0.5 * (k - 1) as f64 * cell / (display.focal_length * display.picture_pixel())
@@ -269,15 +274,15 @@ impl ScenePlan {
         if let Some((k, likeness)) = found {
             self.merge = k;
             let like = if likeness.is_finite() { format!("by {likeness:.0} dB") } else { "exactly".into() };
-            why += &format!("; blocks of {k} x {k} show the same: photographs agree {like}");
+            why += &format!(". Blocks of {k} x {k} show the same, since their target images agree {like}");
             self.say("views", format!("{} of {count}", seen / (k * k)), why);
             self.saves();
         } else {
             why += &match worse {
                 Some((k, likeness)) => {
-                    format!("; blocks of {k} x {k} as one would agree by {likeness:.0} dB only ({LIKENESS:.0} asked)")
+                    format!(". Merged blocks of {k} x {k} would agree by {likeness:.0} dB ({LIKENESS:.0} dB required)")
                 }
-                None => "; they differ: the scene is deep".into(),
+                None => ". They differ because the scene is deep".into(),
             };
             self.say("views", format!("{seen} of {count}"), why);
             if seen < count {
@@ -287,14 +292,15 @@ impl ScenePlan {
         Ok(())
     }
 
-    /// The colour that holds most light.
+    /// Returns the color with the most light.
     fn brightest(&self, field: &LightField) -> Color {
         let light = field.light();
         light.iter().max_by(|a, b| a.brightest.total_cmp(&b.brightest)).map_or(field.colors[0], |l| l.color)
     }
 
-    /// How like the photographs of blocks of `k` x `k` views are to those of all: dB of the brightest, the worst of
-    /// eight pupils as the solve draws them.
+    /// Returns the agreement of the target images of merged blocks of `k` x `k` views and of all views.
+    ///
+    /// It is in dB of the brightest value. The worst of eight pupils counts, drawn as in the solve.
     fn likeness(&self, field: &LightField, display: &Display, k: usize) -> Result<f64, SolveError> {
         let few = field.merged(display, k, self.merge_depth);
         let color = field.colors[0];
@@ -314,43 +320,42 @@ impl ScenePlan {
             let error = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len().max(1) as f64;
             if error > 0.0 { -10.0 * (error / f64::from(peak).powi(2)).log10() } else { f64::INFINITY }
         };
-        // A method that looks through no pupil has views of its own: none may go.
+        // A method without pupils uses the views themselves, so none may be merged.
         Ok(all.iter().zip(&few).map(one).reduce(f64::min).unwrap_or(f64::NEG_INFINITY))
     }
 
-    /// Whether what walks off is kept out, as a rule that says no more than what was chosen.
+    /// Decides the padding, and returns the rule that describes the choice.
     fn pad(&mut self, field: &LightField, display: &Display, request: &PlanRequest) -> Result<PaddingRule, SolveError> {
         let optics = display.optics(self.colors[0])?;
         let [far, near] = self.settings.depth;
         let (depth, reach) = (far.abs().max(near.abs()), display.eyebox_min() / 2.0);
-        // Looked at by an eye with a prescription the picture moves as one at another depth does (OPTICS 11).
+        // For an eye with a prescription the picture moves like one at another depth (OPTICS 11).
         let eye = display.prescription.as_ref();
         let eye = eye.map_or(0.0, |eye| eye.walk_off(display.focal_length, reach, self.settings.diameter[1]));
         let pixels = walk_off(&optics, depth + eye, reach) / optics.pitch;
         let required = Padding::required(&optics, depth + eye, reach);
-        // Half of it on average over depths and places; only what lies within walks off.
+        // On average over depths and places, half of the light within this distance moves out of the picture.
         let power = field.edge_power((0.5 * pixels).ceil().min(1e9) as usize);
         let loss = WRAP_COST * power;
-        let walks =
-            format!("light walks off by up to {pixels:.1} pixels; what comes in again would cost about {loss:.2} dB");
+        let walks = format!("light moves out by up to {pixels:.1} pixels. Its return would cost about {loss:.2} dB");
         let always = request.full.padding || request.settings.padding == PaddingRule::Always;
         let exact = request.settings.padding == PaddingRule::Exact && !always;
         let slow = Padding::smooth(&optics);
         if exact && slow != Padding::default() {
-            self.say("padding", "none", format!("as asked, though {}", slow_sides(&optics)));
+            self.say("padding", "none", format!("as requested, although {}", slow_sides(&optics)));
         } else if required == Padding::default() && slow == required {
-            self.say("padding", "none", "light stays where it is");
+            self.say("padding", "none", "light stays in the picture");
         } else if required != Padding::default()
             && (always || (request.settings.padding == PaddingRule::Need && loss > TOLERANCE))
         {
             self.padding = required;
-            let why = if always { "as asked".to_owned() } else { walks };
+            let why = if always { "as requested".to_owned() } else { walks };
             self.say("padding", format!("{} rows, {} columns", required.rows, required.columns), why);
         } else if slow != Padding::default() {
             self.padding = slow;
             self.say("padding", format!("{} rows, {} columns", slow.rows, slow.columns), slow_sides(&optics));
         } else {
-            let why = if loss > TOLERANCE { format!("{walks}: `padding` keeps it out") } else { walks };
+            let why = if loss > TOLERANCE { format!("{walks}. `padding` keeps it out") } else { walks };
             self.say("padding", "none", why);
         }
         let padded = self.padding == required && required != Padding::default();
@@ -371,11 +376,11 @@ impl ScenePlan {
         let [small, large] = self.settings.diameter;
         let value = format!("{} to {}", side(small), side(large));
         let why = match self.settings.window {
-            WindowFactor::Full => "the whole spectrum, as asked".to_owned(),
+            WindowFactor::Full => "the whole spectrum, as requested".to_owned(),
             factor => {
                 let times = if factor == WindowFactor::One { "once" } else { "twice" };
                 format!(
-                    "{times} what a pupil of {:.1} to {:.1} mm passes; the samples are exact",
+                    "{times} the spectrum that a pupil of {:.1} to {:.1} mm passes. The samples are exact",
                     small * 1e3,
                     large * 1e3
                 )
@@ -388,13 +393,13 @@ impl ScenePlan {
     fn choose_frames(&mut self, request: &PlanRequest) {
         let why = match request.contrast {
             Some(contrast) => {
-                // Independent frames: sigma / mu = 1 / sqrt(F) (OPTICS 8).
+                // Independent sub-frames have sigma / mu = 1 / sqrt(F) (OPTICS 8).
                 self.settings.frames = (1.0 / (contrast * contrast) - 1e-9).ceil().clamp(1.0, 4096.0) as usize;
                 format!("independent ones have a speckle contrast of at most {contrast:.2}")
             }
             None => {
                 let contrast = 1.0 / (self.settings.frames as f64).sqrt();
-                format!("as asked: a speckle contrast of {contrast:.2} where they are independent")
+                format!("as requested. Independent ones have a speckle contrast of {contrast:.2}")
             }
         };
         self.say("sub-frames", self.settings.frames.to_string(), why);
@@ -404,9 +409,9 @@ impl ScenePlan {
         let levels = self.settings.levels.given().map_or(display.levels as usize, <[f64]>::len);
         let shown = Storage::decibels_of_levels(levels);
         let halves_do = Storage::F16.for_levels(levels) == Storage::F16;
-        let would_do = if halves_do && self.settings.storage == Storage::F32 { ", which would do" } else { "" };
+        let would_do = if halves_do && self.settings.storage == Storage::F32 { ", which is enough" } else { "" };
         let why = format!(
-            "{levels} levels of phase show {shown:.0} dB; fields in fp32 keep 130, in fp16 60 or more{would_do}"
+            "{levels} levels of phase show {shown:.0} dB. Fields in fp32 keep 130 dB, in fp16 60 dB or more{would_do}"
         );
         self.say("precision", self.settings.storage.name(), why);
     }

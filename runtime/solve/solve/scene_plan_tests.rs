@@ -42,14 +42,14 @@ fn a_deep_scene_needs_everything() {
 fn a_flat_scene_is_one_view_and_one_plane() {
     let flat = plan("builtin:plane", |_, _| (), |_| ());
     assert_eq!((flat.merge, flat.settings.depth, flat.padding), (9, [0.0, 0.0], Padding::default()));
-    // An eye that focuses elsewhere sees it blurred, for which all views are needed.
+    // An eye that focuses elsewhere sees it blurred, which requires all views.
     let blurred = plan("builtin:plane", |_, _| (), |w| w.depth = Some([-1e-3, 1e-3]));
     assert_eq!((blurred.merge, blurred.settings.depth), (1, [-1e-3, 1e-3]));
     let kept = plan("builtin:plane", |_, _| (), |w| w.full = Full::ALL);
     assert_eq!((kept.merge, kept.settings.window), (1, WindowFactor::Full));
 }
 
-/// Merging is decided by photographs, not by what the scene says of its depth.
+/// Target images decide merging, not the depth that the scene states.
 #[test]
 fn a_scene_that_calls_itself_flat_and_is_not_keeps_its_views() {
     let lies = |field: &mut LightField, _: &Display| (field.depth, field.disparity) = (Some([0.0, 0.0]), None);

@@ -1,4 +1,4 @@
-//! Steps whose intensities come from outside.
+//! Tests steps whose intensities come from outside.
 
 use super::step::{Update, take, take_seen};
 use super::{Problem, random_phases};
@@ -29,7 +29,7 @@ fn problem() -> Problem {
     Problem::new(&field, Color::Green, &display, Default::default()).expect("a problem")
 }
 
-/// A step on an engine, and its phases behind it.
+/// Returns the phases of an engine after one step.
 fn stepped(mut engine: Box<dyn Engine>, go: impl Fn(&mut dyn Engine, &Step) -> Result<f64, EngineError>) -> Vec<f32> {
     let problem = problem();
     let planner = problem.planner(2, WindowFactor::Two);
@@ -50,7 +50,7 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| eyebox_kernels::trig::wrap(a - b).abs()).fold(0.0, f32::max)
 }
 
-/// What the model has is handed out, with the fields that make it; what is handed back decides the step.
+/// The callback receives the intensity of the model and the fields that make it. Its answer decides the step.
 #[test]
 fn what_is_seen_decides_the_step() {
     let plain = stepped(cpu(), |engine, step| take(engine, step, std::slice::from_ref(&(0..step.list.len()))));

@@ -1,4 +1,4 @@
-//! What can be chosen about a solve: one type for the library, the command, measured settings and a hologram's file.
+//! The settings of a solve, shared by the library, the command, measured settings and a hologram's file.
 
 use super::error::{SolveError, require};
 use super::levels::Levels;
@@ -13,40 +13,42 @@ use eyebox_kernels::Complex32;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Whether the SLM is padded where the scene requires it.
+/// The rule for padding the SLM.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum PaddingRule {
-    /// Never: the edges see a little of what walks off on the other side.
+    /// Never. The edges then receive a little light that leaves the picture at the opposite side.
     #[default]
     Never,
-    /// Where what walks off would cost more than 0.05 dB.
+    /// Pads if the light that leaves the picture would cost more than 0.05 dB.
     Need,
-    /// As wide as light walks off.
+    /// Always pads, as wide as light moves out of the picture.
     Always,
-    /// Never, and a side that [transforms slowly](crate::optics::Padding::smooth) stays as it is.
+    /// Never. A side that [transforms slowly](crate::optics::Padding::smooth) also stays as it is.
     Exact,
 }
 
-/// What a solve begins with, if no phases are given.
+/// The phases with which a solve begins, if no phases are given.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum FirstPhases {
-    /// Phases that a table has for the picture ([`StartTable`](super::StartTable)), where the display has one.
+    /// Phases from a table for the picture ([`StartTable`](super::StartTable)), if the display has one.
     #[default]
     Table,
     /// Random phases, as in the paper.
     Random,
 }
 
-/// How all colours share their sub-frames.
+/// The settings of simultaneous color, in which all colors share their sub-frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Joint {
-    /// Times that white is to be brighter than of one colour after another, by lasers of the same peak power: 1 to the number of
-    /// colours. Powers are then at most the number of colours over it, times their mean: the brightest leaves them all alike.
+    /// Factor by which white is brighter than with one color after another, at the same peak power of the lasers.
+    ///
+    /// It is 1 to the number of colors. Each power is then at most the number of colors over this factor, times their
+    /// mean. The largest factor makes all powers equal.
     pub brightness: f64,
 }
 
@@ -56,90 +58,95 @@ impl Default for Joint {
     }
 }
 
-/// No length of an eye or a scene is larger, metres: what is computed of one stays a number.
+/// Largest length of an eye or a scene, in meters. It keeps all computed values finite.
 const FARTHEST: f64 = 1e3;
-/// Least share of the velocity that is kept where colours share their drives: what they ask for differs, and evens out over several steps
-/// (measured: 0.4 dB of the mean and 1 dB of the worst pupil more than a half, on an SLM of two turns).
+/// Least momentum if colors share their drive values. The changes that the colors request differ and average out over
+/// several steps. It gains 0.4 dB of the mean and 1 dB of the worst pupil over a half (measured on an SLM of two
+/// turns).
 const JOINT_MOMENTUM: f64 = 0.7;
 
 /// Everything that decides a solve, besides the scene and the display.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
-    /// Sub-frames that are shown, optimised jointly on their mean intensity.
+    /// Number of shown sub-frames, which are optimized jointly on their mean intensity.
     pub frames: usize,
-    /// How often each solved sub-frame is shown: 2 solves half of them. What does not divide the number shown counts as
-    /// the largest number that divides both.
+    /// Number of times that each solved sub-frame is shown. At 2, half of the sub-frames are solved. A value that does
+    /// not divide `frames` counts as the greatest common divisor of both.
     #[serde(skip_serializing_if = "is_one")]
     pub repeats: usize,
-    /// What is looked through, and from which first phases.
+    /// The method, which decides the viewpoints and the first phases.
     pub method: Method,
-    /// What it begins with, if no phases are given: a table's phases where the display has one.
+    /// The first phases, if none are given. The default is a table's phases, if the display has one.
     #[serde(skip_serializing_if = "is_default")]
     pub first_phases: FirstPhases,
-    /// How phases are moved. A file may name it alone.
+    /// The optimizer. A file may contain its name alone.
     #[serde(deserialize_with = "optimizer")]
     pub optimizer: Optimizer,
-    /// Steps, at most.
+    /// Largest number of steps.
     pub steps: usize,
-    /// Pupils per step.
+    /// Number of pupils per step.
     pub pupils: usize,
-    /// Seconds, at most; the schedule follows whichever of steps and seconds runs out first.
+    /// Largest number of seconds. The schedule follows steps or seconds, whichever ends first.
     pub seconds: Option<f64>,
-    /// Stop once the validation pupils' mean PSNR reaches this, dB.
+    /// Mean PSNR of the validation pupils at which the solve stops, in dB.
     pub psnr: Option<f64>,
-    /// Part of the light that the pupils are to see: mean of the target over the exposure. None: chosen from the scene.
+    /// Share of the light that the pupils receive, as the mean of the target over the exposure. `None` derives it from
+    /// the scene.
     pub efficiency: Option<f64>,
-    /// Window per pupil; in files also 1 or 2.
+    /// Spectral window of each pupil. Files may also contain 1 or 2.
     #[serde(deserialize_with = "window")]
     pub window: WindowFactor,
-    /// Diameters drawn, metres.
+    /// Range of drawn diameters, in meters.
     pub diameter: [f64; 2],
-    /// Focus depths drawn, metres.
+    /// Range of drawn focus depths, in meters.
     pub depth: [f64; 2],
-    /// Distribution of diameters.
+    /// Distribution of the diameters.
     pub diameters: Diameters,
-    /// Sequence of pupils.
+    /// Sequence of the pupils.
     pub sequence: Sequence,
-    /// Decides the first phases and the pupils.
+    /// Seed of the first phases and the pupils.
     pub seed: u64,
-    /// Diameter of the STFT's circular Fourier filter, over the eyebox's side ([`Method::Stft`]; Choi et al. 2022).
+    /// Diameter of the STFT's circular Fourier filter over the side of the eyebox ([`Method::Stft`], Choi et al. 2022).
     pub stft_filter: f64,
-    /// Pixels of the STFT's window along each axis; None: the number of views.
+    /// Pixels of the STFT's window along each axis. `None` is the number of views.
     pub stft_samples: Option<usize>,
-    /// Weight of the light's evenness over the eyebox ([`Method::PupilAware`]); the share of the way to an even eyebox
-    /// that a step of the projection asks for, or the factor of the term in Adam's loss.
+    /// Weight of the evenness of the light over the eyebox ([`Method::PupilAware`]). For the projection it is the share
+    /// of the way to an even eyebox that a step requests. For Adam it is the factor of the term in the loss.
     pub evenness: f64,
-    /// Patches of the eyebox along each axis, 1 to 16, whose light is evened out.
+    /// Number of patches of the eyebox along each axis, 1 to 16, whose light is evened out.
     pub patches: usize,
     /// Phases that the SLM can show.
     pub levels: Levels,
-    /// When the SLM is padded with zeros. What a [`Problem`](super::Problem) is made with: [`ScenePlan`](super::ScenePlan)
-    /// and [`quality::ColorJob`](crate::quality::ColorJob) follow it.
+    /// Rule for padding the SLM with zeros. It decides how a [`Problem`](super::Problem) is made by
+    /// [`ScenePlan`](super::ScenePlan) and [`quality::ColorJob`](crate::quality::ColorJob).
     #[serde(deserialize_with = "padding", skip_serializing_if = "is_default")]
     pub padding: PaddingRule,
-    /// Every how many-th view of the light field is used, along both axes; a [`quality::ColorJob`](crate::quality::ColorJob)
-    /// thins them.
+    /// Step between used views of the light field along both axes. A [`quality::ColorJob`](crate::quality::ColorJob)
+    /// removes the others.
     #[serde(skip_serializing_if = "is_one")]
     pub views: usize,
-    /// Side of a solved pixel in pixels of the SLM, 1 or 2: at 2 a [`quality::ColorJob`](crate::quality::ColorJob) solves a
-    /// display of half the resolution and twice the pitch, and each of its pixels is shown on 2 x 2.
+    /// Side of a solved pixel in pixels of the SLM, 1 or 2. At 2 a [`quality::ColorJob`](crate::quality::ColorJob)
+    /// solves a display of half the resolution and twice the pitch, and shows each of its pixels on 2 x 2.
     #[serde(skip_serializing_if = "is_one")]
     pub pixel: usize,
-    /// Whether every pupil is given all modes of the source; wide ones are given fewer where that leaves their speckle as it is.
+    /// True if every pupil receives all modes of the source. Otherwise wide pupils receive fewer modes, if their
+    /// speckle stays the same.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub all_modes: bool,
-    /// What moves while the sub-frames are lit: pupils are drawn so ([`Method::Slfh`] and the methods of focal stacks).
+    /// Movement while the sub-frames are lit, which the pupils include ([`Method::Slfh`] and the methods of focal
+    /// stacks).
     #[serde(skip_serializing_if = "Motion::is_still")]
     pub motion: Motion,
-    /// All colours at once, in sub-frames that they share; none for one colour after another. What takes all colours of a
-    /// scene follows it ([`solve_joint`](super::solve_joint)).
+    /// Settings of simultaneous color with shared sub-frames, or `None` for one color after another. It applies to
+    /// solves of all colors of a scene ([`solve_joint`](super::solve_joint)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
-    /// Bytes that the windows of pupils in flight may take: as float32, so that halves take half of it; in a device's own
-    /// memory twice as many, as they are stored there.
+    /// Largest memory of the windows of pupils in flight, in bytes as float32. Halves need half of it. In a device's
+    /// own memory the limit is double, for values as they are stored there.
     pub window_bytes: usize,
-    /// How complex fields are stored while solving: halves take half the memory, at a price (docs/measurements.md).
+    /// Storage of complex fields during the solve. Halves need half the memory and lose some quality
+    /// (docs/measurements.md).
     pub storage: Storage,
 }
 
@@ -180,8 +187,9 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Values of the windows of pupils in flight, on an engine whose buffers lie there. More at once are fewer stages for a
-    /// device, and nothing for the host.
+    /// Returns the number of values of the windows of pupils in flight, on an engine whose buffers are in `memory`.
+    ///
+    /// More pupils at once need fewer stages on a device. They bring nothing on the host.
     pub(crate) fn in_flight(&self, memory: Memory) -> usize {
         match memory {
             Memory::Device => 2 * self.window_bytes / self.storage.bytes(),
@@ -189,19 +197,19 @@ impl Settings {
         }
     }
 
-    /// Pupils that are drawn in an eyebox of this side, metres.
+    /// Returns the range of pupils in an eyebox of this side, in meters.
     pub(crate) fn pupil_range(&self, eyebox: f64) -> PupilRange {
         PupilRange { eyebox, diameter: self.diameter, depth: self.depth, diameters: self.diameters }
     }
 
-    /// Steps of the projection that move light as far as these steps do.
+    /// Returns the steps of the projection that move light as far as these steps do.
     pub(super) fn steps_of_projection(&self) -> usize {
-        /// Steps of Adam that do what one step of the projection does (docs/measurements.md).
+        /// Steps of Adam that have the effect of one step of the projection (docs/results/display-model.json).
         const ADAM: usize = 10;
         if matches!(self.optimizer, Optimizer::Adam { .. }) { self.steps / ADAM } else { self.steps }
     }
 
-    /// Sub-frames that are solved: `repeats` of them are alike where that divides them.
+    /// Returns the number of solved sub-frames. Groups of `repeats` sub-frames are equal if that number divides them.
     pub fn solved_frames(&self) -> usize {
         fn common_divisor(a: usize, b: usize) -> usize {
             if b == 0 { a } else { common_divisor(b, a % b) }
@@ -209,7 +217,7 @@ impl Settings {
         self.frames / common_divisor(self.frames.max(1), self.repeats.max(1))
     }
 
-    /// These as the solver takes them: the sub-frames that are solved, and the optimiser that the method asks for.
+    /// Returns these settings with the solved sub-frames and the optimizer that the method requires.
     pub(super) fn as_computed(&self) -> Self {
         let frames = if self.method.repeats_frames() { 1 } else { self.solved_frames() };
         let optimizer = match (self.method, self.optimizer) {
@@ -219,8 +227,10 @@ impl Settings {
         Self { frames, repeats: 1, optimizer, ..self.clone() }
     }
 
-    /// These, with everything of `other` that trades quality for time. What stays (depths, diameters, seed, sub-frames
-    /// shown, levels that are given, method) belongs to the scene and the display.
+    /// Returns these settings with all fields of `other` that trade quality for time.
+    ///
+    /// Depths, diameters, seed, shown sub-frames, given levels and method stay, since they belong to the scene and the
+    /// display.
     pub fn with_quality_of(&self, other: &Self) -> Self {
         let Self { steps, pupils, optimizer, diameters, window, repeats, views, storage, padding, pixel, .. } = *other;
         let levels = if other.levels == Levels::Display { Levels::Display } else { self.levels.clone() };
@@ -242,7 +252,7 @@ impl Settings {
         }
     }
 
-    /// These as all colours at once are solved by: of all pixels, views and sub-frames, in float32.
+    /// Returns these settings for simultaneous color, with all pixels, views and sub-frames, in float32.
     pub fn for_joint_colors(&self) -> Self {
         let optimizer = match self.optimizer {
             Optimizer::Projection { gain, momentum, overlap_power } => {
@@ -253,33 +263,33 @@ impl Settings {
         Self { repeats: 1, pixel: 1, views: 1, storage: Storage::F32, optimizer, ..self.clone() }
     }
 
-    /// Refuses what all colours at once do not have.
+    /// Returns an error for settings that simultaneous color does not support.
     fn check_joint(&self) -> Result<(), SolveError> {
         let Some(Joint { brightness }) = self.joint else { return Ok(()) };
         let is_bright = brightness >= 1.0 && brightness.is_finite();
-        require(is_bright, "the brightness of joint colours", brightness, "1 to the number of colours")?;
+        require(is_bright, "the brightness of joint colors", brightness, "1 to the number of colors")?;
         let is_joint = matches!(self.method, Method::Slfh | Method::Lf2fs | Method::StftExact);
-        let right = "slfh, lf2fs or stft-exact for all colours at once";
+        let right = "slfh, lf2fs or stft-exact for simultaneous color";
         require(is_joint, "the method", self.method.name(), right)?;
-        let right = "any phase for all colours at once";
+        let right = "any phase for simultaneous color";
         require(self.levels == Levels::Any, "the choice of phase levels", "given", right)?;
-        require(self.motion.is_still(), "the motion", "given", "none for all colours at once")
+        require(self.motion.is_still(), "the motion", "given", "none for simultaneous color")
     }
 
-    /// Refuses settings that cannot be.
+    /// Checks every setting and the limits of each.
     ///
     /// # Errors
-    /// [`SolveError::Setting`].
+    /// [`SolveError::Setting`] for the first invalid setting.
     pub fn check(&self) -> Result<(), SolveError> {
         let mm = |[a, b]: [f64; 2]| format!("{}..{}", a * 1e3, b * 1e3);
         let ([low, high], [near, far]) = (self.diameter, self.depth);
         require((1..=4096).contains(&self.frames), "the number of sub-frames", self.frames, "1 to 4096")?;
-        require((1..=65536).contains(&self.pupils), "the number of pupils a step", self.pupils, "1 to 65536")?;
+        require((1..=65536).contains(&self.pupils), "the number of pupils per step", self.pupils, "1 to 65536")?;
         let (what, right) = ("the range of pupil diameters (mm)", "positive, smallest first, at most 1e6");
         require(low > 0.0 && low <= high && high <= FARTHEST, what, mm(self.diameter), right)?;
         let (what, right) = ("the range of depths (mm)", "within 1e6, smallest first");
         require(near <= far && -FARTHEST <= near && far <= FARTHEST, what, mm(self.depth), right)?;
-        let (filter, right) = (self.stft_filter, "above 0, at most 2: times the eyebox");
+        let (filter, right) = (self.stft_filter, "above 0, at most 2 times the eyebox");
         require(filter > 0.0 && filter <= 2.0, "the diameter of the STFT's filter", filter, right)?;
         if let Some(samples) = self.stft_samples {
             require((1..=256).contains(&samples), "the window of the STFT (samples)", samples, "1 to 256")?;
@@ -307,7 +317,7 @@ impl Settings {
     }
 }
 
-// What is as by default is left out: files stay those of earlier versions, which go on where they were cut off.
+// Defaults are omitted. Files thus equal those from earlier versions and can be continued.
 fn is_one(n: &usize) -> bool {
     *n == 1
 }
@@ -316,7 +326,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// A rule, or the switch that earlier versions wrote.
+/// Reads a rule, or the switch that earlier versions wrote.
 fn padding<'de, D: Deserializer<'de>>(from: D) -> Result<PaddingRule, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
@@ -331,12 +341,12 @@ fn padding<'de, D: Deserializer<'de>>(from: D) -> Result<PaddingRule, D::Error> 
     })
 }
 
-/// An optimizer, or its name alone.
+/// Reads an optimizer or its name alone.
 fn optimizer<'de, D: Deserializer<'de>>(from: D) -> Result<Optimizer, D::Error> {
     whole_or_name(from, Optimizer::projection(), Optimizer::adam())
 }
 
-/// A value as a whole, or one of two by its name alone.
+/// Reads a whole value, or one of two values by its name alone.
 pub(super) fn whole_or_name<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     from: D,
     projection: T,
@@ -361,7 +371,7 @@ pub(super) fn whole_or_name<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     })
 }
 
-/// A window by its name, or as times the pupil.
+/// Reads a window by its name, or as a multiple of the pupil.
 pub(super) fn window<'de, D: Deserializer<'de>>(from: D) -> Result<WindowFactor, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged, expecting = "expected 1, 2 or full")]

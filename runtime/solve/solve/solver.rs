@@ -1,4 +1,4 @@
-//! A solve from its settings to its phases: what is checked, loaded and chosen before the first step.
+//! Checks, loads and chooses everything that a solve needs before its first step.
 
 use super::dpac;
 use super::error::{SolveError, require};
@@ -11,18 +11,19 @@ use crate::engine::{Buffer, Engine};
 use crate::plan::Purpose;
 use std::time::Instant;
 
-/// Phases to begin with that follow from the exposure, linear light, and the exposure and the place in the schedule to begin at with them.
+/// First phases that depend on the exposure, with that exposure (linear light) and the position in the schedule at
+/// which the solve then begins.
 pub(super) struct Beginning {
     pub phases: Vec<f32>,
     pub exposure: f64,
     pub progress: f64,
 }
 
-/// Says for an exposure what a solve begins with; none for random phases.
+/// Returns the first phases of a solve for an exposure, or `None` for random phases.
 pub(super) type Begin<'a> =
     dyn FnMut(f64, &mut dyn FnMut(&Progress) -> Flow) -> Result<Option<Beginning>, SolveError> + 'a;
 
-/// [`solve_from`](super::solve_from), begun by `begin` if no phases are given.
+/// Solves as [`solve_from`](super::solve_from) does. `begin` provides the first phases if none are given.
 pub(super) fn solve_begun_by(
     problem: &Problem,
     settings: &Settings,
@@ -33,16 +34,16 @@ pub(super) fn solve_begun_by(
 ) -> Result<Solution, SolveError> {
     super::source::check(&problem.modes, settings)?;
     super::source::check_mask(problem.has_mask(), settings.method)?;
-    let right = "all of a scene's, for all colours at once: solve_joint";
-    require(settings.joint.is_none(), "the number of colours", 1, right)?;
+    let right = "all of a scene's for simultaneous color (`solve_joint`)";
+    require(settings.joint.is_none(), "the number of colors", 1, right)?;
     if let Some(Warm { phases, progress }) = from {
         let wanted = settings.frames * problem.optics.height * problem.optics.width;
         let fit = phases.len() == wanted && phases.iter().all(|p| p.is_finite());
-        let right = "that of the hologram, all of them finite";
+        let right = "as many as the hologram has, all of them finite";
         require(fit, "the number of phases to begin with", phases.len(), right)?;
         require((0.0..=1.0).contains(&progress), "the place in the schedule to begin at", progress, "0 to 1")?;
     }
-    let right = "any or a list: a display's own are Levels::of(&display)";
+    let right = "any or a list, such as `Levels::of(&display)`";
     require(settings.levels != Levels::Display, "the choice of phase levels", "the display's", right)?;
     let start = Instant::now();
     let shown = settings.frames;

@@ -1,11 +1,14 @@
-//! First phases of any picture, by a table: for a brightness, a place in a tile and a sub-frame the phase to begin with.
+//! Looks up first phases of any picture in a table, by brightness, position in a tile, and sub-frame.
 //!
-//! A phase-only SLM makes a place dark by sending its light where no pupil looks, and even by choosing the phases of all sub-frames
-//! together. Both depend on the display and on how bright the place is, not on the scene: they are solved once, for seventeen
-//! brightnesses, on a tile that repeats over the SLM. A picture's phases are then looked up ([`table_start`](eyebox_kernels::table_start)) without a transform, and
-//! every pupil in the eyebox sees the picture at once. For one plane and one brightness these are optimized random phases (A.
-//! Velez-Zea, J. F. Barrera-Ramirez and R. Torroba, Optics Letters 43, 2018). In the far field they come from the picture's Fourier
-//! transform instead ([`transform`]). Colors that share their sub-frames have a table of their drive ([`shared`]).
+//! A phase-only SLM makes a place dark by directing its light to places that no pupil sees. It makes a place even by
+//! the joint choice of the phases of all sub-frames. Both depend on the display and on the brightness, not on the
+//! scene. They are solved once, for seventeen brightnesses, on a tile that repeats over the SLM. The phases of a
+//! picture are then looked up ([`table_start`](eyebox_kernels::table_start)) without a transform, and every pupil in
+//! the eyebox sees the picture at once.
+//!
+//! For one plane and one brightness these are optimized random phases (A. Velez-Zea, J. F. Barrera-Ramirez and R.
+//! Torroba, Optics Letters 43, 2018). In the far field the first phases come from the picture's Fourier transform
+//! instead ([`transform`]). Colors that share their sub-frames have a table of their drive values ([`shared`]).
 
 mod fit;
 mod made_by;
@@ -31,25 +34,30 @@ use made_by::{Levels, MadeBy, SIDE};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Tiles along each side of an SLM from which on it has a table: a smaller one is solved sooner than its table is fitted.
+/// Tiles along each side of the smallest SLM that has a table. A smaller SLM is solved faster than its table is fitted.
 const FEWEST_TILES: usize = 4;
-/// Exposure of phases from a table that no step follows, over the one of a solve: light to spare hides their unevenness (measured).
+/// Exposure of phases from a table without steps, relative to the exposure of a solve. The excess light hides their
+/// unevenness (measured).
 pub(super) const UNSTEPPED: f64 = 1.3;
-/// Diameter of the pupil whose picture is looked up, over the eyebox: a wider one blurs what is off the SLM's plane, a narrower one shows
-/// all others its own perspective (measured).
+/// Diameter of the pupil whose picture decides the phases, over the eyebox. A wider one blurs content off the SLM's
+/// plane. A narrower one shows its own perspective to all others (measured).
 const PUPIL: f64 = 0.7;
-/// Place in its schedule at which a solve begins from a table: its phases are nearly right and want smaller steps (measured). So do those
-/// of a transform where the picture does not fill the image: long steps throw light beside it. Else they want the whole schedule (measured).
+/// Position in its schedule at which a solve begins from a table. Its phases are nearly right and need smaller steps
+/// (measured).
+///
+/// The same holds for the phases of a transform if the picture does not fill the image, because long steps throw light
+/// outside it. Otherwise they need the whole schedule (measured).
 const PROGRESS: f64 = 0.4;
 
-/// What first phases of any picture come from, for one color of a display: a table, or in the far field the picture's Fourier transform.
+/// Source of first phases of any picture for one color of a display. It is a table, or in the far field the picture's
+/// Fourier transform.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StartTable(By);
 
 #[derive(Debug, Clone, PartialEq)]
 enum By {
     Table(Table),
-    /// Of the drive that all colors share, by how bright gray is.
+    /// A table of the drive values that all colors share, by the brightness of gray.
     Drive(Table),
     Transform {
         frames: usize,
@@ -60,32 +68,36 @@ enum By {
 struct Table {
     frames: usize,
     side: usize,
-    /// (sub-frames, side, side, levels), binary angles.
+    /// Binary angles (sub-frames, side, side, levels).
     angles: Arc<[u16]>,
 }
 
 impl StartTable {
-    /// Whether a display has first phases for any picture. A mask's pixels are not the SLM's, sources that are switched serve a part of
-    /// the eyebox each, and a piece of a far field shows no picture of its own.
+    /// Returns true if a display has first phases for any picture.
+    ///
+    /// The pixels of a mask differ from the SLM's, switched sources each serve a part of the eyebox, and a piece of a
+    /// far field shows no picture of its own.
     fn exists(problem: &Problem) -> bool {
         let is_whole = problem.optics.geometry == Geometry::Relay || transform::exists(problem);
         is_whole && problem.optics.mask_factor <= 1 && problem.choice.is_none() && problem.regions.is_empty()
     }
 
-    /// Whether what is solved for a display begins by a table if nothing else is asked for: it has one, and is not so small that
-    /// it needs none.
+    /// Returns true if solves for a display begin by a table by default. It then has a table, and is not too small to
+    /// need one.
     pub fn fits(problem: &Problem) -> bool {
         Self::exists(problem) && problem.optics.height.min(problem.optics.width) >= FEWEST_TILES * SIDE
     }
 
-    /// The table of a display's color for so many sub-frames: the one that the user's cache keeps, or else fitted and kept. `observe`
-    /// is told the share that is fitted; if it answers false, the fit ends, what it has is kept, and goes on from there the next time.
-    /// None if the display has no table, or the fit was ended.
+    /// Returns the table of a display's color for `frames` sub-frames, from the user's cache or fitted and stored
+    /// there.
     ///
-    /// The same display has the same table, whatever engine uses it.
+    /// `observe` receives the fitted share. If it returns false, the fit ends, the partial result is stored, and the
+    /// next call continues from there. The result is `None` if the display has no table, or if the fit was ended.
+    ///
+    /// The same display has the same table with every engine.
     ///
     /// # Errors
-    /// Those of [`solve`](super::solve).
+    /// The errors of [`solve`](super::solve).
     pub fn of(
         problem: &Problem,
         frames: usize,
@@ -102,11 +114,14 @@ impl StartTable {
         Ok(table.map(|table| Self(By::Table(table))))
     }
 
-    /// Fits the tables of these colors of a display for so many sub-frames into the user's cache, before there is a scene to solve. Tables
-    /// that are there already cost nothing. Returns how many of the colors have one now. `observe` is as in [`of`](Self::of), over all colors.
+    /// Fits the tables of these colors of a display for `frames` sub-frames into the user's cache, before there is a
+    /// scene to solve.
+    ///
+    /// Existing tables take no time. It returns the number of colors with a table. `observe` works as in
+    /// [`of`](Self::of), over all colors.
     ///
     /// # Errors
-    /// [`SolveError::Optics`] for a color that the display does not have; those of [`solve`](super::solve).
+    /// [`SolveError::Optics`] for a color that the display does not have, and the errors of [`solve`](super::solve).
     pub fn prepare(
         display: &Display,
         colors: &[Color],
@@ -129,8 +144,10 @@ impl StartTable {
         Ok(prepared)
     }
 
-    /// The look-up of the first phases of the scene of `problem` for an exposure, which an [engine](crate::engine::Engine::look_up) makes;
-    /// none in the far field, and of drives that colors share.
+    /// Returns the look-up of the first phases of the scene of `problem` for an exposure, for an
+    /// [engine](crate::engine::Engine::look_up).
+    ///
+    /// It is `None` in the far field and for drive values that colors share.
     pub fn look_up(&self, problem: &Problem, exposure: f64) -> Option<LookUp> {
         match &self.0 {
             By::Table(table) => Some(table.look_up(problem, exposure)),
@@ -138,7 +155,8 @@ impl StartTable {
         }
     }
 
-    /// First phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi .. pi.
+    /// Returns first phases (sub-frames, height, width) of the scene of `problem` for an exposure, radians in -pi ..
+    /// pi.
     ///
     /// # Errors
     /// [`EngineError`] if the scene's light is on a device that does not answer.
@@ -152,7 +170,7 @@ impl StartTable {
 }
 
 impl Table {
-    /// The one that the user's cache keeps, or else fitted and kept; none if the fit was ended.
+    /// Returns the table from the user's cache, or fits and stores it. The result is `None` if the fit was ended.
     fn of(
         made_by: &MadeBy,
         fit: impl FnOnce(&mut Levels) -> Result<(), SolveError>,
@@ -165,7 +183,7 @@ impl Table {
         Ok(levels.are_all().then(|| Self::made(made_by, &levels)))
     }
 
-    /// Of fitted levels, innermost. Levels that are not there are zero.
+    /// Packs fitted levels, with the level as the last axis. Missing levels are zero.
     fn made(made_by: &MadeBy, levels: &Levels) -> Self {
         let (frames, side) = (made_by.frames, made_by.side);
         let mut angles = vec![0; frames * side * side * LEVELS];
@@ -204,7 +222,7 @@ impl Table {
             stride: height * width,
             angles: 1,
         };
-        // Light of all views at full scale, over the 2^32 that the factor is for.
+        // This is the light of all views at full scale, relative to the 2^32 that the factor expects.
         let full = f64::from(problem.pyramid.scale) / 65_535.0 * 65_536.0;
         LookUp {
             table: Arc::clone(&self.angles),
@@ -217,25 +235,26 @@ impl Table {
     }
 }
 
-/// The pupil whose picture first phases show.
+/// Returns the pupil whose picture the first phases show.
 fn pupil(problem: &Problem) -> Pupil {
     let [x, y] = problem.center.map(|at| -at);
     Pupil { x, y, diameter: PUPIL * problem.eyebox, depth: 0.0 }
 }
 
 impl Settings {
-    /// Whether a solve by these settings begins by a table, which is for pupils anywhere in the eyebox and for phases of one color.
+    /// Returns true if a solve with these settings begins by a table. A table serves pupils anywhere in the eyebox and
+    /// phases of one color.
     pub(super) fn may_begin_by_table(&self, problem: &Problem) -> bool {
         self.joint.is_none() && self.wants_table(StartTable::exists(problem), StartTable::fits(problem))
     }
 
-    /// Whether a solve begins by a table that exists, or that is worth its fit if steps follow.
+    /// Returns true if a solve begins by a table. Without steps it must exist, and with steps it must be worth its fit.
     fn wants_table(&self, exists: bool, fits: bool) -> bool {
         let is_own = self.method == Method::Slfh && self.motion.is_still();
         is_own && self.first_phases == FirstPhases::Table && if self.steps == 0 { exists } else { fits }
     }
 
-    /// These for phases of the table alone ([`Method::Table`]).
+    /// Returns these settings for phases of the table alone ([`Method::Table`]).
     pub(super) fn as_of_table(&self, problem: &Problem) -> Result<Self, SolveError> {
         let of_table = Self { method: Method::Slfh, first_phases: FirstPhases::Table, steps: 0, ..self.clone() };
         let right = "another for colors that share their sub-frames, for switched sources, and behind a mask";
@@ -244,8 +263,8 @@ impl Settings {
     }
 }
 
-/// What a solve begins with that would have this exposure from random phases; none where nothing is for it. `observe` is told how much
-/// of the table is fitted.
+/// Returns the first phases of a solve that would have this exposure from random phases, or `None` without a table.
+/// `observe` receives the fitted share of the table.
 pub(super) fn beginning(
     problem: &Problem,
     settings: &Settings,
@@ -261,7 +280,7 @@ pub(super) fn beginning(
         observe(&fitting(share, steps, start)) == Flow::Continue
     })?;
     let Some(table) = table else {
-        // Its fit was ended. Steps would go on from random phases; without any those are no hologram.
+        // The fit was ended. Steps can start from random phases, but without steps those are not a hologram.
         return if steps == 0 { Err(EngineError::Stopped.into()) } else { Ok(None) };
     };
     let exposure = if steps == 0 { UNSTEPPED * exposure } else { exposure };
@@ -272,7 +291,7 @@ pub(super) fn beginning(
     Ok(Some(Beginning { phases: table.phases(problem, exposure)?, exposure, progress }))
 }
 
-/// What is observed while this share of a table is fitted.
+/// Returns the progress while this share of a table is fitted.
 fn fitting(share: f64, steps: usize, start: Instant) -> Progress<'static> {
     let seconds = start.elapsed().as_secs_f64();
     Progress { pilot: None, fitting: Some(share), step: 0, steps, seconds, loss: f64::NAN, validation: None }
@@ -280,7 +299,7 @@ fn fitting(share: f64, steps: usize, start: Instant) -> Progress<'static> {
 
 #[cfg(any(test, feature = "test-hooks"))]
 impl StartTable {
-    /// A table of fewer steps than usual.
+    /// Fits a table with fewer steps than usual.
     pub fn quick(problem: &Problem, frames: usize) -> Self {
         let made_by = MadeBy::of(problem, frames).sized(SIDE, [48, 8]);
         let mut levels = Levels::default();
@@ -288,7 +307,7 @@ impl StartTable {
         Self(By::Table(Table::made(&made_by, &levels)))
     }
 
-    /// The table of a tile whose phases are all zero.
+    /// Returns the table of a tile whose phases are all zero.
     pub fn even(frames: usize) -> Self {
         Self(By::Table(Table { frames, side: 1, angles: vec![0; frames * LEVELS].into() }))
     }

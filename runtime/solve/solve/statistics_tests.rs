@@ -1,6 +1,8 @@
-//! What a compiler for real devices makes of the pipelines of a solve and of a refinement: no registers that spill, shared memory
-//! and registers within what lets a device keep busy. RADV compiles for devices that are not there; where it is not installed
-//! (Debian: mesa-vulkan-drivers), nothing is compiled, and a line says so.
+//! Tests that a compiler for real devices makes good pipelines of a solve and of a refinement.
+//!
+//! No registers may spill, and shared memory and registers must stay within limits that keep all units of a device at
+//! work. RADV compiles for devices that are not present. If it is not installed (`mesa-vulkan-drivers` on Debian),
+//! nothing is compiled, and a line states this.
 
 use super::{DryRun, Optimizer, Problem, RefineSettings, Settings};
 use crate::gpu::statistics::{Key, Statistics, compile};
@@ -10,19 +12,20 @@ use crate::scene::LightField;
 use std::collections::BTreeMap;
 use std::process::Command;
 
-/// Where the list of pipelines is for the process that compiles them, and where its answer goes.
+/// Environment variable with the path of the list of pipelines for the compiling process. It also decides the path of
+/// the answer.
 const LIST: &str = "EYEBOX_STATISTICS_OF";
 /// RADV's description for the loader, as Debian installs it.
 const RADV: &str = "/usr/share/vulkan/icd.d/radeon_icd.x86_64.json";
 
-/// Registers of a lane. GFX1100 has half as many again and hands them out by twelves (every pipeline's number there is a multiple of
-/// 12), so that 128 are 132.
+/// Registers per lane. GFX1100 has half as many again and allocates them by twelves (every pipeline's number there is a
+/// multiple of 12), so 128 become 132.
 fn most_registers(family: &str) -> u64 {
     if family == "GFX1100" { 132 } else { 128 }
 }
 
-/// Pipelines of a step of 16 pupils at 1080 x 1920; `refined`: and of all refinements through an eye's pupil there, of Adam, and of a
-/// display as it is.
+/// Pipelines of a step of 16 pupils at 1080 x 1920. With `refined` they include all refinements through an eye's pupil
+/// there, of Adam, and of a display with faults.
 fn asked_for(refined: bool) -> Vec<Key> {
     let (height, width) = (1080, 1920);
     let plan_as = Some(DeviceKind::Discrete);
@@ -64,7 +67,7 @@ fn asked_for(refined: bool) -> Vec<Key> {
     keys
 }
 
-/// What RADV makes of them for a family of devices; nothing where it is not installed.
+/// Returns RADV's statistics for a family of devices, or `None` if it is not installed.
 fn compiled(keys: &[Key], family: &str) -> Option<Vec<Statistics>> {
     if !std::path::Path::new(RADV).exists() {
         eprintln!("RADV is not installed ({RADV}): nothing was compiled for a real device");
@@ -93,17 +96,17 @@ fn what_a_child_compiles() {
     std::fs::write(list.with_extension("answer"), serde_json::to_vec(&told).expect("JSON")).expect("written");
 }
 
-/// Fails where a pipeline asks for more than a device can keep busy with: fewer than `least` subgroups on one of its units.
-/// Prints what each kernel takes.
+/// Fails if a pipeline takes too much, which leaves fewer than `least` subgroups on one of the device's units. It
+/// prints the resources of each kernel.
 fn check(keys: &[Key], family: &str, least: u64) {
     let Some(told) = compiled(keys, family) else { return };
     assert!(told.len() == keys.len() && !keys.is_empty());
     let most_registers = most_registers(family);
-    // By kernel: pipelines; fewest and most registers, bytes of shared memory, subgroups a SIMD.
+    // Per kernel these are the pipelines, and the fewest and most registers, bytes of shared memory, and subgroups per
+    // SIMD.
     let mut kernels = BTreeMap::<&str, (usize, [[u64; 2]; 3])>::new();
     for (key, told) in keys.iter().zip(&told) {
-        let n =
-            |name: &str| *told.get(name).unwrap_or_else(|| panic!("{family}: RADV says nothing of {name}: {told:?}"));
+        let n = |name: &str| *told.get(name).unwrap_or_else(|| panic!("{family}: RADV has no {name}: {told:?}"));
         assert_eq!([n("Spilled SGPRs"), n("Spilled VGPRs"), n("Scratch size")], [0; 3], "{family}: {key:?} spills");
         let taken = [n("VGPRs"), n("LDS size"), n("Subgroups per SIMD")];
         let (count, ranges) = kernels.entry(&key.0).or_insert((0, taken.map(|n| [n, n])));
@@ -115,16 +118,17 @@ fn check(keys: &[Key], family: &str, least: u64) {
             println!("{family}: {key:?} takes too much: {taken:?}");
         }
     }
-    println!("{family}: pipelines; registers, bytes of shared memory, subgroups a SIMD, fewest and most");
-    kernels.iter().for_each(|(kernel, (count, ranges))| println!("{family} {kernel}: {count}; {ranges:?}"));
+    println!("{family}: pipelines, then registers, bytes of shared memory and subgroups per SIMD, fewest and most");
+    kernels.iter().for_each(|(kernel, (count, ranges))| println!("{family} {kernel}: {count}, {ranges:?}"));
     let most = |i: usize| kernels.values().map(|(_, ranges)| ranges[i][1]).max().unwrap_or(0);
     let fewest = kernels.values().map(|(_, ranges)| ranges[2][0]).min().unwrap_or(0);
     assert!(most(0) <= most_registers, "{family}: {} registers", most(0));
     assert!(most(1) <= 48 << 10, "{family}: {} bytes of shared memory", most(1));
-    assert!(fewest >= least, "{family}: {fewest} subgroups a SIMD");
+    assert!(fewest >= least, "{family}: {fewest} subgroups per SIMD");
 }
 
-/// One family, of a solve, and of the transforms and what is fused with them, which take the time, every sixth.
+/// Checks one family for a solve. Every sixth pipeline is checked of the transforms and the kernels fused with them,
+/// which take most time.
 #[test]
 fn nothing_spills_on_a_real_device() {
     let keys = asked_for(false);
@@ -138,7 +142,7 @@ fn nothing_spills_on_a_real_device() {
 fn nothing_spills_on_any_of_five_families() {
     let keys = asked_for(true);
     let only = std::env::var("EYEBOX_FAMILY").ok();
-    // VEGA20 has few registers for as many lanes.
+    // VEGA20 has few registers for its number of lanes.
     for (family, least) in [("NAVI21", 4), ("GFX1100", 4), ("GFX1103_R1", 4), ("VEGA20", 1), ("REMBRANDT", 4)] {
         if only.as_deref().is_none_or(|only| only == family) {
             check(&keys, family, least);

@@ -1,5 +1,6 @@
-//! Refining a hologram for where the eye is (OPTICS 6d): steps over pupils around it, and a few over the whole eyebox, so
-//! that a sudden look elsewhere never meets the dark.
+//! Refines a hologram for the position of the eye (OPTICS 6d).
+//!
+//! Steps use pupils around the eye, and a few over the whole eyebox, so that a sudden look elsewhere is never dark.
 
 mod draw;
 mod sharing;
@@ -21,14 +22,14 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A pupil that is neither wide nor narrow, metres.
+/// Diameter of an average pupil, in meters.
 const USUAL_EYE: f64 = 4e-3;
-/// Diameters of an eye's pupil, 2 to 8 mm, and half a millimetre around them, as they are drawn, metres; and how many between
-/// are looked at for the windows that they have.
+/// Range of drawn diameters in meters, which is an eye's pupil of 2 to 8 mm and half a millimeter around it. The other
+/// constant is the number of diameters that are tested for their windows.
 const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
 const DIAMETERS: u32 = 6000;
 
-/// A hologram under refinement: one colour on one engine.
+/// A hologram under refinement, which is one color on one engine.
 pub struct Refiner {
     problem: Problem,
     planner: Planner,
@@ -36,19 +37,20 @@ pub struct Refiner {
     engine: Box<dyn Engine>,
     exposure: f64,
     pub(super) aim: PupilDistribution,
-    /// What the pupils of the last step were drawn for.
+    /// The distribution for which the pupils of the last step were drawn.
     drawn_for: PupilDistribution,
     points: Points,
-    /// How eye and content move, what the pupils of the last step were drawn for, and where from.
+    /// The movement of eye and content, its value for the pupils of the last step, and the source of its random
+    /// numbers.
     motion: Motion,
     moved_for: Motion,
     moves: Points,
     /// Pupils over the whole eyebox that are due.
     due: f64,
     drawing: Drawing,
-    /// Steps since phases or aim were set anew: Adam's corrections count them.
+    /// Steps since new phases or a new aim, which Adam's corrections count.
     since: usize,
-    /// What steps take that draw pupils, and those that use the pupils of the step before.
+    /// Durations of the steps that draw pupils, and of the steps that reuse the pupils of the step before.
     paces: [Pace; 2],
     /// The step that was begun last, if it has not ended.
     under_way: Option<UnderWay>,
@@ -61,29 +63,29 @@ struct UnderWay {
     /// Pixels of the windows of its pupil passes.
     pixels: Vec<usize>,
     kind: usize,
-    /// Seconds that the host was at it.
+    /// Seconds of the host's work for it.
     host: f64,
 }
 
-/// What was drawn last, and lists that the next step fills: none is made anew for it.
+/// The last drawn pupils, and lists that the next step fills without new allocations.
 #[derive(Default)]
 struct Drawing {
-    /// The pupil passes of the last step, and room for its kernels.
+    /// The pupil passes of the last step, and memory for its kernels.
     lists: StepLists,
-    /// Steps that look through them are due, but none has been; or so many have.
+    /// True if the drawn pupils are valid. `used` counts the steps that used them.
     drawn: bool,
     used: usize,
-    /// Pupil passes that the last step had no use for.
+    /// Pupil passes that the last step did not need.
     spare: Vec<PupilPass>,
     viewpoints: Vec<Viewpoint>,
     /// The parts of the step's list that have to run.
     parts: Vec<Range<usize>>,
-    /// Room for the sizes of its windows.
+    /// Memory for the sizes of its windows.
     pixels: Vec<usize>,
 }
 
 impl Drawing {
-    /// What was drawn is of no use any more; what it was drawn into is.
+    /// Invalidates the drawn pupils and keeps their memory.
     fn forget(&mut self) {
         self.drawn = false;
     }
@@ -92,7 +94,7 @@ impl Drawing {
         std::mem::take(&mut self.lists)
     }
 
-    /// Takes back the lists of a step that was begun; pixels of the windows of its pupil passes.
+    /// Takes back the lists of a step that was begun. It returns the pixels of the windows of its pupil passes.
     fn take_back(&mut self, step: Step) -> Vec<usize> {
         let mut pixels = std::mem::take(&mut self.pixels);
         pixels.clear();
@@ -103,10 +105,12 @@ impl Drawing {
 }
 
 impl Refiner {
-    /// Begins with these phases ((frames, height, width), radians), solved for `exposure`, and the whole eyebox as aim.
+    /// Starts with these phases (frames, height, width) in radians, solved for `exposure`, and aims at the whole
+    /// eyebox.
     ///
     /// # Errors
-    /// [`SolveError::Setting`] for phases of another number or numbers that cannot be; those of the engine.
+    /// [`SolveError::Setting`] for another number of phases or for invalid values, and [`SolveError::Engine`] if the
+    /// engine fails.
     pub fn new(
         problem: Problem,
         phases: &[f32],
@@ -117,7 +121,7 @@ impl Refiner {
         Self::with_powers(problem, phases, exposure, &[], steering, engine)
     }
 
-    /// In the light of a laser of these powers, sub-frame by sub-frame; none for the same in all.
+    /// Starts in the light of a laser of these powers per sub-frame. No powers mean equal ones.
     fn with_powers(
         problem: Problem,
         phases: &[f32],
@@ -167,45 +171,45 @@ impl Refiner {
         Ok(refiner)
     }
 
-    /// Begins again with the phases that it was made with, those for the whole eyebox: where they are a device's, with nothing
-    /// passing through the host.
+    /// Restarts with the original phases, those for the whole eyebox. On a device nothing passes through the host.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn begin_again(&mut self) -> Result<(), EngineError> {
         self.since = 0;
         self.engine.restore()
     }
 
-    /// Begins again with other phases of the same hologram.
+    /// Restarts with other phases of the same hologram.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn restart(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.engine.write(Buffer::Phases, phases)?;
         self.forget()
     }
 
-    /// The scene has changed, before the same optics: its views take the place of those before, the phases stay, and `exposure` is
-    /// what they are refined for from now on.
+    /// Replaces the scene with one for the same optics.
+    ///
+    /// The new views replace the old ones, and the phases stay. They are refined for `exposure` from now on.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn follow(&mut self, problem: Problem, exposure: f64) -> Result<(), EngineError> {
         self.settle()?;
         self.engine.take_views(Arc::clone(&problem.pyramid))?;
         self.planner.views = problem.planner(self.planner.frames, self.planner.factor).views;
         self.drawing.forget();
-        // What is lit stays so.
+        // The lit sources stay the same.
         let (choice, regions) = (self.problem.choice.take(), Arc::clone(&self.problem.regions));
         (self.problem, self.exposure) = (Problem { choice, regions, ..problem }, exposure);
         Ok(())
     }
 
-    /// Goes on with the first phases of the scene, as [`restart`](Self::restart) does.
+    /// Continues with the first phases of the scene, as [`restart`](Self::restart) does.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn look_up(&mut self, table: &StartTable) -> Result<(), EngineError> {
         self.settle()?;
         match table.look_up(&self.problem, self.exposure) {
@@ -215,20 +219,21 @@ impl Refiner {
         self.forget()
     }
 
-    /// Other phases of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
+    /// Restarts with other phases of the same hologram, to which [`begin_again`](Self::begin_again) returns from now
+    /// on.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn begin_with(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.settle()?;
         self.restart(phases)?;
         self.engine.keep(Buffer::Phases)
     }
 
-    /// The loss of the phases as they are, through the pupils that the next step looks through.
+    /// Returns the loss of the current phases through the pupils of the next step.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn loss(&mut self) -> Result<f64, EngineError> {
         self.settle()?;
         let update = self.steering.strategy.update(self.since + 1);
@@ -243,16 +248,17 @@ impl Refiner {
         Ok(loss)
     }
 
-    /// What it is refined for.
+    /// Returns the problem that is refined.
     pub fn problem(&self) -> &Problem {
         &self.problem
     }
 
-    /// Goes on with each sub-frame's phases moved by whole pixels (x, y), as its picture has, where these lose less than the phases
-    /// as they are; whether they do. In the far field the picture is moved by a phase, which is laid over them.
+    /// Moves each sub-frame's phases by whole pixels (x, y), as its picture moved, if the loss then is lower.
+    ///
+    /// It returns true if it moved them. In the far field a phase that is added to them moves the picture.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn move_phases(&mut self, shifts: &[[f64; 2]]) -> Result<bool, EngineError> {
         let before = self.loss()?;
         self.carry_phases(shifts)?;
@@ -264,11 +270,13 @@ impl Refiner {
         Ok(false)
     }
 
-    /// Goes on with each sub-frame's phases moved by whole pixels (x, y), whatever they lose. The steps since the eye came there
-    /// still count. Velocities were those of other pixels: they go where all sub-frames move, and else move with theirs.
+    /// Moves each sub-frame's phases by whole pixels (x, y), regardless of the loss.
+    ///
+    /// The count of steps since the last jump of the eye continues. Velocities belong to other pixels afterwards. They
+    /// are cleared if all sub-frames move, and otherwise move with the phases.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn carry_phases(&mut self, shifts: &[[f64; 2]]) -> Result<(), EngineError> {
         self.settle()?;
         let Self { carry, engine, planner, .. } = self;
@@ -278,7 +286,7 @@ impl Refiner {
             return self.engine.clear_moments();
         }
         match (planner.slm.geometry, self.steering.strategy) {
-            // Each pixel's phase stays its own there, with one more laid over it.
+            // In the far field each phase stays at its pixel, and another one is added to it.
             (Geometry::FarField, _) => {}
             (Geometry::Relay, Strategy::Projection { .. }) => carried(Buffer::Momentum)?,
             (Geometry::Relay, Strategy::Adam { .. }) => {
@@ -286,14 +294,14 @@ impl Refiner {
                 carried(Buffer::Second)?;
             }
         }
-        // The last, for who may want them back.
+        // Phases are moved last, because the caller may restore them.
         carried(Buffer::Phases)
     }
 
-    /// The eye has moved. Velocities go where it is elsewhere altogether: they would carry on for where it was.
+    /// Aims at a new position of the eye. Velocities are cleared after a jump, because they belong to the old position.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn aim(&mut self, aim: PupilDistribution) -> Result<(), EngineError> {
         let jumped = aim.distance(&self.aim) > 0.5 * (aim.diameter[0] + self.aim.diameter[0]).max(aim.spread);
         if !aim.is_served_by(&self.drawn_for) {
@@ -304,10 +312,10 @@ impl Refiner {
         if jumped { self.forget() } else { Ok(()) }
     }
 
-    /// What moves while the sub-frames are lit, from now on.
+    /// Sets the movement while the sub-frames are lit, from now on.
     ///
     /// # Errors
-    /// [`SolveError::Setting`] for what cannot be.
+    /// [`SolveError::Setting`] for invalid values.
     pub fn moves(&mut self, motion: Motion) -> Result<(), SolveError> {
         motion.check(self.planner.frames)?;
         if !motion.is_served_by(&self.moved_for) {
@@ -317,7 +325,7 @@ impl Refiner {
         Ok(())
     }
 
-    /// What moves.
+    /// Returns the movement while the sub-frames are lit.
     pub fn motion(&self) -> Motion {
         self.motion
     }
@@ -327,21 +335,21 @@ impl Refiner {
         self.engine.clear_moments()
     }
 
-    /// One step; its loss. With a loss that is NaN or infinite the phases stay as they were.
+    /// Takes one step and returns its loss. If the loss is NaN or infinite, the phases stay as they were.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn step(&mut self) -> Result<f64, EngineError> {
         self.settle()?;
         let loss = self.advance()?;
         Ok(self.settle()?.or(loss).unwrap_or(f64::NAN))
     }
 
-    /// Begins a step. On a device it is under way when this returns, and the loss of the one before is given, if that had not
-    /// ended; elsewhere its own.
+    /// Begins a step. On a device it is still under way at the return, and the result is the loss of the step before if
+    /// that had not ended. Elsewhere the result is its own loss.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn advance(&mut self) -> Result<Option<f64>, EngineError> {
         let (start, kind) = (Instant::now(), self.kind());
         let step = self.next();
@@ -355,10 +363,10 @@ impl Refiner {
         before.map(|before| self.end(before)).transpose()
     }
 
-    /// Waits for the step that is under way, if there is one; its loss.
+    /// Waits for the step that is under way, if there is one, and returns its loss.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn settle(&mut self) -> Result<Option<f64>, EngineError> {
         self.under_way.take().map(|step| self.end(step)).transpose()
     }
@@ -369,7 +377,7 @@ impl Refiner {
         self.engine.recycle(taken.losses);
         self.drawing.pixels = pixels;
         if loss.is_finite() {
-            // Steps follow each other as fast as the slower of the two lets them.
+            // The slower of device and host decides how fast steps follow each other.
             self.paces[kind].took(taken.seconds.max(host));
         } else {
             self.drawing.forget();
@@ -377,26 +385,27 @@ impl Refiner {
         Ok(loss)
     }
 
-    /// What the step that is under way is expected to take, at most.
+    /// Returns the longest expected duration of the step that is under way.
     pub fn backlog(&self) -> Duration {
         Duration::from_secs_f64(self.under_way.as_ref().map_or(0.0, |step| self.paces[step.kind].expected()))
     }
 
-    /// What the intensities are multiplied by.
+    /// Returns the factor on the intensities.
     pub fn exposure(&self) -> f64 {
         self.exposure
     }
 
-    /// What the next step is expected to take: the longest lately, without those that something else held up.
+    /// Returns the expected duration of the next step. It is the longest recent one, without delayed steps.
     pub fn expected(&self) -> Duration {
         Duration::from_secs_f64(self.paces[self.kind()].expected())
     }
 
-    /// As many steps as are expected to end before `deadline`, `most` at most; how many were taken. Where none is, deadline
-    /// after deadline, less is expected, until one is tried.
+    /// Takes at most `most` steps that are expected to end before `deadline`, and returns their number.
+    ///
+    /// If no step fits before several deadlines, the expected duration decreases until one is tried.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn refine_until(&mut self, deadline: Instant, most: usize) -> Result<usize, EngineError> {
         let mut taken = 0;
         while taken < most {
@@ -411,38 +420,40 @@ impl Refiner {
         Ok(taken)
     }
 
-    /// The phases as they are now: (frames, height, width), radians in -pi .. pi.
+    /// Returns the current phases (frames, height, width), radians in -pi .. pi.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn phases(&mut self) -> Result<Vec<f32>, EngineError> {
         self.engine.read(Buffer::Phases)
     }
 
-    /// The same, into memory that is there already, which becomes as long as they are. Errors are the engine's.
+    /// Reads the current phases into existing memory, which is resized to their number. The errors equal the ones of
+    /// [`phases`](Self::phases).
     pub fn phases_into(&mut self, to: &mut Vec<f32>) -> Result<(), EngineError> {
         to.resize(self.planner.frames * self.planner.slm.height * self.planner.slm.width, 0.0);
         self.engine.read_into(Buffer::Phases, to)
     }
 
-    /// The phases where they are, if that is in a device's memory: for an encoder on that device.
+    /// Returns the phases in a device's memory, if they are there, for an encoder on that device.
     pub fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {
         self.engine.phases_on_device()
     }
 
-    /// What each of these pupils sees now, and should see: sums from which exposure and PSNR follow.
+    /// Returns the sums of image and target image for each of these pupils, from which exposure and PSNR follow.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn look(&mut self, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
         self.look_through(&pupils.iter().map(|p| Viewpoint::Pupil(*p)).collect::<Vec<_>>())
     }
 
-    /// What an eye sees through this pupil, at no exposure, and the photograph that it should see: pictures of
-    /// [`Optics::image_size`](crate::optics::Optics::image_size), linear light.
+    /// Returns the image that an eye sees through this pupil, without exposure, and its target image.
+    ///
+    /// Both have the size [`Optics::image_size`](crate::optics::Optics::image_size) and linear light.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn pictures(&mut self, pupil: Pupil) -> Result<[Vec<f32>; 2], EngineError> {
         self.drawing.forget();
         let mut seen = evaluate::views(self.engine.as_mut(), &self.planner, &[pupil])?;
@@ -450,12 +461,12 @@ impl Refiner {
         Ok([&mut seen, &mut wanted].map(|pictures| pictures.pop().unwrap_or_default()))
     }
 
-    /// [`look`](Self::look) through any viewpoints, such as eyes that move.
+    /// Returns the sums as [`look`](Self::look) does, for any viewpoints, such as eyes that move.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn look_through(&mut self, viewpoints: &[Viewpoint]) -> Result<Vec<Sums>, EngineError> {
-        // The first slot will hold other pupil passes than a step's.
+        // The first slot will hold other pupil passes than a step has.
         self.drawing.forget();
         evaluate::sums(self.engine.as_mut(), &self.planner, viewpoints)
     }

@@ -1,4 +1,4 @@
-//! Tests of steered refinement.
+//! Tests of refinement for the tracked pupil.
 
 use super::{Flow, Problem, RefineSettings, Refiner, Settings, Strategy, solve};
 use crate::engine::cpu::CpuEngine;
@@ -7,7 +7,7 @@ use crate::plan::Storage;
 use crate::scene::{self, Request};
 use std::time::{Duration, Instant};
 
-/// A hologram of the still life for the whole eyebox, and its exposure.
+/// A hologram of the still life for the whole eyebox, with its exposure.
 fn solved() -> (Problem, Vec<f32>, f64) {
     let display = Display { height: 96, width: 112, ..Display::preset("small").unwrap() };
     let field = scene::load("builtin:still-life", &Request::new(&display, &[Color::Green])).unwrap();
@@ -42,8 +42,8 @@ fn mean(refiner: &mut Refiner, pupils: &[Pupil]) -> f64 {
     sums.iter().map(|s| s.psnr(exposure)).sum::<f64>() / sums.len() as f64
 }
 
-/// OPTICS 6d. On a display as small as this 2.6 dB after eight steps (3.5 at 256 x 256), by Adam 1.6, and next to nothing
-/// lost elsewhere.
+/// OPTICS 6d. On a display this small the gain is 2.6 dB after eight steps (3.5 dB at 256 x 256) and 1.6 dB with Adam.
+/// The loss elsewhere is very small.
 #[test]
 fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     let whole = solved();
@@ -61,7 +61,7 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     }
 }
 
-/// Where every pupil drawn is the same, photographs that are made once are those that are made anew.
+/// If every drawn pupil is the same, stored target images equal new ones.
 #[test]
 fn photographs_that_are_kept_change_nothing() {
     let whole = solved();
@@ -73,7 +73,7 @@ fn photographs_that_are_kept_change_nothing() {
         refiner.phases().unwrap()
     };
     assert!(run(1) == run(3));
-    // A look in between takes the slots: they are filled again.
+    // A simulation in between uses the slots, which are then filled again.
     let steering = RefineSettings { repeats: 3, elsewhere: 0.0, ..RefineSettings::default() };
     let mut refiner = refiner(&whole, steering);
     refiner.aim(PupilDistribution { spread: 0.0, diameter: [4e-3; 2], ..AIM }).unwrap();
@@ -114,7 +114,8 @@ fn what_cannot_be_is_refused() {
     assert!(new(&phases, exposure, RefineSettings { elsewhere: f64::INFINITY, ..fine }).is_err());
 }
 
-/// Phases of 16 bits and velocities in halves: what the eye sees is that of float32, after few steps and after many small ones.
+/// With phases of 16 bits and velocities in halves the image equals the one of float32, after few steps and after many
+/// small ones.
 #[test]
 fn binary_angles_cost_nothing_that_is_seen() {
     let whole = solved();

@@ -1,5 +1,4 @@
-//! One step: how it is built and how it is taken, the same for a solve, its forecast, a refinement and a far field in
-//! tiles.
+//! Builds and takes one step for a solve, its forecast, a refinement and a far field in tiles.
 
 use super::method::Method;
 use super::optimizer::{Optimizer, cosine};
@@ -12,32 +11,32 @@ use eyebox_kernels::{adam, compare, project};
 use std::ops::Range;
 use std::slice;
 
-/// How one step moves the phases.
+/// The way in which one step moves the phases.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Update {
-    /// The pupil-wise projection (OPTICS 6b): every retinal amplitude is replaced by the wanted one, as Gerchberg and
-    /// Saxton do, and the changes of all pupils are put together as in ptychography (ePIE, Maiden and Rodenburg 2009).
+    /// The pupil-wise projection (OPTICS 6b). It replaces every retinal amplitude by the target amplitude, as Gerchberg
+    /// and Saxton do. It combines the changes of all pupils as in ptychography (ePIE, Maiden and Rodenburg 2009).
     Projection {
-        /// Share of the way that the phases go.
+        /// Share of the way to the solution that the phases move.
         gain: f64,
-        /// Share of the velocity that is kept.
+        /// Share of the velocity that each step keeps.
         momentum: f64,
-        /// The change is divided by the number of pupils that overlap to this power.
+        /// Exponent of the number of overlapping pupils by which the change is divided.
         overlap_power: f64,
     },
     /// Adam (Kingma and Ba 2015) on the closed-form Wirtinger gradient (OPTICS 4).
     Adam {
-        /// Learning rate, radians.
+        /// Learning rate in radians.
         rate: f64,
-        /// Compare amplitudes, not intensities.
+        /// Compares amplitudes instead of intensities.
         amplitude: bool,
-        /// Which step since the moments were zero, from 1.
+        /// Number of the step since the moments were zero, from 1.
         step: usize,
     },
 }
 
 impl Update {
-    /// How images are compared with their targets: a mode of the kernel `compare`.
+    /// Returns the mode of the kernel `compare` for the comparison of images with their targets.
     fn mode(self) -> u32 {
         match self {
             Self::Projection { .. } => compare::PROJECTION,
@@ -46,15 +45,15 @@ impl Update {
         }
     }
 
-    /// What these viewpoints need in a step over all of them.
+    /// Returns the pupil passes of these viewpoints, for a step over all of them.
     pub fn pupil_passes(self, planner: &Planner, viewpoints: &[Viewpoint], exposure: f64) -> Vec<PupilPass> {
         let mut passes = Vec::with_capacity(viewpoints.len());
         self.refill(planner, viewpoints, exposure, &mut passes, &mut Vec::new());
         passes
     }
 
-    /// Makes the same of pupil passes that are over, in the lists that they have: those that are too many become `spare`, and
-    /// come back where they are too few.
+    /// Refills finished pupil passes and their lists for these viewpoints. Excess passes move to `spare`, and missing
+    /// ones are taken from there.
     pub(crate) fn refill(
         self,
         planner: &Planner,
@@ -74,7 +73,7 @@ impl Update {
         }
     }
 
-    /// The step over these pupil passes, `in_flight` values of window at a time.
+    /// Returns the step over these pupil passes, with `in_flight` values of windows at a time.
     pub fn step(self, planner: &Planner, lists: impl Into<StepLists>, in_flight: usize) -> Step {
         match self {
             Self::Projection { gain, momentum, overlap_power } => {
@@ -85,14 +84,14 @@ impl Update {
     }
 }
 
-/// The steps of a solve, one after the other.
+/// The sequence of the steps of a solve.
 pub(super) struct Steps<'a> {
     problem: &'a Problem,
     planner: &'a Planner,
     settings: &'a Settings,
     exposure: f64,
     viewpoints: Viewpoints,
-    /// Values of windows at a time.
+    /// Number of values of windows at a time.
     in_flight: usize,
     taken: usize,
     /// Steps since the moments were zero.
@@ -101,11 +100,11 @@ pub(super) struct Steps<'a> {
     stride: f64,
 }
 
-/// Factor on the length of steps after each state that was worse than one before.
+/// Factor on the length of steps after each state that was worse than an earlier one.
 const SHORTER: f64 = 0.5;
 
 impl<'a> Steps<'a> {
-    /// From the first, for this exposure, on an engine whose buffers lie in `memory`.
+    /// Starts at the first step for this exposure, on an engine whose buffers are in `memory`.
     pub(super) fn new(
         problem: &'a Problem,
         planner: &'a Planner,
@@ -127,11 +126,12 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// Makes what `count` steps from the first on ask a device for, all at once: nothing is made while they are taken. Pupils
-    /// repeat themselves: of many steps the first will do.
+    /// Makes all device objects of the first `count` steps at once, so that none is made while steps are taken.
+    ///
+    /// Pupils repeat, so the first steps are enough for many.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub(super) fn prepare(mut self, count: usize, engine: &mut dyn Engine) -> Result<(), EngineError> {
         const PUPILS: usize = 2048;
         if engine.memory() == Memory::Host {
@@ -141,13 +141,13 @@ impl<'a> Steps<'a> {
         engine.prepare(&mut (0..count).map(|_| self.next(0.0)), None)
     }
 
-    /// Steps are shorter from now on; the engine has made its moments zero.
+    /// Shortens all further steps. The engine has set its moments to zero.
     pub(super) fn shorten(&mut self) {
         self.stride *= SHORTER;
         self.since = 0;
     }
 
-    /// The next step, over the next viewpoints, so far along the schedule (0 to 1).
+    /// Returns the next step over the next viewpoints, at this position in the schedule (0 to 1).
     pub(super) fn next(&mut self, progress: f64) -> Step {
         let Self { settings, planner, .. } = *self;
         self.taken += 1;
@@ -156,7 +156,7 @@ impl<'a> Steps<'a> {
         let viewpoints: Vec<Viewpoint> = (0..settings.pupils).map(|_| self.viewpoints.draw()).collect();
         let pupil_passes = update.pupil_passes(planner, &viewpoints, self.exposure);
         let mut step = update.step(planner, pupil_passes, self.in_flight);
-        // Levels come on softly: a phase that is thrown from level to level from the start finds no good one.
+        // Levels are enforced gradually. If a phase jumps between levels from the start, it finds no good one.
         step.quantise.hardness = progress.powi(2) as f32;
         step.project.step = self.taken as u32;
         release_early(planner, progress, &mut step);
@@ -170,7 +170,8 @@ impl<'a> Steps<'a> {
         let batch = self.settings.pupils;
         match self.settings.optimizer {
             Optimizer::Projection { gain, momentum, overlap_power } => {
-                // Overlap to a power below one grows with the batch: what ten pupils ask for is the unit (OPTICS 6e).
+                // A power of the overlap below one grows with the batch, so the strength with ten pupils is the unit
+                // (OPTICS 6e).
                 let share = (batch as f64 / 10.0).powf(1.0 - overlap_power);
                 let overlap = self.viewpoints.overlap(batch).map_or(1.0, |n| n.powf(overlap_power));
                 let (gain, momentum) = strides(self.planner, gain, momentum);
@@ -184,24 +185,25 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Shares of the variance of random drives that crosstalk leaves. Below the first, phases are bounded from the first step on. From
-/// the second on they are bounded in the last part of the schedule only; it begins at [`LAST_PART`].
+/// Shares of the variance of random drive values that crosstalk leaves. Below the first one, phases are bounded from
+/// the first step on. If the share is at least the second one, they are bounded only in the last part of the schedule,
+/// from [`LAST_PART`] on.
 const RELEASED: [f64; 2] = [0.55, 0.65];
 const LAST_PART: f64 = 0.7;
-/// Shares of the variance between which the first gain falls from [`LONGER`] times as large to the ordinary one. The way back
-/// through strong crosstalk shortens turns. Under weaker crosstalk such strides diverge if the source is uneven or light is
-/// undiffracted.
+/// Shares of the variance between which the first gain falls from [`LONGER`] times its usual size to the usual size.
+/// The way back through strong crosstalk shortens turns. Under weaker crosstalk such strides diverge if the source is
+/// uneven or light is undiffracted.
 const LENGTHENED: [f64; 2] = [0.45, 0.6];
 const LONGER: f64 = 1.6;
-/// Momentum under a bound, at least.
+/// Least momentum with bounded phases.
 const BOUND_MOMENTUM: f64 = 0.7;
 
-/// Where the share of the variance that the display's crosstalk leaves is between these two, 0 to 1.
+/// Returns the position of the display's remaining variance under crosstalk between these two shares, 0 to 1.
 fn weakness(planner: &Planner, [low, high]: [f64; 2]) -> f64 {
     ((planner.variance_left() - low) / (high - low)).clamp(0.0, 1.0)
 }
 
-/// Gain, first and last, and momentum of the projection on this display.
+/// Returns the gains of the first and last step and the momentum of the projection on this display.
 pub fn strides(planner: &Planner, gain: [f64; 2], momentum: f64) -> ([f64; 2], f64) {
     if !planner.bounds_phases() {
         return (gain, momentum);
@@ -210,31 +212,36 @@ pub fn strides(planner: &Planner, gain: [f64; 2], momentum: f64) -> ([f64; 2], f
     ([longer * gain[0], gain[1]], momentum.max(BOUND_MOMENTUM))
 }
 
-/// Lets the phases of a projection step wrap in the early part of the schedule, although the display's crosstalk bounds them later.
-/// While strides are long, a bounded phase is caught at an end of the range. While they are short, few phases try to cross it,
-/// and each crossing puts light in the wrong place (docs/results/solver-and-model.json).
+/// Lets the phases of a projection step wrap in the early part of the schedule, although the display's crosstalk bounds
+/// them later.
+///
+/// If strides are long, a bounded phase is caught at an end of the range. If they are short, few phases try to cross
+/// it, and each crossing puts light in the wrong place (docs/results/solver-and-model.json).
 pub fn release_early(planner: &Planner, progress: f64, step: &mut Step) {
     if progress < LAST_PART * weakness(planner, RELEASED) {
         step.project.bound = 0.0;
     }
 }
 
-/// Takes a step, or these parts of its list, in order; its [loss](Step::mean_loss). All losses are known before phases may
-/// change: with a loss that is not a finite number the phases stay as they were.
+/// Takes a step, or these parts of its list in order, and returns its [loss](Step::mean_loss).
+///
+/// All losses are computed before phases may change. If the loss is not a finite number, the phases stay as they were.
 ///
 /// # Errors
-/// Those of the engine.
+/// [`EngineError`] if the engine fails.
 pub fn take(engine: &mut dyn Engine, step: &Step, parts: &[Range<usize>]) -> Result<f64, EngineError> {
     let begun = engine.begin_step(step, parts)?;
     Ok(step.mean_loss(&engine.end_step(begun)?.losses))
 }
 
-/// Takes a step whose intensities come from outside: `see` is given, for each of its pupil passes, the model's intensity on the
-/// pass's window and the fields behind it (sub-frame, row, column), and answers the intensity that is there. The field's phase
-/// stays the model's. The step holds all its pupil passes at once (one group); the rest is as in `take`.
+/// Takes a step whose intensities come from outside.
+///
+/// For each of its pupil passes, `see` receives the model's intensity on the window of the pass and the fields behind
+/// it (sub-frame, row, column). It returns the measured intensity. The phase of the field still comes from the model.
+/// The step holds all its pupil passes at once (one group). Everything else is as in `take`.
 ///
 /// # Errors
-/// Those of the engine and of `see`.
+/// The errors of `see`, and [`EngineError`] if the engine fails.
 pub fn take_seen<E: From<EngineError>>(
     engine: &mut dyn Engine,
     step: &Step,
@@ -250,11 +257,11 @@ pub fn take_seen<E: From<EngineError>>(
     Ok(take(engine, step, slice::from_ref(&(place..step.list.len())))?)
 }
 
-/// Runs the step again, kernel by kernel, up to where phases would change, and names the first whose output is not
-/// finite. None if the phases are to blame themselves, or if nothing is found.
+/// Runs the step again, kernel by kernel, up to the change of phases, and returns the first kernel whose output is not
+/// finite. The result is `None` if the phases themselves are not finite, or if no such kernel is found.
 ///
 /// # Errors
-/// Those of the engine.
+/// [`EngineError`] if the engine fails.
 pub(super) fn first_fault(engine: &mut dyn Engine, step: &Step) -> Result<Option<Kernel>, EngineError> {
     if !finite(&engine.read(Buffer::Phases)?) {
         return Ok(None);
@@ -281,29 +288,31 @@ fn finite(values: &[f32]) -> bool {
     values.iter().all(|v| v.is_finite())
 }
 
-/// How a step moves what it is taken for: what it says of that, without its lists.
+/// The data by which a step moves its phases, without its lists.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Turns {
-    /// Gain and momentum of the projection, and where the SLM lies in the grid.
+    /// Gain and momentum of the projection, and the position of the SLM in the grid.
     pub(super) project: project::Args,
     pub(super) adam: adam::Args,
-    /// Whether it is the projection that moves it.
+    /// True if the projection moves the phases.
     pub(super) projects: bool,
 }
 
 impl Turns {
-    /// Those of this step.
+    /// Copies the data of this step.
     pub(super) fn of(step: &Step) -> Self {
         let projects = step.list.last().is_some_and(|d| d.kernel == Kernel::Project);
         Self { project: step.project, adam: step.adam, projects }
     }
 }
 
-/// Runs these parts of a step's list, in order, up to what would move its phases, and reads the change of the field that it asks for:
-/// its loss, and the change unless that is no finite number.
+/// Runs these parts of a step's list in order, without the move of its phases, and reads the requested change of the
+/// field.
+///
+/// It returns the loss. If the loss is not finite, the change is not read.
 ///
 /// # Errors
-/// Those of the engine.
+/// [`EngineError`] if the engine fails.
 pub(super) fn ask(
     engine: &mut dyn Engine,
     step: &Step,
@@ -329,7 +338,7 @@ pub(super) fn ask(
     Ok(loss)
 }
 
-/// What of these parts is in a range.
+/// Returns the parts clipped to a range.
 fn within(parts: &[Range<usize>], range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     let cut = move |part: &Range<usize>| part.start.max(range.start)..part.end.min(range.end);
     parts.iter().map(cut).filter(|part| !part.is_empty())

@@ -1,4 +1,4 @@
-//! Quality on validation pupils: those that the optimiser is not shown.
+//! Measures quality on validation pupils, which the optimizer never receives.
 
 use super::exposure::BrightEnd;
 use crate::engine::{Engine, EngineError};
@@ -6,32 +6,32 @@ use crate::evaluate::{self, Sums};
 use crate::optics::{Geometry, mean_light};
 use crate::plan::{Moving, Planner, Viewpoint};
 
-/// Power of the light that is left by which solves are exposed at least (measured).
+/// Lowest power of the remaining light by which solves are exposed (measured).
 const LEAST_POWER: f64 = 0.5;
-/// Under strong and under weak crosstalk: share of the variance of random drives that it leaves, steps of a solve that is exposed for the
-/// light that is left, and the highest power of it (measured).
+/// Limits of strong and of weak crosstalk (measured). The values are the share of the variance of random drive values
+/// that it leaves, the steps of a solve that is exposed for the remaining light, and the highest power of that light.
 const STRONG: [f64; 3] = [0.6, 60.0, 1.0];
 const WEAK: [f64; 3] = [0.8, 30.0, 1.5];
 
-/// Fixed viewpoints that no step draws, and what should be seen through them.
+/// Fixed viewpoints that no step draws, with their target images.
 pub struct Validator {
     viewpoints: Vec<Viewpoint>,
-    /// The bright end of the photographs, for the light of the display's sources.
+    /// The bright end of the target images under the light of the display's sources.
     bright_end: BrightEnd,
-    /// Share of the light that pixels with an aperture leave through these viewpoints, over what an SLM of points would give.
+    /// Share of the light that pixels with an aperture leave through these viewpoints, relative to an SLM of points.
     aperture_light: f64,
-    /// Share of the variance of random drives that crosstalk leaves.
+    /// Share of the variance of random drive values that crosstalk leaves.
     variance_left: f64,
 }
 
-/// Quality on validation pupils: the exposure is the least-squares fit over all of them.
+/// Quality on validation pupils. The exposure is the least-squares fit over all of them.
 pub type ValidationScore = crate::evaluate::Scores;
 
 impl Validator {
-    /// Looks at the photographs; `engine` holds the views.
+    /// Computes the target images. `engine` holds the views.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn new(engine: &mut dyn Engine, planner: &Planner, viewpoints: Vec<Viewpoint>) -> Result<Self, EngineError> {
         let photographs = evaluate::targets(engine, planner, &viewpoints)?;
         let bright_end = BrightEnd::of(photographs.iter().map(|p| &p[..])).lit(mean_light(&planner.modes));
@@ -39,11 +39,12 @@ impl Validator {
         Ok(Self { viewpoints, bright_end, aperture_light, variance_left: planner.variance_left() })
     }
 
-    /// The bright end of the photographs for a solve of so many steps of the projection.
+    /// Returns the bright end of the target images for a solve of `steps` steps of the projection.
     ///
-    /// A solve that is exposed for light which the aperture takes away chases light that is not there. A short one is better exposed for
-    /// more than there is, because it has no time to move light; a long one for less, because the edge of the eyebox has less than
-    /// the mean, if crosstalk leaves it the means to send the rest away (docs/measurements.md, "The solver and the model").
+    /// A solve that is exposed for light which the aperture removes chases light that does not exist. A short solve is
+    /// better exposed for more light than exists, because it has no time to move light. A long solve is better exposed
+    /// for less, because the edge of the eyebox has less light than the mean. This holds only if crosstalk lets it
+    /// direct the rest away (docs/results/display-model.json).
     pub(crate) fn bright_end(&self, steps: usize) -> BrightEnd {
         let weakness = ((self.variance_left - STRONG[0]) / (WEAK[0] - STRONG[0])).clamp(0.0, 1.0);
         let [for_all, most] = [1, 2].map(|i| STRONG[i] + weakness * (WEAK[i] - STRONG[i]));
@@ -51,19 +52,20 @@ impl Validator {
         self.bright_end.lit(self.aperture_light.powf(power))
     }
 
-    /// Scores the phases that `engine` holds; only sums leave it.
+    /// Scores the phases that `engine` holds. Only sums leave the engine.
     ///
     /// # Errors
-    /// Those of the engine.
+    /// [`EngineError`] if the engine fails.
     pub fn score(&self, engine: &mut dyn Engine, planner: &Planner) -> Result<ValidationScore, EngineError> {
         let sums = evaluate::sums(engine, planner, &self.viewpoints)?;
-        // Images that are black (or not finite) have no exposure: any will do, their PSNR says it.
+        // Images that are black (or not finite) have no exposure. Any value is allowed, and their PSNR shows the fault.
         let exposure = Sums::fit_exposure(&sums).unwrap_or(1.0);
         Ok(ValidationScore::at(&sums, exposure))
     }
 }
 
-/// Mean share of the light that pixels with an aperture leave through viewpoints, over what an SLM of points would give.
+/// Returns the mean share of the light that pixels with an aperture leave through viewpoints, relative to an SLM of
+/// points.
 fn aperture_light(planner: &Planner, viewpoints: &[Viewpoint]) -> f64 {
     let Some(model) = planner.model.as_ref().filter(|_| planner.slm.geometry == Geometry::Relay) else { return 1.0 };
     let eyebox = planner.slm.eyebox();
@@ -86,8 +88,8 @@ mod tests {
     use crate::solve::{Problem, Settings};
     use std::sync::Arc;
 
-    /// Where pixels have an aperture, the exposure rises by what it leaves through the pupils; that of short solves by less, that of
-    /// long ones by more.
+    /// If pixels have an aperture, the exposure follows the light that it leaves through the pupils. Short solves
+    /// follow it less, and long ones more.
     #[test]
     fn an_exposure_follows_the_light_that_the_aperture_leaves() {
         let display = Display { height: 48, width: 64, ..Display::preset("paper").unwrap() };
@@ -114,7 +116,7 @@ mod tests {
         for (crosstalk, (steps, power)) in weak.into_iter().chain(strong) {
             let ratio = exposure(&filled(crosstalk), steps) / exposure(&plain, steps);
             let off = ratio * left.powf(power) - 1.0;
-            assert!(left < 0.8 && off.abs() < 1e-9, "{left} is left, {ratio} times the exposure for {steps} steps");
+            assert!(left < 0.8 && off.abs() < 1e-9, "{left} remains, {ratio} times the exposure for {steps} steps");
         }
     }
 }

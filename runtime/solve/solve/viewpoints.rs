@@ -1,4 +1,4 @@
-//! What each method looks through, one viewpoint after the other.
+//! Draws the viewpoints of each method, one after the other.
 
 use super::method::Method;
 use super::motion::Motion;
@@ -9,11 +9,11 @@ use crate::optics::Pupil;
 use crate::plan::Viewpoint;
 use std::sync::Arc;
 
-/// What a method looks through, one after the other: the same for the same seed.
+/// The viewpoints of a method, which are the same for the same seed.
 pub(super) struct Viewpoints {
     sampler: Sampler,
     kind: Kind,
-    /// How eyes and content move, and where that is drawn from.
+    /// The movement of eyes and content, and the source of its random numbers.
     motion: Motion,
     moves: Points,
     frames: usize,
@@ -21,7 +21,7 @@ pub(super) struct Viewpoints {
 
 enum Kind {
     Pupils,
-    /// Views that are supervised, and the STFT's window and filter; without them, each view's disc.
+    /// Supervised views, and the window and filter of the STFT. Without these, each view has its disc.
     Views {
         views: Vec<(usize, Pupil)>,
         stft: Option<(usize, f64)>,
@@ -29,7 +29,7 @@ enum Kind {
 }
 
 impl Viewpoints {
-    /// Of `settings.method`, with another seed if the settings' own is not to be used.
+    /// Starts the viewpoints of `settings.method` with this seed instead of the settings' own.
     pub(super) fn new(problem: &Problem, settings: &Settings, seed: u64) -> Self {
         let mut range = settings.pupil_range(problem.eyebox);
         if settings.method != Method::Slfh {
@@ -46,10 +46,11 @@ impl Viewpoints {
                 let samples = settings.stft_samples.unwrap_or(grid.rows.max(grid.columns));
                 let disc = |view| {
                     let (x, y) = grid.position(view);
-                    // Around the cell: the discs of neighbours leave no gap where light could hide.
+                    // It is the circle around the cell, so that neighboring discs leave no gap in which light could
+                    // hide.
                     (view, Pupil { x, y, diameter: std::f64::consts::SQRT_2 * grid.cell, depth: 0.0 })
                 };
-                // A view whose frequency the filter stops is not asked for.
+                // A view whose frequency the filter stops is not supervised.
                 let inside = |(_, p): &(usize, Pupil)| p.x.hypot(p.y) <= filter / 2.0;
                 let mut views: Vec<_> = (0..grid.rows * grid.columns).map(disc).filter(inside).collect();
                 if views.is_empty() {
@@ -59,12 +60,12 @@ impl Viewpoints {
             }
             _ => Kind::Pupils,
         };
-        // Numbers of their own: what does not move is drawn as ever.
+        // These numbers are separate, so that a static scene has the same draws as before.
         let moves = Points::new(settings.sequence, seed ^ 0x6d6f_7469_6f6e);
         Self { sampler, kind, motion: settings.motion, moves, frames: settings.solved_frames() }
     }
 
-    /// The next one.
+    /// Returns the next viewpoint.
     pub(super) fn draw(&mut self) -> Viewpoint {
         let Kind::Views { views, stft } = &self.kind else {
             let pupil = self.sampler.draw();
@@ -82,11 +83,14 @@ impl Viewpoints {
         }
     }
 
-    /// How many of a step's viewpoints overlap at a bin, on average, where the kernel `overlap` does not count them: the
-    /// power of the STFT's windows, which tile the spectrum `count` views to a full set.
+    /// Returns the mean number of a step's viewpoints that overlap at a bin, if the kernel `overlap` does not count
+    /// them.
+    ///
+    /// It is the power of the STFT's windows. All views together tile the spectrum once.
     pub(super) fn overlap(&self, batch: usize) -> Option<f64> {
         let Kind::Views { views, stft: Some((samples, _)) } = &self.kind else { return None };
-        // Hann: sum of squares 3/8 (n + 1), square of the sum (n + 1)^2 / 4; n windows to an axis.
+        // For a Hann window the sum of squares is 3/8 (n + 1) and the square of the sum is (n + 1)^2 / 4, with n
+        // windows per axis.
         let n = *samples as f64;
         let axis = n * 1.5 / (n + 1.0);
         Some(axis * axis * batch as f64 / views.len() as f64)

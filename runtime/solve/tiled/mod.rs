@@ -1,12 +1,13 @@
 //! Solves, refines and renders far-field holograms that are larger than memory, region by region (OPTICS 9).
 //!
-//! A pupil sees nothing but its own piece of a far-field SLM. So a solve visits one *region* after the other: it reads the
-//! region's phases from the hologram's tiles, takes a few ordinary steps over pupils inside of it, and puts the phases
-//! back. Memory and time follow the region, which follows the largest pupil; the hologram may be as large as the disk.
-//! Regions come in a shuffled order, on a grid that is moved from one pass to the next, so that no seam stays.
+//! A pupil sees only its own piece of a far-field SLM. Therefore a solve visits one *region* after the other. It reads
+//! the region's phases from the hologram's tiles, takes a few ordinary steps over pupils inside it, and writes the
+//! phases back. Memory and time depend on the region, whose size depends on the largest pupil. The hologram may be as
+//! large as the disk. Regions come in a shuffled order, on a grid that moves from one pass to the next, so that no seam
+//! remains.
 //!
-//! Everything about a visit follows from the job and its number, so that a solve which was cut off goes on and ends in the
-//! same bytes. Nothing is kept from visit to visit but the phases.
+//! The job and the number of a visit decide everything about it. An interrupted solve thus continues and ends in the
+//! same bytes. Only the phases are kept from visit to visit.
 
 mod refine;
 mod region;
@@ -25,38 +26,38 @@ use crate::optics::OpticsError;
 use crate::scene::SceneError;
 use crate::solve::SolveError;
 
-/// Why a large hologram could not be solved or looked at.
+/// The reason why a large hologram could not be solved or simulated.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum TiledError {
-    /// The optics.
+    /// The optics are impossible.
     Optics(#[from] OpticsError),
-    /// The scene.
+    /// The scene cannot be used.
     Scene(#[from] SceneError),
-    /// The settings.
+    /// The settings are invalid.
     Solve(#[from] SolveError),
-    /// The engine.
+    /// The engine reported a failure.
     Engine(#[from] EngineError),
-    /// The hologram's file.
+    /// The hologram's file cannot be used.
     Hologram(#[from] HologramError),
-    /// Too little memory for the largest pupil.
+    /// The memory is too small for the largest pupil.
     #[error(
-        "a pupil of {diameter_mm:.2} mm with {frames} sub-frames needs about {needed_mib} MiB, and {given_mib} MiB were given: \
-         give more memory, fewer sub-frames or smaller pupils"
+        "a pupil of {diameter_mm:.2} mm with {frames} sub-frames: needs about {needed_mib} MiB, but the limit is \
+         {given_mib} MiB. Give more memory, fewer sub-frames or smaller pupils"
     )]
     Memory {
-        /// The largest pupil.
+        /// The largest pupil diameter in mm.
         diameter_mm: f64,
-        /// Sub-frames.
+        /// The number of sub-frames.
         frames: usize,
-        /// What it takes.
+        /// Required memory in MiB.
         needed_mib: u64,
-        /// What there is.
+        /// The memory limit in MiB.
         given_mib: u64,
     },
-    /// A display that is no such thing.
+    /// The display, the aim or the optimizer is not suitable.
     #[error("{0}")]
     Unsuitable(String),
 }

@@ -1,4 +1,4 @@
-//! A piece of a hologram in tiles as an ordinary problem: what is refined where the eye is.
+//! Extracts a piece of a hologram in tiles as an ordinary problem, for refinement at the eye.
 
 use super::{TiledError, Views};
 use crate::hologram::Tiles;
@@ -6,20 +6,20 @@ use crate::optics::{Padding, Pupil, PupilDistribution};
 use crate::plan::ModelTables;
 use crate::solve::Problem;
 
-/// Where whole tiles lie in a far field.
+/// The position of whole tiles in a far field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileRect {
     /// Row and column of the first pixel.
     pub at: [usize; 2],
-    /// Rows and columns.
+    /// Number of rows and columns.
     pub size: [usize; 2],
 }
 
 impl TileRect {
-    /// The tiles that hold every pupil of `aim` at colour `color` of a hologram, which is seen through `model`.
+    /// Returns the tiles that hold every pupil of `aim` at color `color` of a hologram, seen through `model`.
     ///
     /// # Errors
-    /// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
+    /// [`TiledError::Optics`] for a color without optics, and [`TiledError::Unsuitable`] for an aim outside the SLM.
     pub fn around(
         tiles: &Tiles,
         color: usize,
@@ -28,7 +28,7 @@ impl TileRect {
     ) -> Result<Self, TiledError> {
         let whole = tiles.about().optics(color)?;
         let (first, side) = (whole.first_bin(), tiles.side() as f64);
-        // Where the iris really is, with what crosstalk brings in from around it.
+        // This is the true position of the iris, with the surroundings from which crosstalk reaches into it.
         let spread = Pupil { x: aim.centre[0], y: aim.centre[1], diameter: 2.0 * aim.reach(), depth: 0.0 };
         let iris = model.map_or(spread, |model| model.model().true_pupil(&spread));
         let around = model.map_or([0; 2], |model| model.reach()).map(|pixels| pixels as f64 * whole.pitch);
@@ -36,25 +36,25 @@ impl TileRect {
             let tile = |metres: f64| (metres / whole.pitch - first as f64) / side;
             let last = n.div_ceil(tiles.side()) as f64;
             let reach = iris.diameter / 2.0 + around;
-            // Beyond the last pixel there is nothing, and nobody's number is too large to be clamped.
+            // The SLM ends at its last pixel, and the clamp accepts numbers of any size.
             let (from, to) = (tile(s - reach).floor().max(0.0), (tile(s + reach).ceil()).min(last));
             (from < to).then(|| {
                 let (from, to) = (from as usize * tiles.side(), (to as usize * tiles.side()).min(n));
                 (from, to - from)
             })
         };
-        let nowhere = || TiledError::Unsuitable("the eye looks past the SLM: no pixel of it is under the pupil".into());
+        let nowhere = || TiledError::Unsuitable("the eye: the pupil is outside the SLM".into());
         let (top, rows) = axis(iris.y, around[0], first.0, whole.height).ok_or_else(nowhere)?;
         let (left, columns) = axis(iris.x, around[1], first.1, whole.width).ok_or_else(nowhere)?;
         Ok(Self { at: [top, left], size: [rows, columns] })
     }
 
-    /// Whether it holds all of another.
+    /// Returns true if it holds all of another.
     pub fn covers(&self, other: &Self) -> bool {
         (0..2).all(|i| self.at[i] <= other.at[i] && other.at[i] + other.size[i] <= self.at[i] + self.size[i])
     }
 
-    /// The smallest that holds both.
+    /// Returns the smallest rectangle that holds both.
     #[must_use]
     pub fn with(&self, other: &Self) -> Self {
         let at = [0, 1].map(|i| self.at[i].min(other.at[i]));
@@ -62,11 +62,12 @@ impl TileRect {
         Self { at, size: [0, 1].map(|i| end(self, i).max(end(other, i)) - at[i]) }
     }
 
-    /// The problem on these tiles, seen through `model`: a far field of its own, on the whole one's axis; its eyebox is its side, around
-    /// its middle.
+    /// Returns the problem on these tiles, seen through `model`.
+    ///
+    /// It is a far field of its own on the axis of the whole one. Its eyebox is its side, around its middle.
     ///
     /// # Errors
-    /// [`TiledError::Optics`].
+    /// [`TiledError::Optics`] for a color without optics.
     pub fn problem(
         &self,
         tiles: &Tiles,
@@ -103,11 +104,11 @@ impl TileRect {
     }
 }
 
-/// The tiles that hold every pupil of `aim` at colour `color` of a hologram, whose scene in that colour is `views`, and the problem on
-/// them.
+/// Returns the tiles that hold every pupil of `aim` at color `color` of a hologram, and the problem on them. `views`
+/// are its scene in that color.
 ///
 /// # Errors
-/// [`TiledError::Optics`]; [`TiledError::Unsuitable`] for an aim that is nowhere on the SLM.
+/// [`TiledError::Optics`] for a color without optics, and [`TiledError::Unsuitable`] for an aim outside the SLM.
 pub fn problem_around(
     tiles: &Tiles,
     color: usize,

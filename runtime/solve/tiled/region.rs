@@ -1,34 +1,36 @@
-//! How large a region may be: as large as memory allows, and no larger than the largest pupil makes sensible.
+//! Chooses the size of a region, by the memory and by the largest pupil.
 
 use super::TiledError;
 use crate::optics::Optics;
 use crate::plan::ModelTables;
 use std::sync::Arc;
 
-/// Bytes that a solve or a look may take in all.
+/// Total bytes that a solve or a simulation may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryLimit(pub u64);
 
-/// The program itself, threads, transforms' plans.
+/// Memory of the program itself, its threads, and the plans of transforms.
 const PROGRAM: u64 = 160 << 20;
 
-/// A region's side, and what it takes.
+/// The side of a region, and its memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RegionSize {
-    /// Pixels along each axis; whole tiles, or the hologram's own where that is smaller.
+    /// Rows in pixels, as whole tiles, or as many as the hologram has, if these are fewer.
     pub rows: usize,
-    /// Columns.
+    /// Columns in pixels, as for the rows.
     pub columns: usize,
-    /// Bytes at its peak.
+    /// Peak memory in bytes.
     pub bytes: u64,
 }
 
 impl RegionSize {
-    /// For pupils of up to `diameter` metres on the SLM of `optics`, whose tiles are `side` wide, with views of `picture` x
-    /// `picture` pixels; `models` are what the display does to the light of each colour, on the whole SLM.
+    /// Chooses the size for pupils of up to `diameter` meters on the SLM of `optics`.
+    ///
+    /// The tiles are `side` wide, and the views have `picture` x `picture` pixels. The `models` are the display models
+    /// of the colors on the whole SLM.
     ///
     /// # Errors
-    /// [`TiledError::Memory`] where the largest pupil has no room.
+    /// [`TiledError::Memory`] if the memory is too small for the largest pupil.
     pub fn new(
         optics: &Optics,
         models: &[Option<Arc<ModelTables>>],
@@ -50,7 +52,7 @@ impl RegionSize {
             };
             Self { rows, columns, bytes: models.iter().map(of_color).max().unwrap_or(0) }
         };
-        // Room for the largest pupil to move in, where there is any to spare.
+        // The region has space for the largest pupil to move, if the memory allows it.
         let wanted = of(pupil + pupil / 4);
         if wanted.bytes <= memory.0 {
             return Ok(wanted);
@@ -72,33 +74,35 @@ impl RegionSize {
 }
 
 impl RegionSize {
-    /// Rows and columns of a region that begins at (row, column) of an SLM of `whole` pixels: those that are on it.
+    /// Returns the rows and columns of a region at (row, column) that are on an SLM of `whole` pixels.
     pub(super) fn inside(&self, at: [usize; 2], whole: [usize; 2]) -> [usize; 2] {
         [self.rows.min(whole[0] - at[0]), self.columns.min(whole[1] - at[1])]
     }
 }
 
-/// Whether sub-frames are seen in each other, so that an engine has to hold all of them.
+/// Returns true if sub-frames affect each other, so that an engine has to hold all of them.
 pub(super) fn lags(model: Option<&ModelTables>) -> bool {
     model.is_some_and(|model| model.model().lag > 0.0)
 }
 
-/// Bytes of a visit to a region of so many pixels.
+/// Returns the bytes of a visit to a region of `pixels` pixels.
 fn bytes(pixels: usize, frames: usize, picture: usize, model: Option<&ModelTables>) -> u64 {
-    // Sub-frames that an engine holds at once.
+    // These are the sub-frames that an engine holds at once.
     let at_once = if lags(model) { frames as u64 } else { 1 };
-    // The region's phases, and again as tiles while they are read or written a row at a time; of a sub-frame phases,
-    // velocity, field, change, hits and the copy that is handed over; then what the pupils' windows hold, which cover the
-    // region about once and a half: field, transfer function, image and target; and their shares of a transform's scratch.
+    // The region needs its phases, and again as tiles while they are read or written a row at a time. A sub-frame needs
+    // phases, velocity, field, change, hits and the copy that is handed over. The pupils' windows cover the region
+    // about one and a half times with field, transfer function, image and target, and with their shares of a
+    // transform's scratch.
     let frames = frames as u64;
     let windows = 3 * (8 * at_once + 8 + 4 + 4) / 2 + 8;
     let mut region = 4 * frames + frames + (4 + 4 + 8 + 8 + 4) * at_once + 4 + windows;
     if let Some(model) = model {
-        // Of a sub-frame what lies between drive and field; then the model's tables, in the plan and in the engine.
+        // A sub-frame needs the values between drive value and field. The model's tables exist in the plan and in the
+        // engine.
         let [driven, relay] = [model.parts().drives, model.parts().relay > 0].map(u64::from);
         region += (4 + 4) * at_once * driven + 2 * 16 * driven + 3 * 8 * relay + 4 * frames;
     }
-    // Views: as they are kept, and the textures that they are made of. While they are made, as float32, there are no fields.
+    // Views are stored, and the textures from which they are made. While they are made as float32, no fields exist.
     let (views, making) = (crate::evaluate::MOST_VIEWS as u64 * 3 + 300, crate::evaluate::MOST_VIEWS as u64 * 4);
     let (pixels, picture) = (pixels as u64, (picture * picture) as u64);
     PROGRAM + picture * views + (pixels * region).max(5 * frames * pixels + picture * making)

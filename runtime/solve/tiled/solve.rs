@@ -1,4 +1,4 @@
-//! A visit: a region's phases are read, a few steps are taken over pupils inside of it, and the phases are put back.
+//! Visits a region, which reads its phases, takes a few steps over pupils inside it, and writes the phases back.
 
 use super::region::lags;
 use super::visits::held;
@@ -17,32 +17,32 @@ use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is to be solved of one colour.
+/// The solve of one color.
 pub struct Job<'a> {
-    /// Which of the hologram's colours.
+    /// Index of the hologram's color.
     pub color: usize,
-    /// The scene in it.
+    /// The scene in this color.
     pub views: &'a Views,
-    /// What the display does to it, on the whole SLM, for steps; none for the ideal one.
+    /// The display model on the whole SLM for steps, or `None` for an ideal display.
     pub model: Option<&'a ModelTables>,
-    /// Diameters, depths, seed, optimiser, window: those of any solve. Its `steps` are those of one visit.
+    /// Diameters, depths, seed, optimizer and window, as for any solve. The `steps` belong to one visit.
     pub settings: &'a Settings,
-    /// The regions.
+    /// The regions and their order.
     pub schedule: &'a Schedule,
-    /// Their size.
+    /// The size of the regions.
     pub size: RegionSize,
-    /// Visits of the hologram's colours before this one.
+    /// Visits of the hologram's colors before this one.
     pub before: u64,
 }
 
-/// A visit that is done.
+/// The progress after a visit.
 #[derive(Debug, Clone, Copy)]
 pub struct Visit {
-    /// How many are, of this colour.
+    /// Number of finished visits of this color.
     pub visit: usize,
-    /// Of so many.
+    /// Total number of visits of this color.
     pub visits: usize,
-    /// Pupils that were looked through.
+    /// Number of simulated pupils.
     pub pupils: usize,
     /// Mean squared difference over the last step's pupils and pixels.
     pub loss: f64,
@@ -50,14 +50,16 @@ pub struct Visit {
     pub seconds: f64,
 }
 
-/// A step's windows cover at least this share of the region.
+/// Least share of the region that the windows of a step cover.
 const COVERED: f64 = 0.75;
 
-/// The exposure of a scene and its mean light, from photographs through pupils all over the eyebox (OPTICS 6c): chosen from
-/// the bright end and for what the display does to the light, or what the settings' efficiency makes of the mean.
+/// Returns the exposure of a scene and its mean light, from target images through pupils all over the eyebox (OPTICS
+/// 6c).
+///
+/// The exposure follows from the bright end and the display model, or from the mean and the efficiency in the settings.
 ///
 /// # Errors
-/// Those of the engine.
+/// [`TiledError`] if the engine fails.
 pub fn exposure(
     optics: &Optics,
     views: &Views,
@@ -69,7 +71,7 @@ pub fn exposure(
     let mut photographs = Vec::new();
     for _ in 0..8 {
         let pupil = sampler.draw();
-        // As large as the views: more would be between them.
+        // The piece is as large as the views, because a larger one has no further detail.
         let piece = Optics { height: views.size(), width: views.size(), offset: [0, 0], ..*optics };
         photographs.push(views.photograph(&piece, &pupil, WindowFactor::Full, engine)?);
     }
@@ -81,11 +83,11 @@ pub fn exposure(
     Ok((exposure, end.mean))
 }
 
-/// Solves one colour from where `tiles` stands, visit by visit; each is saved before the next begins. The exposure is the
-/// hologram's own.
+/// Solves one color from the state of `tiles` on, visit by visit. Each visit is saved before the next one begins. It
+/// uses the exposure of the hologram.
 ///
 /// # Errors
-/// [`TiledError`]; what was saved stays, and the same job goes on from there.
+/// [`TiledError`]. Saved visits remain, and the same job continues from there.
 pub fn solve(
     job: &Job,
     tiles: &mut Tiles,
@@ -106,28 +108,28 @@ pub fn solve(
     Ok(Flow::Continue)
 }
 
-/// What a visit made of its region.
+/// The result of a visit to a region.
 #[derive(Debug, Clone)]
 pub struct Visited {
     /// Row and column of the region's first pixel.
     pub at: [usize; 2],
-    /// Its rows and columns.
+    /// Rows and columns of the region.
     pub size: [usize; 2],
-    /// (sub-frame, row, column), radians.
+    /// Phases (sub-frame, row, column), radians.
     pub phases: Vec<f32>,
-    /// Pupils that were looked through.
+    /// Number of simulated pupils.
     pub pupils: usize,
     /// Mean squared difference over the last step's pupils and pixels.
     pub loss: f64,
 }
 
-/// Visit `k` of a job: reads its region from `tiles`, as they are, and changes nothing there.
+/// Takes visit `k` of a job. It reads its region from the current `tiles` and changes nothing there.
 ///
 /// # Errors
-/// [`TiledError`].
+/// [`TiledError`] if the engine or the file fails.
 ///
 /// # Panics
-/// For a visit that the schedule has not.
+/// Panics for a visit that the schedule does not have.
 pub fn visit(job: &Job, k: usize, tiles: &Tiles, engine: &mut dyn Engine) -> Result<Visited, TiledError> {
     let (at, about) = (job.schedule.visits[k], tiles.about());
     let size = job.size.inside(at, [about.height, about.width]);
@@ -145,41 +147,44 @@ pub fn visit(job: &Job, k: usize, tiles: &Tiles, engine: &mut dyn Engine) -> Res
     if held != size {
         phases = inside(&phases, held, [0, 1].map(|i| (at[i] as i64 - first[i]) as usize), size);
     }
-    // The next region's views are rendered where this one's fields were.
+    // The next region's views are rendered in the memory of this one's fields.
     drop(region);
     engine.load(&Planner::new(optics.piece([0; 2], [1, 1]), 1, WindowFactor::One).shape(Purpose::View), None)?;
     Ok(Visited { at, size, phases, pupils, loss })
 }
 
-/// A rectangle of `size` that begins at `first` of sub-frames of `held` pixels.
+/// Returns a rectangle of `size` that begins at `first` of sub-frames of `held` pixels.
 fn inside(phases: &[f32], held: [usize; 2], first: [usize; 2], size: [usize; 2]) -> Vec<f32> {
     let frames = phases.chunks_exact(held[0] * held[1]);
     let rows = frames.flat_map(|frame| frame.chunks_exact(held[1]).skip(first[0]).take(size[0]));
     rows.flat_map(|row| &row[first[1]..first[1] + size[1]]).copied().collect()
 }
 
-/// A region, and what should be seen from it.
+/// A region with its target light field.
 struct Region<'a> {
     job: &'a Job<'a>,
-    /// What is solved: where pupils stand.
+    /// The solved region, in which pupils are drawn.
     optics: Optics,
-    /// First pixel and size of what the engine holds: the region, and around it what crosstalk brings into it.
+    /// First pixel and size of the pixels that the engine holds. They are the region and the surroundings from which
+    /// crosstalk reaches into it.
     held: ([i64; 2], [usize; 2]),
-    /// Of what the engine holds: one sub-frame, or all of them where each is seen in the next.
+    /// The planner of the pixels that the engine holds. It has one sub-frame, or all of them if they affect each other.
     one: Planner,
-    /// Of all of them: what decides gains.
+    /// The planner of all sub-frames, which decides gains.
     all: Planner,
     pyramid: Arc<Pyramid>,
     center: [f64; 2],
-    /// Along x and y: whether it begins and ends where the SLM does.
+    /// True along x and y if it begins and ends where the SLM does.
     outer: [[bool; 2]; 2],
     exposure: f64,
 }
 
-/// Where a pupil stands along an axis of a region `side` wide, from its middle, for `equalise_eyebox` in -1..1. Pupils are drawn evenly
-/// over somewhat more than the region and then moved inside: a pixel at an edge is seen by pupils from one side alone, and
-/// so they touch it the more often. By half a diameter more, as many stand near an edge as near the middle. Where the SLM
-/// itself ends no region overlaps this one, and it is a whole diameter: half as many again.
+/// Returns the position of a pupil along an axis of a region `side` wide, from its middle, for `even` in -1..1.
+///
+/// Pupils are drawn evenly over slightly more than the region and then moved inside. A pixel at an edge is seen by
+/// pupils from one side only, so they touch it more often. With half a diameter more, as many pupils are near an edge
+/// as near the middle. At an end of the SLM no region overlaps this one, so it is a whole diameter, which gives half as
+/// many again.
 fn place(even: f64, side: f64, diameter: f64, outer: [bool; 2]) -> f64 {
     let reach = (side - diameter).max(0.0) / 2.0;
     let beyond = outer.map(|outer| if outer { diameter } else { diameter / 2.0 });
@@ -193,7 +198,7 @@ impl<'a> Region<'a> {
         let optics = whole.piece(at.map(|i| i as i64), size);
         let held = held(job.model, at, size);
         let model = job.model.map(|model| model.piece(held.0, held.1));
-        // Views are of what is asked for, from around where the iris then is.
+        // Views belong to the requested iris, which differs from the true one.
         let extent = optics.height.max(optics.width) as f64 * optics.pitch;
         let iris = Pupil { x: optics.center()[0], y: optics.center()[1], diameter: extent, depth: 0.0 };
         let seen = model.as_ref().map_or(iris, |model| model.model().asked_pupil(&iris));
@@ -210,12 +215,12 @@ impl<'a> Region<'a> {
         Self { job, optics, held, one, all, pyramid, center: optics.center(), outer, exposure }
     }
 
-    /// The iris as it is when this is asked for, and the other way round.
+    /// Returns the requested iris for a true one.
     fn asked(&self, iris: Pupil) -> Pupil {
         self.job.model.map_or(iris, |model| model.model().asked_pupil(&iris))
     }
 
-    /// Takes the steps of visit `k`; also the pupils that it took, and the last loss.
+    /// Takes the steps of visit `k`, and returns the number of pupils and the last loss.
     fn visit(&self, k: usize, phases: &mut [f32], engine: &mut dyn Engine) -> Result<(usize, f64), TiledError> {
         let settings = self.job.settings;
         engine.load(&self.one.shape(Purpose::Project), Some(Arc::clone(&self.pyramid)))?;
@@ -236,7 +241,7 @@ impl<'a> Region<'a> {
         Ok((count, loss))
     }
 
-    /// Pupils whose windows cover most of the region, or somewhat more than all of it.
+    /// Draws pupils whose windows cover most of the region, or slightly more than all of it.
     fn draw(&self, sampler: &mut Sampler) -> Vec<Pupil> {
         let wanted = COVERED * (self.optics.height * self.optics.width) as f64;
         let (mut pupils, mut covered) = (Vec::new(), 0.0);
@@ -254,10 +259,12 @@ impl<'a> Region<'a> {
         pupils
     }
 
-    /// One step of the projection (OPTICS 6b). A single sub-frame takes the ordinary list, and so do several that the liquid
-    /// crystal mixes. Others go through the same kernels one after the other, twice, for what they lack is known when all of
-    /// them have been seen: memory is one sub-frame's. `progress` is that of the solve, `in_visit` that of the visit: it may be the
-    /// last to this region, so each visit ends with phases that crosstalk bounds.
+    /// Takes one step of the projection (OPTICS 6b).
+    ///
+    /// A single sub-frame uses the ordinary list, and so do several that the liquid crystal mixes. Otherwise the
+    /// sub-frames pass through the same kernels one after the other. They pass twice because their error follows only
+    /// from all of them. The memory is enough for one sub-frame. `progress` belongs to the solve, and `in_visit` to the
+    /// visit. A visit may be the last one to this region, so each visit ends with phases that crosstalk bounds.
     fn step(
         &self,
         pupils: &[Pupil],
@@ -267,11 +274,11 @@ impl<'a> Region<'a> {
         engine: &mut dyn Engine,
     ) -> Result<f64, TiledError> {
         let Optimizer::Projection { gain, momentum, overlap_power } = self.job.settings.optimizer else {
-            return Err(TiledError::Unsuitable("a hologram in tiles is solved by the projection alone".into()));
+            return Err(TiledError::Unsuitable("a hologram in tiles requires the optimizer projection".into()));
         };
         let together = self.one.frames == self.all.frames;
         let (gain, momentum) = strides(&self.all, gain, momentum);
-        // Velocities would be as large as the phases again; a larger gain makes up for a part of them.
+        // Velocities would need as much memory as the phases. A larger gain partly replaces them.
         let (gain, momentum) = match together {
             true => (cosine(gain, progress), momentum),
             false => (cosine(gain, progress) / (1.0 - 0.5 * momentum), 0.0),
@@ -296,7 +303,7 @@ impl<'a> Region<'a> {
     }
 }
 
-/// Takes a step over all sub-frames on an engine that holds one of them; its loss.
+/// Takes a step over all sub-frames on an engine that holds one of them, and returns its loss.
 fn frame_by_frame(whole: &Step, phases: &mut [f32], engine: &mut dyn Engine) -> Result<f64, TiledError> {
     use Kernel::{ApplyFactor, Clear, Compare, Eye, Intensity, Overlap};
     use Kernel::{Photograph, Relay, Resample, Taper, Transfer};
@@ -307,7 +314,7 @@ fn frame_by_frame(whole: &Step, phases: &mut [f32], engine: &mut dyn Engine) -> 
         step
     };
     let target = [Photograph, Resample, Compare];
-    // What the pupils pass is the same for every sub-frame.
+    // The part of the spectrum that the pupils pass is the same for every sub-frame.
     let passing = [Transfer, Relay, Eye, Taper];
     let back = whole.list.iter().position(|d| d.kernel == ApplyFactor).unwrap_or(whole.list.len());
     let mut see = only(&|i, kernel| i < back && !target.contains(&kernel) && ![Clear, Overlap].contains(&kernel));

@@ -1,4 +1,4 @@
-//! A visit's step against the ordinary one on all of the SLM; where pupils stand.
+//! Tests a visit's step against the ordinary one on the whole SLM, and the positions of pupils.
 
 use super::*;
 use crate::engine::cpu::CpuEngine;
@@ -8,8 +8,8 @@ use crate::solve::random_phases;
 use proptest::prelude::*;
 
 proptest! {
-    /// Every pupil lies inside its region. Within half a diameter of one that touches an edge there are as many as in
-    /// the middle, and half as many again where the SLM ends.
+    /// Every pupil is inside its region. Within half a diameter of a pupil that touches an edge there are as many
+    /// pupils as in the middle. At an edge of the SLM there are half as many again.
     #[test]
     fn edges_are_touched_as_often_as_the_middle_is_met(share in 0.05f64..0.4, low: bool, high: bool) {
         let (side, diameter, n) = (3e-3, share * 3e-3, 20_001);
@@ -32,7 +32,7 @@ fn a_pupil_as_wide_as_its_region_stands_in_its_middle() {
 
 const SIZE: [usize; 2] = [160, 192];
 
-/// A far field with every term that it can have, with this lag.
+/// A far field with all possible terms and this lag.
 fn display(lag: f64) -> Display {
     let terms = ModelTerms {
         level: Some(Level::Nodes([[0.95, 1.0, 1.05], [1.0, 1.04, 0.98], [1.1, 1.0, 0.9]])),
@@ -49,8 +49,8 @@ fn display(lag: f64) -> Display {
     Display { height: SIZE[0], width: SIZE[1], model: [(ModelOf::Green, terms)].into(), ..far }
 }
 
-/// Steps of a visit to a region inside the SLM and of one at its corner, over several sub-frames that are seen in each other or
-/// not, and over one: what they make of the region's phases is what a step on all of the SLM does.
+/// Steps of a visit to a region inside the SLM and to one at its corner move the region's phases like a step on the
+/// whole SLM. The cases are several sub-frames that affect each other or not, and a single one.
 #[test]
 fn a_step_of_a_region_is_that_of_the_whole_display() {
     for (frames, lag) in [(1, 0.0), (3, 0.0), (3, 0.15)] {
@@ -71,7 +71,7 @@ fn a_step_of_a_region_is_that_of_the_whole_display() {
             size,
             before: 0,
         };
-        // In a part of the visit in which crosstalk lets phases wrap, and in one in which it bounds them.
+        // The visit is at a part in which crosstalk lets phases wrap, and at one in which it bounds them.
         for (at, in_visit) in [([64, 32], 0.0), ([96, 96], 0.9)] {
             let region = Region::new(
                 &job,
@@ -87,7 +87,7 @@ fn a_step_of_a_region_is_that_of_the_whole_display() {
                 })
                 .to_vec();
             let first = random_phases(frames * SIZE[0] * SIZE[1], 5);
-            // All of the SLM, by the ordinary list.
+            // The whole SLM uses the ordinary list.
             let Optimizer::Projection { gain, momentum, overlap_power } = settings.optimizer else { unreachable!() };
             let planner =
                 Planner { model: Some(Arc::clone(&model)), grid: whole, slm: whole, frames, ..region.all.clone() };
@@ -105,7 +105,7 @@ fn a_step_of_a_region_is_that_of_the_whole_display() {
             engine.write(Buffer::Phases, &first).unwrap();
             let want_loss = take(&mut engine, &step, slice::from_ref(&(0..step.list.len()))).unwrap();
             let want = engine.read(Buffer::Phases).unwrap();
-            // The region, from the same phases.
+            // The region starts from the same phases.
             let (from, held) = region.held;
             let row = |y: usize| (from[0] + y as i64).rem_euclid(SIZE[0] as i64) as usize;
             let column = |x: usize| (from[1] + x as i64).rem_euclid(SIZE[1] as i64) as usize;
@@ -116,7 +116,7 @@ fn a_step_of_a_region_is_that_of_the_whole_display() {
             let mut phases = cut(&first);
             engine.load(&region.one.shape(Purpose::Project), Some(Arc::clone(&region.pyramid))).unwrap();
             let loss = region.step(&pupils, 0.3, in_visit, &mut phases, &mut engine).unwrap();
-            assert!((loss - want_loss).abs() < 1e-5 * want_loss, "{frames}, {lag}: loss {loss}, not {want_loss}");
+            assert!((loss - want_loss).abs() < 1e-5 * want_loss, "{frames}, {lag}, loss {loss} instead of {want_loss}");
             let apart = |a: &[f32], b: &[f32]| {
                 let waves = a.iter().zip(b).map(|(a, b)| 2.0 - 2.0 * f64::from(a - b).cos());
                 waves.sum::<f64>() / a.len() as f64

@@ -1,5 +1,7 @@
-//! Which regions are visited, and in which order; and what the visits of a solve wait for, where several machines take them: regions that
-//! share no pixel are visited side by side, and all come out as by one machine, which visits one after the other.
+//! Orders the visits to regions, and finds their dependencies if several machines take them.
+//!
+//! Regions that share no pixel are visited side by side. The result equals the one of a single machine, which visits
+//! one region after the other.
 
 use super::RegionSize;
 use crate::hologram::TileVersion;
@@ -7,16 +9,16 @@ use crate::plan::ModelTables;
 use crate::solve::SplitMix;
 use std::collections::{BTreeSet, HashMap};
 
-/// The regions of a solve, pass by pass: each covers the SLM, on a grid that is moved at random by whole tiles, in a
-/// shuffled order.
+/// The regions of a solve, pass by pass. Each pass covers the SLM in a shuffled order, on a grid that is moved at
+/// random by whole tiles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Schedule {
-    /// (row, column) of each visit's first pixel.
+    /// First pixel (row, column) of each visit.
     pub visits: Vec<[usize; 2]>,
 }
 
 impl Schedule {
-    /// Over an SLM of `height` x `width` pixels with tiles of `side`.
+    /// Creates the schedule over an SLM of `height` x `width` pixels with tiles of `side`.
     pub fn new([height, width]: [usize; 2], size: RegionSize, side: usize, passes: usize, seed: u64) -> Self {
         let mut random = SplitMix(seed ^ 0x7669_7369_7473);
         let mut visits = Vec::new();
@@ -27,7 +29,7 @@ impl Schedule {
             for &row in &rows {
                 pass.extend(columns.iter().map(|&column| [row, column]));
             }
-            // Fisher and Yates.
+            // This is the shuffle of Fisher and Yates.
             for i in (1..pass.len()).rev() {
                 pass.swap(i, (random.unit() * (i + 1) as f64) as usize);
             }
@@ -37,14 +39,15 @@ impl Schedule {
     }
 }
 
-/// Where regions begin along an axis of `n` pixels: they overlap by a quarter, at whole tiles, and the last ends at the end.
+/// Returns the starts of regions along an axis of `n` pixels. Regions overlap by a quarter at whole tiles, and the last
+/// one ends at the end.
 fn starts(n: usize, region: usize, side: usize, random: &mut SplitMix) -> Vec<usize> {
     if region >= n {
         return vec![0];
     }
     let stride = ((region - region / 4) / side).max(1) * side;
     let moved = (random.unit() * (stride / side) as f64) as usize * side;
-    // The last region begins at a whole tile, too: it may hang over by less than one, and is cut.
+    // The last region also begins at a whole tile. It may extend past the end by less than one tile, and is cut.
     let last = (n - region).div_ceil(side) * side;
     let mut found = vec![0];
     let mut at = moved;
@@ -58,18 +61,20 @@ fn starts(n: usize, region: usize, side: usize, random: &mut SplitMix) -> Vec<us
     found
 }
 
-/// Of one colour: what each visit waits for.
+/// The dependencies of the visits of one color.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Waits {
-    /// Of each visit the tiles that it reads, and which visit before it changed them last.
+    /// For each visit, the tiles that it reads, and the earlier visit that changed each of them last.
     reads: Vec<Vec<([usize; 2], Option<usize>)>>,
-    /// Which visit changes a tile last of all.
+    /// The visit that changes each tile last of all.
     last: HashMap<[usize; 2], usize>,
 }
 
 impl Waits {
-    /// For the visits of a `schedule` to regions of this `size` on an SLM of `whole` (rows, columns) pixels in tiles of `side`; `model` is
-    /// what the display does to the light, which may reach into a region from around it.
+    /// Finds the dependencies of the visits of a `schedule`.
+    ///
+    /// The regions have this `size`, on an SLM of `whole` (rows, columns) pixels in tiles of `side`. `model` is the
+    /// display model, which may reach into a region from around it.
     pub fn new(
         schedule: &Schedule,
         size: RegionSize,
@@ -90,13 +95,14 @@ impl Waits {
         Self { reads, last }
     }
 
-    /// The visits that visit `k` waits for, in ascending order.
+    /// Returns the visits for which visit `k` waits, in ascending order.
     pub fn after(&self, k: usize) -> Vec<usize> {
         let before: BTreeSet<usize> = self.reads[k].iter().filter_map(|(_, visit)| *visit).collect();
         before.into_iter().collect()
     }
 
-    /// How visit `k` finds the tiles (row, column) that it reads, where visit `i` is part `before` + `i` + 1 of the job.
+    /// Returns the version of each tile (row, column) that visit `k` reads. Visit `i` is part `before` + `i` + 1 of the
+    /// job.
     pub fn versions(&self, k: usize, before: u64) -> impl Iterator<Item = ([usize; 2], TileVersion)> {
         self.reads[k].iter().map(move |&(tile, visit)| match visit {
             None => (tile, TileVersion::First),
@@ -105,12 +111,13 @@ impl Waits {
         })
     }
 
-    /// Whether no visit after `k` changes this tile (row, column).
+    /// Returns true if no visit after `k` changes this tile (row, column).
     pub fn is_last(&self, tile: [usize; 2], k: usize) -> bool {
         self.last.get(&tile) == Some(&k)
     }
 
-    /// Visits in the longest chain of visits that wait for each other: however many machines there are, as many follow each other.
+    /// Returns the visits in the longest chain of dependent visits, which take place one after the other on any number
+    /// of machines.
     pub fn longest(&self) -> usize {
         let mut length: Vec<usize> = Vec::with_capacity(self.reads.len());
         for k in 0..self.reads.len() {
@@ -121,12 +128,13 @@ impl Waits {
     }
 }
 
-/// What an engine holds for a visit: its region, and around it what crosstalk brings into it.
+/// Returns the pixels that an engine holds for a visit, which are its region and the surroundings from which crosstalk
+/// reaches into it.
 pub(super) fn held(model: Option<&ModelTables>, at: [usize; 2], size: [usize; 2]) -> ([i64; 2], [usize; 2]) {
     model.map_or((at.map(|i| i as i64), size), |model| model.around(at, size))
 }
 
-/// The tiles (row, column) that a rectangle touches, which goes round at the SLM's edges.
+/// Returns the tiles (row, column) that a rectangle touches. It wraps around at the SLM's edges.
 fn tiles(first: [i64; 2], size: [usize; 2], whole: [usize; 2], side: usize) -> BTreeSet<[usize; 2]> {
     let along = |k: usize| -> BTreeSet<usize> {
         (0..size[k]).map(|i| (first[k] + i as i64).rem_euclid(whole[k] as i64) as usize / side).collect()
@@ -141,7 +149,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Every pixel is visited in every pass, regions begin at whole tiles, and the seed decides all of it.
+        /// Every pixel is visited in every pass, regions begin at whole tiles, and the seed decides the whole schedule.
         #[test]
         fn every_pass_covers_everything(height in 1usize..900, width in 1usize..900, side in 1usize..80, tiles in 1usize..9, passes in 1usize..4, seed in 0u64..99) {
             let region = |n: usize| (tiles * side).min(n);
@@ -161,7 +169,7 @@ mod tests {
     }
 
     proptest! {
-        /// In any order in which no visit comes before those that it waits for, each finds every pixel as it does one after the other.
+        /// In any order that respects the dependencies, each visit finds every pixel as in the sequential order.
         #[test]
         fn any_order_that_waits_is_the_order_of_one_machine(
             height in 40usize..300, width in 40usize..300, side in 8usize..40, tiles in 1usize..5, passes in 1usize..4, seed in 0u64..99
@@ -179,7 +187,7 @@ mod tests {
                 });
                 rows.flat_map(move |row| columns.clone().map(move |column| [row, column])).collect::<Vec<_>>()
             };
-            // The visits that each tile has seen when visit k reads it, one after the other.
+            // These are the visits that each tile has had when visit k reads it, in sequential order.
             let mut seen = vec![Vec::new(); grid[0] * grid[1]];
             let mut found = Vec::new();
             for k in 0..visits {

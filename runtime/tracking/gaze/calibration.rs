@@ -1,4 +1,4 @@
-//! A user's calibration: tracker coordinates to metres in the pupil plane, affine, from a few fixations.
+//! Fits a user's calibration, an affine map from tracker coordinates to meters in the pupil plane.
 
 use super::GazeError;
 use crate::trackers::{Unit, UnitText};
@@ -9,70 +9,71 @@ use eyebox_optics::linear;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// An affine map of the plane: rows x and y of (x, y, 1).
+/// An affine map of the plane, with rows for x and y of (x, y, 1).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Affine {
-    /// Row of x.
+    /// Coefficients of the mapped x.
     pub x: [f64; 3],
-    /// Row of y.
+    /// Coefficients of the mapped y.
     pub y: [f64; 3],
 }
 
 impl Affine {
-    /// Where a point goes.
+    /// Returns the point that this map assigns to a point.
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.x, self.y].map(|row| row[0] * x + row[1] * y + row[2])
     }
 }
 
-/// One fixation: what the tracker said, and where the pupil was.
+/// One fixation, with the tracker's reading and the true place of the pupil.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pair {
     /// Tracker coordinates, in the tracker's unit.
     pub tracker: [f64; 2],
-    /// Metres in the pupil plane.
+    /// Position in the pupil plane, meters.
     pub pupil: [f64; 2],
 }
 
-/// A map and how well it fits. [`Calibration::load`] checks the numbers of a file, and deserialization alone does not.
+/// A map and the quality of its fit. [`Calibration::load`] checks the numbers of a file, and deserialization alone does
+/// not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "FitText", into = "FitText")]
 pub struct Fit {
-    /// Tracker coordinates to metres.
+    /// The map from tracker coordinates to meters.
     pub map: Affine,
-    /// The tracker's unit.
+    /// The unit of the tracker's coordinates.
     pub unit: Unit,
-    /// Root mean square of what is left at the fixations, metres.
+    /// Root mean square distance at the fixations, meters.
     pub residual: f64,
-    /// Fixations used, and given up as outliers.
+    /// Number of fixations that were used, and of dropped outliers.
     pub used: [usize; 2],
 }
 
-/// Fixations that are this far off together are no calibration, metres.
+/// Largest root mean square distance of an accepted calibration, meters.
 const LIMIT: f64 = 1.5e-3;
-/// A map leaves no larger share of the distances of the pupils from their middle. A tracker that shows nothing of the eye leaves
-/// half of them with four fixations, and more with more.
+/// Largest accepted share of the pupils' distances from their middle that the map leaves. A tracker that does not
+/// follow the eye leaves half of them with four fixations, and more with more.
 const LEFT: f64 = 0.4;
-/// An outlier is at least this far from what the others say, metres.
+/// Least distance of an outlier from the map of the others, meters.
 const OUTLIER: f64 = 0.5e-3;
 
 impl Fit {
-    /// Fits the map by least squares. A fixation that lies three times as far from what the others say as they among
-    /// themselves is left out, a quarter of them at most.
+    /// Fits the map by least squares. A fixation is dropped if it is three times as far from the map of the others as
+    /// they are themselves. At most a quarter of the fixations is dropped.
     ///
     /// # Errors
-    /// [`GazeError::TooFew`], [`GazeError::Disagree`].
+    /// [`GazeError::TooFew`] or [`GazeError::Disagree`] if the fixations do not determine a map.
     pub fn new(pairs: &[Pair], unit: Unit) -> Result<Self, GazeError> {
         let finite = |p: &&Pair| p.tracker.iter().chain(&p.pupil).all(|v| v.is_finite());
         let mut kept: Vec<Pair> = pairs.iter().filter(finite).copied().collect();
         let least = kept.len() - kept.len() / 4;
         loop {
-            // Three fixations fit any tracker exactly: nothing would show whether it follows the eye.
+            // Three fixations fit any tracker exactly, so they cannot show if it follows the eye.
             let enough = Some(&kept).filter(|kept| kept.len() > 3);
             let map = enough
                 .and_then(|kept| solve(kept))
                 .ok_or_else(|| GazeError::TooFew(format!(": there are {}", kept.len())))?;
-            // With four, every one agrees with a map of the other three but one's own.
+            // With four fixations, each one looks like an outlier of the map of the other three.
             if kept.len() > least && kept.len() >= 5 {
                 let worst = (0..kept.len())
                     .filter_map(|i| {
@@ -106,14 +107,15 @@ fn rms(map: &Affine, pairs: &[Pair]) -> f64 {
     (pairs.iter().map(|p| off(map, p).powi(2)).sum::<f64>() / pairs.len().max(1) as f64).sqrt()
 }
 
-/// Root mean square distance of the pupils from their middle.
+/// Root mean square distance of the pupils from their middle, meters.
 fn spread(pairs: &[Pair]) -> f64 {
     let n = pairs.len().max(1) as f64;
     let middle = [0, 1].map(|i| pairs.iter().map(|p| p.pupil[i]).sum::<f64>() / n);
     (pairs.iter().map(|p| (p.pupil[0] - middle[0]).powi(2) + (p.pupil[1] - middle[1]).powi(2)).sum::<f64>() / n).sqrt()
 }
 
-/// Least squares around the mean, so that no unit or origin spoils the numbers; `None` where the points are on a line.
+/// Least squares around the mean, so that the unit and the origin do not matter. The result is `None` if the points are
+/// on a line.
 fn solve(pairs: &[Pair]) -> Option<Affine> {
     if pairs.len() < 3 {
         return None;
@@ -132,7 +134,7 @@ fn solve(pairs: &[Pair]) -> Option<Affine> {
         }
     }
     let determinant = xx * yy - xy * xy;
-    // The narrow side of the cloud against its long side, squared.
+    // Compares the square of the cloud's narrow side with the square of its long side.
     if !(determinant > 1e-4 * (xx + yy).powi(2) && determinant.is_finite()) {
         return None;
     }
@@ -147,32 +149,33 @@ fn solve(pairs: &[Pair]) -> Option<Affine> {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Whose eyes.
+    /// Name of the user.
     pub user: String,
-    /// Name of the tracker that it was made with ([`Source::tracker`](crate::trackers::Source::tracker)), if it states one.
+    /// Name of the tracker that it was made with ([`Source::tracker`](crate::trackers::Source::tracker)), if it states
+    /// one.
     pub tracker: Option<String>,
-    /// Of the left eye.
+    /// Map of the left eye.
     pub left: Option<Fit>,
-    /// Of the right one.
+    /// Map of the right eye.
     pub right: Option<Fit>,
-    /// Of both.
+    /// Map of the combined reading.
     pub combined: Option<Fit>,
 }
 
-/// A map in a file, in millimetres of the pupil plane per unit of the tracker.
+/// A map in a file, in millimeters of the pupil plane per unit of the tracker.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FitText {
     /// Unit of the tracker's readings.
     #[serde(with = "UnitText")]
     unit: Unit,
-    /// The pupil's x in millimetres: constant, times the reading's x, times its y.
+    /// The pupil's x in millimeters, as the factor of the reading's x, the factor of its y, and a constant.
     x_mm: [f64; 3],
-    /// Its y likewise.
+    /// The pupil's y in the same form.
     y_mm: [f64; 3],
-    /// What is left of the targets, millimetres RMS.
+    /// Root mean square distance at the targets, millimeters.
     residual_mm: f64,
-    /// Targets that were used, and shown.
+    /// Number of targets that were used, and of dropped outliers.
     #[serde(default)]
     used: [usize; 2],
 }
@@ -199,32 +202,35 @@ impl Calibration {
     /// Reads a user's file.
     ///
     /// # Errors
-    /// [`GazeError::File`], naming file, line and key.
+    /// [`GazeError::File`], which names file, line and key.
     pub fn load(file: &Path) -> Result<Self, GazeError> {
         let text = read::text(file, read::TEXT).map_err(|e| GazeError::file(file, e.to_string()))?;
         Self::from_toml(&text).map_err(|reason| GazeError::file(file, reason))
     }
 
-    /// Writes a user's file, whole or not at all.
+    /// Writes a user's file completely or not at all.
     ///
     /// # Errors
-    /// [`GazeError::File`].
+    /// [`GazeError::File`] if it cannot be written.
     pub fn save(&self, file: &Path) -> Result<(), GazeError> {
         let text = self.to_toml();
         files::write_file(file, |out| out.write_all(text.as_bytes())).map_err(|e| GazeError::file(file, e.to_string()))
     }
 
-    /// Reads the text of such a file.
+    /// Reads the text of a calibration file.
     ///
     /// # Errors
-    /// What is wrong, with its line or key.
+    /// The problem, with its line or key.
     pub fn from_toml(text: &str) -> Result<Self, Reason> {
         let found: Self = read::toml(text)?;
         let maps = [("left", found.left), ("right", found.right), ("combined", found.combined)];
         for (name, fit) in maps.iter().filter_map(|(name, fit)| Some((name, fit.as_ref()?))) {
             let mut numbers = fit.map.x.iter().chain(&fit.map.y).chain([&fit.residual]);
             if !numbers.all(|v| v.is_finite()) || fit.residual < 0.0 {
-                return Err(reason!("not-finite", "{name}: every number must be finite, the residual not negative"));
+                return Err(reason!(
+                    "not-finite",
+                    "{name}: every number must be finite, and the residual not negative"
+                ));
             }
         }
         if maps.iter().all(|(_, fit)| fit.is_none()) {
@@ -233,18 +239,18 @@ impl Calibration {
         Ok(found)
     }
 
-    /// A note for people if it was made with another tracker than the one of this name. Two trackers of one unit place the same
-    /// reading differently, which nothing in a sample shows.
+    /// A note for the user if the calibration was made with another tracker than the one of this name. Two trackers of
+    /// one unit place the same reading differently, and a sample does not show this.
     pub fn note_on(&self, tracker: &str) -> Option<String> {
         let made_with = self.tracker.as_deref().filter(|made_with| *made_with != tracker)?;
         Some(format!(
-            "the calibration of {} was made with the tracker {made_with}, and this one is {tracker}: its pupils are in wrong \
-             places unless it is the same; calibrate it anew",
+            "the calibration of {} was made with the tracker {made_with}, but this one is {tracker}: the pupils are in \
+             wrong places unless both are the same. Calibrate again",
             self.user
         ))
     }
 
-    /// The text of such a file.
+    /// The text of a calibration file.
     pub fn to_toml(&self) -> String {
         toml::to_string(self).unwrap_or_default()
     }

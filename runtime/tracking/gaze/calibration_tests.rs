@@ -1,4 +1,4 @@
-//! Fits of a calibration, of trackers that follow the eye and of those that do not.
+//! Tests fits of a calibration, for trackers that follow the eye and for others.
 
 use super::*;
 use crate::trackers::Unit;
@@ -26,7 +26,7 @@ fn a_calibration_finds_the_map_and_gives_up_outliers() {
         off(fit.map.apply([123.0, 45.0]), [2e-5 * 123.0 + 3e-6 * 45.0 - 1e-3, -1e-6 * 123.0 + 1.5e-5 * 45.0 + 2e-3])
             < 1e-12
     );
-    // Noise, and one fixation on the wrong target, in a corner where it has most weight.
+    // Noise is added, and one fixation is on the wrong target, in a corner where it has most weight.
     for (i, pair) in pairs.iter_mut().enumerate() {
         pair.pupil[i % 2] += if i % 3 == 0 { 0.1e-3 } else { -0.05e-3 };
     }
@@ -55,7 +55,7 @@ fn a_calibration_that_cannot_be_is_refused() {
     assert!(matches!(Fit::new(&mixed, Unit::Counts), Err(GazeError::Disagree { .. })));
 }
 
-/// A tracker that does not follow the eye has no calibration, however near each other the targets are.
+/// A tracker that does not follow the eye has no calibration, even if the targets are near each other.
 #[test]
 fn a_tracker_that_shows_nothing_of_the_eye_is_refused() {
     for apart in [0.3, 1.0, 3.0] {

@@ -1,4 +1,4 @@
-//! The way from samples to the pupil's distribution at the time of light.
+//! Estimates the pupil's distribution at the time of light from samples.
 
 use super::one_euro::OneEuro;
 use super::place::{Counts, Placed, Placer, Refusal};
@@ -19,80 +19,82 @@ enum State {
     Returning { held: [f64; 2], spread: f64, since_ns: u64, seen_ns: u64, points: VecDeque<Point> },
 }
 
-/// How fast an eye moves, as far as a tracker tells.
+/// The velocity of an eye, if the samples determine it.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct EyeVelocity {
-    /// Its pupil, in the pupil plane, metres a second (x, y): what the tracker says, or that by which [`Estimator::predict`] moves
-    /// it.
+    /// Velocity of the pupil in the pupil plane, meters per second (x, y). It is the tracker's own value, or the
+    /// velocity that [`Estimator::predict`] uses.
     pub pupil: [f64; 2],
-    /// The eye about its centre, radians a second (x, y), and the standard deviation of each; none where it jumps, or has been
-    /// seen for too short a time.
+    /// Angular velocity of the eye about its center, radians per second (x, y), and the standard deviation of each
+    /// component. It is none during a saccade, or if the eye has been seen for too short a time.
     pub turning: Option<([f64; 2], f64)>,
 }
 
-/// Follows one pupil. Deterministic; all times come with the samples.
+/// Follows one pupil. It is deterministic, and all times come with the samples.
 #[derive(Debug, Clone)]
 pub struct Estimator {
     settings: Settings,
     placer: Placer,
     state: State,
-    /// The newest believed measurements, a tenth of a second of them.
+    /// The accepted measurements of the last tenth of a second.
     recent: VecDeque<Point>,
-    /// The filter after each of these.
+    /// The filter after each of these measurements.
     filters: VecDeque<OneEuro>,
-    /// Measurements since the eye came to rest or began to follow, half a second of them: how fast it turns.
+    /// Measurements of at most half a second since the eye came to rest or began to follow. They give its angular
+    /// velocity.
     course: VecDeque<Point>,
-    /// Room for the measurements of a saccade, or of an eye that comes back.
+    /// Storage for the measurements of a saccade, or of an eye that returns.
     room: VecDeque<Point>,
     /// Variance of each measured coordinate.
     noise: f64,
-    /// Measurements that it comes from; the first assumption counts as ten.
+    /// Number of measurements behind `noise`. The first assumption counts as ten.
     noise_count: u32,
     bias: f64,
     diameter: Option<(f64, f64)>,
-    /// Of what the eyes focus at, dioptres: mean and variance.
+    /// Mean and variance of the focus of the eyes, dioptres.
     focus: Option<(f64, f64)>,
-    /// How fast the tracker says that the pupil moves, metres a second; and the variance of that along each axis, by how much what it
-    /// says of a steady eye changes from sample to sample.
+    /// Velocity of the pupil as the tracker reports it, meters per second. `told_noise` is its variance along each
+    /// axis, from the changes between samples of a steady eye.
     told: Option<[f64; 2]>,
     told_noise: f64,
-    /// Of the last believed measurement.
+    /// Time of the last accepted measurement.
     last_ns: u64,
     counts: Counts,
 }
 
 const REMEMBERED_NS: u64 = 100_000_000;
 const REMEMBERED: usize = 256;
-/// A slope of the eye's course is over so long, at most so many measurements, and at least so many.
+/// Duration of the slope of the eye's course, and the largest and least number of its measurements.
 const COURSE_NS: u64 = 500_000_000;
 const LONGEST_COURSE: usize = 512;
 const FEWEST: usize = 4;
-/// Drift of an eye that fixates, radians a second: a quarter of a degree (Martinez-Conde et al. 2004).
+/// Drift of an eye that fixates, radians per second. It is a quarter of a degree per second (Martinez-Conde et al.
+/// 2004).
 const DRIFT: f64 = 4.4e-3;
-/// The residuals' window.
+/// Window of the residuals.
 const WINDOW_NS: u64 = 8_000_000;
-/// A saccade is noticed this far into it: until then the steady prediction is wrong.
+/// A saccade is detected this long after its start, seconds. The steady prediction is wrong until then.
 const NOTICED: f64 = 0.02;
-/// Lids spoil what is measured about so long before and after they cover the eye.
+/// Lids spoil measurements for about this time before and after they cover the eye.
 const LID_NS: u64 = 45_000_000;
-/// A sample or two that are missing are no loss.
+/// A gap of one or two missing samples is not a loss.
 const MISSED_NS: u64 = 20_000_000;
-/// Losses shorter than this are no blink.
+/// Losses shorter than this are not blinks.
 const DROPOUT_NS: u64 = 40_000_000;
-/// Nothing is extrapolated farther, seconds.
+/// Longest time of an extrapolation, seconds.
 const FARTHEST: f64 = 0.1;
-/// Accelerations of smooth pursuit that nobody could foresee, metres per square second (100 degrees: Robinson 1965).
+/// Unforeseen acceleration of smooth pursuit, meters per square second (100 degrees per square second, Robinson 1965).
 const ACCELERATION: f64 = 0.02;
-/// Drift and tremor, metres.
+/// Amplitude of drift and tremor, meters.
 const TREMBLE: f64 = 0.02e-3;
-/// Noise that is assumed before any is measured, metres.
+/// Assumed noise before any is measured, meters.
 const FIRST_NOISE: f64 = 0.15e-3;
 
 impl Estimator {
     /// Follows the pupil of `settings.eye`.
     ///
     /// # Errors
-    /// [`GazeError::Setting`].
+    /// [`GazeError::Setting`] if a setting is out of its range.
     pub fn new(settings: Settings, calibration: Option<Calibration>) -> Result<Self, GazeError> {
         let settings = settings.check()?;
         Ok(Self {
@@ -115,7 +117,7 @@ impl Estimator {
         })
     }
 
-    /// Takes the next sample.
+    /// Processes the next sample.
     pub fn update(&mut self, sample: &Sample) -> Stages {
         let placed = self.placer.place(sample, self.noise.sqrt());
         self.counts.count(&placed);
@@ -133,7 +135,7 @@ impl Estimator {
             {
                 self.unseen();
             }
-            // A lie or two are passed over; a tracker that only lies has lost the eye.
+            // One or two wrong samples are skipped. A tracker that sends only wrong ones has lost the eye.
             Err(_) if sample.time_ns.saturating_sub(self.last_ns) > 60_000_000 => self.unseen(),
             Err(_) => {}
         }
@@ -146,17 +148,17 @@ impl Estimator {
         }
     }
 
-    /// A note for people if the calibration was made with another tracker than the one of this name.
+    /// A note for the user if the calibration was made with another tracker than the one of this name.
     pub fn note_on(&self, tracker: &str) -> Option<String> {
         self.placer.calibration.as_ref()?.note_on(tracker)
     }
 
-    /// Counts the samples so far by what became of them.
+    /// Counts the samples by their results.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// What the eye does, as far as it is known.
+    /// The current movement of the eye.
     pub fn phase(&self) -> Phase {
         match &self.state {
             State::Unseen => Phase::Unseen,
@@ -173,7 +175,7 @@ impl Estimator {
 
     fn seen(&mut self, placed: &Placed) {
         let (time, position) = (placed.time_ns, placed.position);
-        // After a silence it is as after a loss.
+        // A silence has the same effect as a loss.
         if !matches!(self.state, State::Unseen) && time.saturating_sub(self.last_ns) > 2 * DROPOUT_NS {
             self.unseen();
         }
@@ -181,7 +183,7 @@ impl Estimator {
         self.bias = placed.bias;
         if let (State::Steady(_), Some(velocity), Some(before)) = (&self.state, placed.velocity, self.told) {
             let change = (0..2).map(|i| (velocity[i] - before[i]).powi(2)).sum::<f64>() / 4.0;
-            // What stands out is the eye: it began to move, or to jump.
+            // The eye causes outliers when it begins to move or to jump.
             let usual = self.told_noise.max((DRIFT * self.settings.radius).powi(2));
             self.told_noise += 0.05 * (change.min(8.0 * usual) - self.told_noise);
         }
@@ -248,21 +250,21 @@ impl Estimator {
         State::Steady(filter)
     }
 
-    /// Variance of the coordinates from second differences, which no steady motion changes.
+    /// Measures the variance of the coordinates from second differences, which no steady motion changes.
     fn measure_noise(&mut self) {
         let mut last = self.recent.iter().rev().map(|p| p.1);
         let (Some(c), Some(b), Some(a)) = (last.next(), last.next(), last.next()) else { return };
         let square = [0, 1].map(|i| (c[i] - 2.0 * b[i] + a[i]).powi(2)).iter().sum::<f64>() / 12.0;
-        // What stands out is a saccade or an artefact, not noise.
+        // Outliers are saccades or artifacts, not noise.
         self.noise_count = self.noise_count.saturating_add(1);
         let share = (1.0 / f64::from(self.noise_count)).max(0.01);
         self.noise += share * (square.min(8.0 * self.noise) - self.noise);
         self.noise = self.noise.max(1e-12);
     }
 
-    /// Whether the newest measurements have left the steady prediction, and fast.
+    /// Detects a saccade if the newest measurements have left the steady prediction at high speed.
     fn noticed(&mut self, time: u64) -> Option<Jump> {
-        // A filter that has not seen the window's measurements.
+        // The reference is a filter without the measurements of the window.
         let before = self.filters.iter().rev().find(|f| f.time_ns.saturating_add(WINDOW_NS) < time)?;
         let (mut mean, mut n) = ([0.0; 2], 0.0);
         for (t, p) in
@@ -287,7 +289,7 @@ impl Estimator {
         if speed[0].hypot(speed[1]) <= limit {
             return None;
         }
-        // Where it was before: the filter from before any of this.
+        // The start comes from the filter before all of this.
         let start = time.saturating_sub(25_000_000);
         let calm = self.calm(start)?;
         let from = calm.at(start.max(calm.time_ns), self.noise);
@@ -306,7 +308,7 @@ impl Estimator {
         std::mem::take(&mut self.room)
     }
 
-    /// The filter after a saccade: what was measured since it came to rest.
+    /// The filter after a saccade, from the measurements since the eye came to rest.
     fn landed(&self, jump: &Jump, time: u64) -> OneEuro {
         let since = jump.flight.lands_ns.saturating_add(2_000_000).max(time.saturating_sub(24_000_000)).min(time);
         mean(jump.since(since)).map_or_else(
@@ -315,7 +317,7 @@ impl Estimator {
         )
     }
 
-    /// The filter after a loss. An eye that has not moved goes on from where it was held, so that nothing steps.
+    /// The filter after a loss. An eye that has not moved continues from its held position, so that nothing steps.
     fn again(&self, held: [f64; 2], spread: f64, time: u64, points: &[Point]) -> OneEuro {
         let Some((position, n)) = mean(points.iter()) else { return self.one_euro(time, held, 1) };
         let off = (position[0] - held[0]).hypot(position[1] - held[1]);
@@ -324,7 +326,7 @@ impl Estimator {
             return self.one_euro(time, position, n);
         }
         let mut filter = self.one_euro(time, held, 8);
-        // What it still has to glide is uncertainty, and fades as the glide does.
+        // The remaining glide is uncertainty, and fades as the glide does.
         filter.gain = filter.gain.max((off * off + spread * spread) / (2.0 * self.noise));
         filter
     }
@@ -333,7 +335,7 @@ impl Estimator {
         let noise = self.noise;
         self.state = match std::mem::replace(&mut self.state, State::Unseen) {
             State::Steady(filter) => {
-                // What was measured while the lid came down is not believed.
+                // Measurements during the closing of the lid are ignored.
                 let before = self.last_ns.saturating_sub(LID_NS);
                 let calm = self.calm(before).copied().unwrap_or(filter);
                 let held = calm.at(calm.time_ns, noise);
@@ -341,7 +343,7 @@ impl Estimator {
                 State::Lost { held, spread, since_ns: self.last_ns }
             }
             State::Jumping(jump) => {
-                // A lid that comes down looks like a small saccade.
+                // A closing lid looks like a small saccade.
                 let held = if jump.flight.size() > 1e-3 { jump.flight.landing } else { jump.flight.from };
                 let spread = jump.flight.spread.max(jump.flight.size() / 4.0);
                 self.room = jump.into_room();
@@ -358,7 +360,7 @@ impl Estimator {
         }
     }
 
-    /// Forgets what was measured before a loss.
+    /// Drops the measurements from before a loss.
     fn forget(&mut self) {
         self.recent.clear();
         self.filters.clear();
@@ -366,8 +368,8 @@ impl Estimator {
         self.told = None;
     }
 
-    /// How fast the eye turns, as far as that can be told: while it rests or follows something. A tracker that tells is believed;
-    /// else it is the slope of half a second of samples.
+    /// The velocity of the eye while it rests or follows something. It is the tracker's own value if it reports one,
+    /// otherwise the slope of half a second of samples.
     pub fn velocity(&self) -> EyeVelocity {
         let State::Steady(filter) = &self.state else { return EyeVelocity::default() };
         let radius = self.settings.radius;
@@ -392,7 +394,7 @@ impl Estimator {
         (still + pushed * pushed + TREMBLE * TREMBLE + self.bias * self.bias).sqrt()
     }
 
-    /// Where the pupil will be at a time: when the next light is seen.
+    /// The distribution of the pupil at a time, usually the time when the next light is seen.
     pub fn predict(&self, light_ns: u64) -> PupilDistribution {
         let s = &self.settings;
         let seconds = |from: u64| light_ns.saturating_sub(from) as f64 * 1e-9;
@@ -412,7 +414,7 @@ impl Estimator {
             }
             State::Jumping(jump) => {
                 let early = (jump.flight.lands_ns as f64 - light_ns as f64) / jump.flight.lands_spread_ns;
-                // The logistic curve is close to the normal's.
+                // The logistic curve is close to the integral of the normal distribution.
                 let flying = 1.0 / (1.0 + (-1.702 * early).exp());
                 let after = jumps_within(seconds(jump.flight.lands_ns));
                 (
@@ -441,14 +443,14 @@ impl Estimator {
     }
 }
 
-/// Removes the oldest values until at most `most` are left and the first of them is `kept`.
+/// Removes the oldest values until at most `most` are left and `kept` is true for the oldest.
 fn keep_newest<T>(queue: &mut VecDeque<T>, most: usize, kept: impl Fn(&T) -> bool) {
     while queue.len() > most || queue.front().is_some_and(|oldest| !kept(oldest)) {
         queue.pop_front();
     }
 }
 
-/// Mean and variance over about ten values, after one more.
+/// Mean and variance over about ten values, after one more value.
 fn averaged(before: Option<(f64, f64)>, value: f64) -> (f64, f64) {
     let (mean, square) = before.unwrap_or((value, 0.0));
     let off = value - mean;

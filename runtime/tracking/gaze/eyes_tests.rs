@@ -1,4 +1,4 @@
-//! Trackers whose cameras take turns, and clocks that were set, by where the pupil is placed.
+//! Tests the placement of pupils for cameras that alternate and for clocks that were set.
 
 use super::place::{Placer, Refusal};
 use super::{Estimator, Eye, Phase, Settings};
@@ -14,7 +14,7 @@ fn sample(time_ns: u64) -> Sample {
     Sample { time_ns, ..Sample::empty(time_ns + 5_000_000) }
 }
 
-/// Left and right in turn, each of these places apart, the second camera so long after the first.
+/// Left and right samples that alternate, at these places. The second camera is `lag_ns` later than the first.
 fn in_turn(count: u64, rate_hz: f64, lag_ns: u64, places: [[f64; 2]; 2]) -> Vec<Sample> {
     let at = |i: u64| START_NS + (i as f64 / rate_hz * 1e9) as u64;
     (0..count)
@@ -27,7 +27,7 @@ fn in_turn(count: u64, rate_hz: f64, lag_ns: u64, places: [[f64; 2]; 2]) -> Vec<
         .collect()
 }
 
-/// Every sample is placed, at the mean of both eyes or at the eye that is followed, from the second one on.
+/// Each sample from the second on is placed at the mean of both eyes or at the followed eye.
 #[test]
 fn one_eye_per_sample_in_turn_is_two_eyes() {
     let far = [[-2.2e-3, 2.0e-3], [-1.6e-3, -2.3e-3]];
@@ -62,7 +62,7 @@ fn one_eye_per_sample_in_turn_is_two_eyes() {
     assert_eq!(cases, 36);
 }
 
-/// An eye that moves is followed as well: the places lie on its way.
+/// An eye that moves is followed as well, and the places are on its way.
 #[test]
 fn eyes_in_turn_are_followed_as_they_move() {
     for (i, speed) in [0.0, 1e-3, -1e-3, 3e-3, -3e-3, 5e-3, -5e-3, 8e-3, -8e-3, 10e-3].into_iter().enumerate() {
@@ -74,13 +74,13 @@ fn eyes_in_turn_are_followed_as_they_move() {
             let mut sample = sample(START_NS + since_ns);
             *(if k % 2 == 0 { &mut sample.left } else { &mut sample.right }) = reading([x + offset, 0.0]);
             let placed = placer.place(&sample, 1e-5).unwrap();
-            // What the eye moves from one camera's picture to the other's is all that is not known.
+            // The movement of the eye from one camera's picture to the other's is the only unknown.
             assert!(k == 0 || (placed.position[0] - x).abs() <= 1e-6 + speed.abs() * 0.0042, "case {i}, sample {k}");
         }
     }
 }
 
-/// A source's clock that is set back costs three samples; a sample out of order costs itself.
+/// A clock that is set back costs three samples. A sample out of order costs only itself.
 #[test]
 fn a_clock_that_is_set_back_is_believed_after_three_samples() {
     for back_ms in [300, 400, 500, 600, 700, 800, 900, 950, 980, 999] {

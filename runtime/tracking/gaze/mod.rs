@@ -1,15 +1,15 @@
 //! Predicts where the pupil will be when the light arrives, as a distribution, from the samples of a tracker.
 //!
-//! The way of a sample, each stage a file, pure, with times from outside, and each printable:
+//! A sample passes four stages. Each stage has a file, is pure, receives its times from outside, and can be printed:
 //!
-//! 1. [`place`]: tracker coordinates to metres in the pupil plane, by a user's [`Calibration`] or the rotation of the
-//!    eye, for both eyes, and what is implausible refused;
-//! 2. [`one_euro`]: jitter is filtered, its lag known;
-//! 3. [`saccade`]: a jump is noticed, and where it will land is said while it flies;
-//! 4. [`Estimator`]: keeps these together, through blinks and losses (hold, then widen), and predicts.
+//! 1. The module [`place`] maps tracker coordinates to meters in the pupil plane by a user's [`Calibration`] or by the rotation
+//!    of the eye. It handles both eyes and refuses implausible samples.
+//! 2. The module [`one_euro`] filters jitter with a known lag.
+//! 3. The module [`saccade`] detects a saccade and predicts its landing during the flight.
+//! 4. The [`Estimator`] connects the stages, bridges blinks and losses (it holds, then widens), and predicts.
 //!
-//! The result is a [`PupilDistribution`](eyebox_optics::PupilDistribution), not a point: that is what a solver draws pupils from, and its spread is a
-//! promise that is tested.
+//! The result is a [`PupilDistribution`](eyebox_optics::PupilDistribution), not a point. A solver draws pupils from it,
+//! and tests check that its spread is correct.
 
 pub mod one_euro;
 pub mod place;
@@ -36,30 +36,28 @@ pub use stages::{Phase, Stages};
 use eyebox_base::error::Reason;
 use std::path::Path;
 
-/// What can be wrong with a calibration or a setting.
+/// An error of a calibration or a setting.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum GazeError {
-    /// Too few fixations, or all on a line.
+    /// There are too few fixations, or all are on a line.
     #[error("a calibration needs at least 4 fixations that are not on a line{0}")]
     TooFew(String),
-    /// The fixations do not agree with each other.
-    #[error(
-        "the fixations do not fit together: they are {rms_mm:.2} mm off on average, {limit_mm:.1} mm at most; repeat them"
-    )]
+    /// The fixations contradict each other.
+    #[error("the fixations are {rms_mm:.2} mm off on average, but the limit is {limit_mm:.1} mm. Repeat them")]
     Disagree {
-        /// Root mean square of what is left, mm.
+        /// Root mean square distance from the map, mm.
         rms_mm: f64,
-        /// What is accepted, mm.
+        /// The largest accepted value, mm.
         limit_mm: f64,
     },
     /// A file cannot be used.
     #[error("{file}: {reason}")]
     File {
-        /// The file.
+        /// The file with the problem.
         file: String,
-        /// What is wrong, where, and what would be right.
+        /// The problem, its place and the remedy.
         reason: Reason,
     },
     /// A setting is out of its range.
@@ -68,7 +66,7 @@ pub enum GazeError {
 }
 
 impl GazeError {
-    /// `file` cannot be used.
+    /// The error for a `file` that cannot be used.
     fn file(file: &Path, reason: impl Into<Reason>) -> Self {
         Self::File { file: file.display().to_string(), reason: reason.into() }
     }

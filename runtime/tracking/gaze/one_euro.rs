@@ -1,45 +1,45 @@
-//! The one-euro filter (Casiez, Roussel, Vogel 2012) of a position in the plane, with its own lag.
+//! Filters a position in the plane with a one-euro filter (Casiez, Roussel, Vogel 2012) of known lag.
 //!
-//! A low pass whose cutoff rises with speed: calm at rest, quick in motion. A first-order low pass follows a ramp late by
-//! a known time, so that a prediction can make up for it.
+//! The filter is a low pass whose cutoff rises with speed, so that it is calm at rest and quick in motion. A
+//! first-order low pass follows a ramp with a constant known delay, and a prediction can correct it.
 
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// The filter. Before its first position it has none.
+/// The state of the filter after at least one position.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OneEuro {
-    /// Filtered position, metres.
+    /// The filtered position, meters.
     pub position: [f64; 2],
-    /// Filtered velocity, metres a second.
+    /// Filtered velocity, meters per second.
     pub velocity: [f64; 2],
-    /// How late `position` is on a ramp, seconds.
+    /// Delay of `position` on a ramp, seconds.
     pub lag: f64,
     /// Variance of `position` for measurements of variance 1.
     pub gain: f64,
     /// Variance of `velocity` for measurements of variance 1, per square second.
     pub velocity_gain: f64,
-    /// The time of the last measurement.
+    /// The time of the last measurement, nanoseconds.
     pub time_ns: u64,
     last: [f64; 2],
-    /// Measurements since the start: the first ones are averaged, not filtered.
+    /// Measurements since the start. The first ones are averaged, not filtered.
     count: u32,
     cutoff: f64,
     beta: f64,
     speed_cutoff: f64,
 }
 
-/// The square of a speed counts from so many times what noise makes of it.
+/// The squared speed counts above this many times its expectation from noise.
 const STRICT: f64 = 3.0;
 
-/// Share that a new value gets, for a step of `dt` seconds.
+/// Weight of a new value for a step of `dt` seconds.
 fn share(cutoff: f64, dt: f64) -> f64 {
     let r = TAU * cutoff * dt;
     r / (r + 1.0)
 }
 
 impl OneEuro {
-    /// Starts at a position that is known as well as `count` measurements are.
+    /// Starts at a position that is as accurate as the mean of `count` measurements.
     pub fn new(time_ns: u64, position: [f64; 2], count: u32, [cutoff, beta, speed_cutoff]: [f64; 3]) -> Self {
         Self {
             position,
@@ -56,7 +56,7 @@ impl OneEuro {
         }
     }
 
-    /// Takes a measurement, later than the last one (an earlier one is ignored).
+    /// Adds a measurement that is later than the last one. An earlier one is ignored.
     pub fn update(&mut self, time_ns: u64, measured: [f64; 2]) {
         let Some(step) = time_ns.checked_sub(self.time_ns).filter(|s| *s > 0) else { return };
         let dt = step as f64 * 1e-9;
@@ -66,11 +66,12 @@ impl OneEuro {
             let speed = (measured[i] - self.last[i]) / dt;
             self.velocity[i] + b * (speed - self.velocity[i])
         });
-        // The difference of white noise, filtered: nearly (b / dt)^2 in the long run, less at first.
+        // The filtered difference of white noise has a variance of nearly (b / dt)^2 in the long run, and less at
+        // first.
         let settled = (b / dt).powi(2) * (1.0 + b / (2.0 - b));
         self.velocity_gain += (2.0 * b - b * b).min(1.0) * (settled - self.velocity_gain);
         let speed = self.velocity[0].hypot(self.velocity[1]);
-        // What the noise of the speed alone would give is no motion.
+        // Speed that noise alone explains is not motion.
         let a = share(self.cutoff + self.beta * speed, dt).max(1.0 / f64::from(self.count));
         self.position = [0, 1].map(|i| self.position[i] + a * (measured[i] - self.position[i]));
         self.gain = a * a + (1.0 - a).powi(2) * self.gain;
@@ -79,8 +80,9 @@ impl OneEuro {
         self.time_ns = time_ns;
     }
 
-    /// The velocity, less what measurements of variance `noise` would show at rest (after James and Stein 1961, but
-    /// stricter: a prediction that trembles is worse than one that is slow to believe in a slow pursuit).
+    /// The velocity minus the part that measurements of variance `noise` would show at rest. It follows James and Stein
+    /// (1961) but is stricter, because a prediction that trembles is worse than one that is slow to follow a slow
+    /// pursuit.
     pub fn calm_velocity(&self, noise: f64) -> [f64; 2] {
         let square = self.velocity[0].powi(2) + self.velocity[1].powi(2);
         let expected = STRICT * 2.0 * noise * self.velocity_gain;
@@ -88,7 +90,7 @@ impl OneEuro {
         self.velocity.map(|v| v * keep)
     }
 
-    /// Where a ramp that goes on would be at a time, for measurements of variance `noise`.
+    /// The position at a time if the ramp continues, for measurements of variance `noise`.
     pub fn at(&self, time_ns: u64, noise: f64) -> [f64; 2] {
         let ahead = (time_ns as f64 - self.time_ns as f64) * 1e-9 + self.lag;
         let velocity = self.calm_velocity(noise);
@@ -120,7 +122,7 @@ mod tests {
             let mut filter = OneEuro::new(0, [0.0; 2], 1, SETTINGS);
             let (mut sum, mut speed, mut said, mut said_speed, mut n) = (0.0, 0.0, 0.0, 0.0, 0.0);
             for k in 1..rate * 60 {
-                // Uniform of variance one.
+                // The noise is uniform with variance one.
                 let noise = [0, 1].map(|_| (rng.f64() - 0.5) * 12f64.sqrt() * 1e-4);
                 filter.update(k * 1_000_000_000 / rate, noise);
                 if k > rate {

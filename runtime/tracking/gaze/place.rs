@@ -1,26 +1,27 @@
-//! Tracker coordinates to metres in the pupil plane, and what is not believed.
+//! Maps tracker coordinates to meters in the pupil plane and refuses implausible samples.
 
 use super::{Calibration, Eye, Fit, Settings};
 use crate::trackers::{Quantity, Reading, Sample, Unit};
 use serde::Serialize;
 
-/// A believed measurement of the pupil.
+/// An accepted measurement of the pupil.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Placed {
-    /// When, nanoseconds of the samples' clock.
+    /// Time on the samples' clock, nanoseconds.
     pub time_ns: u64,
-    /// Where, metres in the pupil plane.
+    /// Position in the pupil plane, meters.
     pub position: [f64; 2],
-    /// How fast it moves there, metres a second, where the tracker tells.
+    /// Velocity in the pupil plane, meters per second, if the tracker reports it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity: Option<[f64; 2]>,
-    /// How wide, metres.
+    /// Diameter of the pupil, meters.
     pub diameter: Option<f64>,
-    /// Standard deviation of what no filter takes away, metres: the calibration's, the other eye's.
+    /// Standard deviation of errors that no filter removes, meters. They come from the calibration and from the other
+    /// eye.
     pub bias: f64,
 }
 
-/// Why a sample is not believed.
+/// The reason for the refusal of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -28,28 +29,28 @@ pub enum Refusal {
     /// The eye was not seen.
     #[error("the eye is not seen")]
     NotSeen,
-    /// It was hardly seen.
-    #[error("the eye is hardly seen")]
+    /// The confidence is too low.
+    #[error("the confidence is too low")]
     Confidence,
-    /// There is no map for what was measured: it needs a calibration.
-    #[error("what is measured needs a calibration")]
+    /// There is no map for the measured quantity, so it needs a calibration.
+    #[error("the measured quantity needs a calibration")]
     NoMap,
-    /// Farther out than the eyebox.
+    /// The pupil is farther out than the eyebox.
     #[error("outside the eyebox")]
     OutOfReach,
-    /// The sample's time stands still, runs back, or lies ahead of its arrival.
-    #[error("its time is wrong, or that of a sample before")]
+    /// The sample's time does not advance, runs back, or is later than its arrival.
+    #[error("its time is wrong, or the time of an earlier sample")]
     Time,
     /// The eyes are too near to each other, or too far apart.
     #[error("the distance between the eyes is impossible")]
     BetweenEyes,
-    /// No eye turns so fast.
-    #[error("no eye turns so fast")]
+    /// The movement is faster than any eye.
+    #[error("faster than any eye")]
     TooFast,
 }
 
 impl Refusal {
-    /// All of them, in the order of [`Counts::refused`].
+    /// All reasons, in the order of [`Counts::refused`].
     pub const ALL: [Self; 7] =
         [Self::NotSeen, Self::Confidence, Self::NoMap, Self::OutOfReach, Self::Time, Self::BetweenEyes, Self::TooFast];
 
@@ -59,12 +60,12 @@ impl Refusal {
     }
 }
 
-/// Samples by what became of them.
+/// Numbers of samples by result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
-    /// Samples that show where the pupil is.
+    /// Number of samples that show where the pupil is.
     pub placed: u64,
-    /// The others by their reason, in the order of [`Refusal::ALL`].
+    /// Numbers of the other samples by reason, in the order of [`Refusal::ALL`].
     pub refused: [u64; 7],
 }
 
@@ -76,7 +77,7 @@ impl Counts {
         }
     }
 
-    /// All samples.
+    /// Number of all samples.
     pub fn samples(&self) -> u64 {
         self.placed + self.refused.iter().sum::<u64>()
     }
@@ -89,56 +90,58 @@ impl Counts {
     }
 }
 
-/// Samples that agree among themselves after a jump that no eye makes, or on a clock that was set: then the earlier ones
-/// were wrong.
+/// Number of samples that must agree with each other after a jump that no eye makes, or after a change of the clock.
+/// The earlier samples were wrong then.
 const AGREE: u32 = 3;
-/// Readings of the two eyes this near in time, nanoseconds, show how the eyes differ: cameras of 30 Hz take turns so.
+/// Readings of the two eyes within this time, nanoseconds, show the difference of the eyes. Cameras of 30 Hz that
+/// alternate have this distance.
 const TOGETHER_NS: u64 = 40_000_000;
-/// A time this far back is no sample out of order, nanoseconds.
+/// A time this far back is not a sample out of order, nanoseconds.
 const SET_BACK_NS: u64 = 250_000_000;
-/// How far the eyes may differ before any difference was seen, metres.
+/// Assumed difference of the eyes before any was measured, meters.
 const UNKNOWN_OFFSET: f64 = 0.5e-3;
 
-/// Places samples; remembers how the eyes differ, and the last believed one.
+/// Maps samples to places. It stores the difference of the eyes and the last accepted sample.
 #[derive(Debug, Clone, Default)]
 pub struct Placer {
     settings: Settings,
     /// The user's calibration, if there is one.
     pub(super) calibration: Option<Calibration>,
-    /// Right less left, and how often it was seen.
+    /// Right minus left, its variance, and the number of its measurements.
     offset: [f64; 2],
     offset_square: f64,
     offset_count: u32,
-    /// The newest reading of each eye: time, place.
+    /// The newest reading of each eye, with time and place.
     eyes: [Option<(u64, [f64; 2])>; 2],
-    /// The last sample was one eye's, whose difference from the other was not known.
+    /// True if the last sample was of one eye and the difference to the other eye was unknown.
     guessed: bool,
-    /// What was placed before does not belong to what is placed now.
+    /// True if earlier places do not belong to the current ones.
     begins_again: bool,
     last: Option<Placed>,
     last_time_ns: Option<u64>,
-    /// Samples of a clock that was set back: time and arrival of the newest, how many.
+    /// Samples of a clock that was set back, as time and arrival of the newest and their number.
     set_back: Option<([u64; 2], u32)>,
     suspect: Option<(Placed, u32)>,
-    /// Confidence of left, right, combined as it usually is.
+    /// The usual confidence of the left, the right and the combined reading.
     usual: [f64; 3],
 }
 
-/// A tracker's velocity is placed by where it takes the reading in so long, seconds.
+/// A tracker's velocity is mapped by the movement of the reading in this time, seconds.
 const SOON: f64 = 1e-4;
-/// Less than this share of the usual confidence: a lid is on its way, and the visible part's centre is not the pupil's.
+/// Below this share of the usual confidence a lid is moving, and the center of the visible part is not the center of
+/// the pupil.
 const UNUSUAL: f64 = 0.85;
 
 impl Placer {
-    /// Without a calibration the rotation of the eye is all that is known.
+    /// Creates a placer. Without a calibration it uses the rotation of the eye.
     pub fn new(settings: Settings, calibration: Option<Calibration>) -> Self {
         Self { settings, calibration, ..Self::default() }
     }
 
-    /// Where a sample says that the pupil is; `noise` is the standard deviation of its coordinates.
+    /// Maps a sample to the position of the pupil. `noise` is the standard deviation of its coordinates.
     ///
     /// # Errors
-    /// Why it is not believed.
+    /// The reason of the refusal.
     pub fn place(&mut self, sample: &Sample, noise: f64) -> Result<Placed, Refusal> {
         self.check_time(sample)?;
         self.between_eyes(sample)?;
@@ -155,7 +158,8 @@ impl Placer {
         self.believe(placed, noise)
     }
 
-    /// Whether the sample placed last belongs to another clock, or was a guess from one eye: the next call says no.
+    /// True if the last placed sample belongs to another clock, or was a guess from one eye. The next call returns
+    /// false.
     pub(super) fn begins_again(&mut self) -> bool {
         std::mem::take(&mut self.begins_again)
     }
@@ -196,10 +200,10 @@ impl Placer {
         if (low..=high).contains(&apart) { Ok(()) } else { Err(Refusal::BetweenEyes) }
     }
 
-    /// Both eyes, one, or what stands for both.
+    /// The place from both eyes, from one eye, or from the combined reading.
     fn one(&mut self, sample: &Sample) -> Result<Placed, Refusal> {
         let (left, right) = (self.map(0, sample), self.map(1, sample));
-        // Cameras may take turns: then each sample has one eye.
+        // Cameras may alternate, so that each sample has one eye.
         for (newest, found) in self.eyes.iter_mut().zip([&left, &right]) {
             if let Ok(found) = found {
                 *newest = Some((found.time_ns, found.position));
@@ -216,7 +220,7 @@ impl Placer {
         let known = self.offset_count > 0;
         let shifted = |found: Placed, by: f64| {
             let position = [0, 1].map(|i| found.position[i] + by * self.offset[i]);
-            // Vergence changes: the other eye is a witness, not the eye itself.
+            // Vergence changes the difference, so the other eye adds uncertainty.
             let bias = found.bias.hypot(if known { self.offset_square.sqrt().min(1e-3) } else { UNKNOWN_OFFSET });
             Placed { position, bias, ..found }
         };
@@ -239,7 +243,7 @@ impl Placer {
             (Eye::Mean, Ok(l), Err(_)) => Ok(shifted(l, 0.5)),
             (Eye::Mean, Err(_), Ok(r)) => Ok(shifted(r, -0.5)),
             (_, Err(why_left), Err(why_right)) => {
-                // The most telling reason: something was there, but not good enough.
+                // The best reason is one of a reading that existed but was not good enough.
                 self.map(2, sample).map_err(|why| {
                     let told = [why, why_left, why_right].into_iter().find(|w| *w != Refusal::NotSeen);
                     told.unwrap_or(Refusal::NotSeen)
@@ -264,7 +268,7 @@ impl Placer {
             None => rotation(reading, gaze, &self.settings),
         };
         let position = at(reading, sample.combined.as_ref()).ok_or(Refusal::NoMap)?;
-        // Where it goes in a little while, by its own velocity and that of the point it may be placed by.
+        // The place after a short time, by its own velocity and the velocity of the gaze point, if it is placed by one.
         let soon = |reading: &Reading| {
             let velocity = reading.velocity?;
             Some(Reading { position: [0, 1].map(|i| reading.position[i] + SOON * velocity[i]), ..*reading })
@@ -299,7 +303,7 @@ impl Placer {
         self.offset_square += share * (square.min(1e-4) - self.offset_square);
     }
 
-    /// Refuses jumps that no eye makes, until several samples agree that it is there.
+    /// Refuses jumps that no eye makes, until several samples agree on the new place.
     fn believe(&mut self, placed: Placed, noise: f64) -> Result<Placed, Refusal> {
         let near = |a: &Placed| {
             let seconds = placed.time_ns.saturating_sub(a.time_ns) as f64 * 1e-9;
@@ -323,10 +327,10 @@ fn in_space(reading: &Reading) -> bool {
     reading.quantity == Quantity::Pupil && reading.unit == Unit::Metres && reading.distance.is_some()
 }
 
-/// The pupil's place without a calibration: an eye that turns about its centre, `radius` behind the pupil.
+/// The pupil's place without a calibration, for an eye that turns about its center, `radius` behind the pupil.
 ///
-/// Positions in the plane are taken as they are; directions and gaze points turn the eye; of an eye in space, the
-/// direction to the gaze point turns it, where there is one.
+/// Positions in the plane are used directly. Directions and gaze points turn the eye. An eye in space is turned by the
+/// direction to the gaze point, if there is one.
 pub fn rotation(reading: &Reading, gaze: Option<&Reading>, settings: &Settings) -> Option<[f64; 2]> {
     let turned = |angles: [f64; 2]| angles.map(|a| settings.radius * a.sin());
     let towards = |point: [f64; 2], distance: f64| turned(point.map(|p| p.atan2(distance)));

@@ -1,8 +1,8 @@
-//! Saccades: noticed while they fly, and where they will land.
+//! Detects saccades during their flight and predicts their landing.
 //!
-//! A saccade's duration follows from its size (the main sequence, Carpenter 1988: 21 ms + 2.2 ms a degree), and its
-//! course is close to minimum jerk (Hogan 1984). So its first half tells where it ends: sizes and onsets are weighed by
-//! how well the samples fit, and the landing is their weighted mean, with the spread that they leave.
+//! The duration of a saccade follows from its size (the main sequence, Carpenter 1988: 21 ms + 2.2 ms per degree). Its
+//! course is close to minimum jerk (Hogan 1984). Its first half therefore determines its end. Sizes and onsets are
+//! weighted by the fit of the samples. The landing is their weighted mean, and its spread is the spread that remains.
 
 use super::Settings;
 use serde::Serialize;
@@ -11,30 +11,30 @@ use std::collections::VecDeque;
 /// A measured position with its time.
 pub type Point = (u64, [f64; 2]);
 
-/// Sizes that are weighed, degrees.
+/// Sizes that are weighted, degrees.
 const SIZES: [f64; 18] =
     [0.4, 0.6, 0.9, 1.3, 1.8, 2.4, 3.2, 4.0, 5.0, 6.2, 7.5, 9.0, 11.0, 13.0, 15.5, 18.5, 22.0, 27.0];
-/// Onsets that are weighed: nanoseconds between them, and how many.
+/// Time between the onsets that are weighted, nanoseconds, and their number.
 const ONSET_STEP_NS: u64 = 3_000_000;
 const ONSETS: u64 = 16;
-/// Samples that are fitted: of more, every other.
+/// Largest number of points that are fitted. More samples are averaged in groups.
 const FITTED: usize = 24;
 /// Scatter about the main sequence, as a share of the size.
 const SCATTER: f64 = 0.15;
 const REMEMBERED: usize = 256;
 
-/// Seconds that a saccade of so many degrees takes.
+/// Duration of a saccade of this size, seconds.
 pub fn duration(degrees: f64) -> f64 {
     21e-3 + 2.2e-3 * degrees
 }
 
-/// Share of a saccade's way that is done at share `u` of its time.
+/// Share of a saccade's distance that is covered at share `u` of its time.
 pub fn progress(u: f64) -> f64 {
     let u = u.clamp(0.0, 1.0);
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
-/// Slope of points, metres a second, and the variance of each of its coordinates for measurements of variance 1.
+/// Slope of points, meters per second, and the variance of each of its coordinates for measurements of variance 1.
 pub fn slope<'a>(points: impl Iterator<Item = &'a Point> + Clone) -> Option<([f64; 2], f64)> {
     let first = points.clone().next()?.0;
     let seconds = |t: u64| t.saturating_sub(first) as f64 * 1e-9;
@@ -53,40 +53,40 @@ pub fn slope<'a>(points: impl Iterator<Item = &'a Point> + Clone) -> Option<([f6
     (tt > 0.0).then(|| (tp.map(|v| v / tt), 1.0 / tt))
 }
 
-/// What is known of a saccade in flight.
+/// The estimate of a saccade in flight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Flight {
-    /// Where it began, metres.
+    /// The start of the saccade, meters.
     pub from: [f64; 2],
-    /// When it was noticed, nanoseconds.
+    /// The time of its detection, nanoseconds.
     pub noticed_ns: u64,
-    /// Where it will land, metres.
+    /// The predicted landing, meters.
     pub landing: [f64; 2],
-    /// Standard deviation of that, along each axis.
+    /// Standard deviation of the landing along each axis, meters.
     pub spread: f64,
-    /// When.
+    /// The predicted time of the landing, nanoseconds.
     pub lands_ns: u64,
-    /// Standard deviation of that, nanoseconds.
+    /// Standard deviation of the time of the landing, nanoseconds.
     pub lands_spread_ns: f64,
 }
 
 impl Flight {
-    /// Its size, metres.
+    /// The size of the saccade, meters.
     pub fn size(&self) -> f64 {
         (self.landing[0] - self.from[0]).hypot(self.landing[1] - self.from[1])
     }
 }
 
-/// A saccade in flight, with what was measured of it.
+/// A saccade in flight, with its measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Jump {
-    /// What is known of it.
+    /// The current estimate of the saccade.
     pub flight: Flight,
     points: VecDeque<Point>,
 }
 
 impl Jump {
-    /// A saccade from `from`, noticed at `noticed_ns`, of which `points` were measured.
+    /// A saccade from `from`, detected at `noticed_ns`, with the measurements `points`.
     pub fn new(from: [f64; 2], noticed_ns: u64, points: VecDeque<Point>, noise: f64, s: &Settings) -> Self {
         let landing = points.back().map_or(from, |p| p.1);
         let flight =
@@ -96,7 +96,7 @@ impl Jump {
         jump
     }
 
-    /// Takes another measurement; `noise` is the variance of each coordinate.
+    /// Adds a measurement. `noise` is the variance of each coordinate.
     pub fn update(&mut self, point: Point, noise: f64, settings: &Settings) {
         self.points.push_back(point);
         if self.points.len() > REMEMBERED {
@@ -105,18 +105,18 @@ impl Jump {
         self.fit(noise, settings);
     }
 
-    /// Room for the measurements of the next.
+    /// Returns the empty storage for the measurements of the next saccade.
     pub fn into_room(mut self) -> VecDeque<Point> {
         self.points.clear();
         self.points
     }
 
-    /// What was measured since a time.
+    /// The measurements since a time.
     pub fn since(&self, time_ns: u64) -> impl Iterator<Item = &Point> + Clone {
         self.points.iter().filter(move |p| p.0 >= time_ns)
     }
 
-    /// Whether the eye has come to rest by the last measurement.
+    /// True if the eye rests at the last measurement.
     pub fn over(&self, noise: f64, settings: &Settings) -> bool {
         let Some(last) = self.points.back().map(|p| p.0) else { return true };
         if last.saturating_sub(self.flight.noticed_ns) > 150_000_000 {
@@ -134,7 +134,7 @@ impl Jump {
         let Some((first, last)) = self.points.front().map(|p| p.0).zip(self.points.back().map(|p| p.0)) else { return };
         let every = self.points.len().div_ceil(FITTED).max(1);
         let Flight { from, noticed_ns, .. } = self.flight;
-        // Thinned by averaging, so that no measurement is wasted.
+        // Points are thinned by averaging, so that each measurement counts.
         let (mut thinned, mut count) = ([(0.0, [0.0; 2], 0.0); FITTED], 0);
         for (place, c) in thinned.iter_mut().zip(self.points.make_contiguous().chunks(every)) {
             let n = c.len() as f64;
@@ -145,7 +145,7 @@ impl Jump {
         let points = &thinned[..count];
         let metres_per_degree = settings.radius * 1f64.to_radians();
         let noise = noise.max(1e-12);
-        // Where it began is known to a part of the noise, and its course is not quite minimum jerk.
+        // The noise limits the start, and the course is not quite minimum jerk.
         let (mut best, mut found) = (f64::INFINITY, [(0.0, [0.0; 2], 0.0, 0.0); SIZES.len() * ONSETS as usize]);
         let mut weighed = 0;
         for back in 0..ONSETS {
@@ -154,7 +154,7 @@ impl Jump {
             for degrees in SIZES {
                 let lasts = duration(degrees);
                 let expected = degrees * metres_per_degree;
-                // What the size says of the length is one more measurement of it.
+                // The length that the size predicts counts as one more measurement of it.
                 let (mut ff, mut fr) = (0.0, [0.0; 2]);
                 for (t, r, n) in points {
                     let f = progress((t - start) / lasts);
@@ -198,7 +198,7 @@ impl Jump {
         let long = way[0].hypot(way[1]);
         let Flight { landing, spread, lands_ns, lands_spread_ns, .. } = &mut self.flight;
         *landing = [0, 1].map(|i| from[i] + way[i]);
-        // The model's own error: a few hundredths of the way.
+        // The error of the model itself is a few hundredths of the distance.
         *spread = (variance + (0.04 * long).powi(2) + noise / 4.0).sqrt();
         let mean = lands / total;
         *lands_ns = (origin + mean).max(0.0) as u64;

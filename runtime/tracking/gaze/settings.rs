@@ -1,72 +1,72 @@
-//! What the way from sample to pupil is set to.
+//! Holds the settings of the steps from sample to pupil.
 
 use super::GazeError;
 use eyebox_base::reason;
 use serde::Serialize;
 
-/// Whose pupil.
+/// The eye whose pupil is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Eye {
-    /// The left one's.
+    /// The pupil of the left eye.
     Left,
-    /// The right one's.
+    /// The pupil of the right eye.
     Right,
-    /// The mean of both, or of what the tracker has.
+    /// The mean of both eyes, or the eye that the tracker sees.
     Mean,
 }
 
-/// Settings. Lengths in metres, times in seconds, angles in radians.
+/// Settings of the estimator. Lengths are in meters, times in seconds, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Settings {
-    /// Whose pupil.
+    /// The eye whose pupil is followed.
     pub eye: Eye,
-    /// From the eye's centre of rotation to its entrance pupil: 11 mm make 0.19 mm a degree.
+    /// Distance from the eye's center of rotation to its entrance pupil. 11 mm give 0.19 mm per degree.
     pub radius: f64,
-    /// From the eye to the screen that a gaze point lies on, where the tracker does not say.
+    /// Distance from the eye to the screen of a gaze point, if the tracker does not report it.
     pub screen_distance: f64,
-    /// What the width and the height of a tracker's picture stand for in the pupil plane, without a calibration.
+    /// Width and height of a tracker's picture in the pupil plane, without a calibration.
     pub picture: f64,
     /// Readings with less confidence are refused.
     pub confidence: f64,
-    /// Farther from the centre of the eyebox no pupil is believed.
+    /// Pupils farther than this from the center of the eyebox are refused.
     pub reach: f64,
-    /// Smallest and largest distance between the eyes that is believed, where the tracker measures both in space.
+    /// Smallest and largest accepted distance between the eyes, if the tracker measures both in space.
     pub between_eyes: [f64; 2],
-    /// Fastest that an eye turns, radians a second.
+    /// The largest speed of a turning eye, radians per second.
     pub fastest: f64,
-    /// Speed from which a movement is a saccade (I-VT), radians a second.
+    /// Speed above which a movement is a saccade (I-VT), radians per second.
     pub saccade_speed: f64,
-    /// One-euro filter: cutoff at rest, hertz.
+    /// Cutoff of the one-euro filter at rest, hertz.
     pub cutoff: f64,
-    /// One-euro filter: what the cutoff gains with speed, hertz per metre a second.
+    /// Increase of the cutoff of the one-euro filter with speed, hertz per meter per second.
     pub beta: f64,
-    /// One-euro filter: cutoff of the speed, hertz.
+    /// Cutoff of the speed in the one-euro filter, hertz.
     pub speed_cutoff: f64,
-    /// A lost pupil is held so long, seconds.
+    /// Time for which a lost pupil is held, seconds.
     pub hold: f64,
-    /// Then its spread widens, metres a second,
+    /// Speed at which the spread widens after `hold`, meters per second.
     pub widen: f64,
-    /// up to this, metres.
+    /// Largest spread after widening, meters.
     pub widest: f64,
-    /// Unforeseen saccades, a second.
+    /// Rate of unforeseen saccades, per second.
     pub saccades: f64,
-    /// Standard deviation of a pupil that was never seen: over the eyebox.
+    /// Standard deviation of a pupil that was never seen, meters. It covers the eyebox.
     pub unknown: f64,
-    /// Diameters where the tracker measures none, smallest and largest.
+    /// Smallest and largest diameter, if the tracker measures none.
     pub diameter: [f64; 2],
-    /// Depths that the eye may focus at, smallest and largest, where the source measures none.
+    /// Smallest and largest depth at which the eye may focus, if the source measures none.
     pub focus: [f64; 2],
-    /// What makes depths of the dioptres that a source measures; without, its focus is passed over.
+    /// Converts the dioptres that a source measures to depths. Without an eyepiece, its focus is ignored.
     pub eyepiece: Option<Eyepiece>,
 }
 
-/// What the eye looks at the hologram through.
+/// The eyepiece between the eye and the hologram.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Eyepiece {
-    /// Focal length, metres: D dioptres are the depth D times its square.
+    /// Focal length, meters. D dioptres are at a depth of D times its square.
     pub focal_length: f64,
-    /// Depths of the content, smallest and largest: what focuses beyond is taken to focus at its end.
+    /// Smallest and largest depth of the content. A focus beyond is clamped to this range.
     pub depths: [f64; 2],
 }
 
@@ -98,10 +98,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks every number.
+    /// Checks the range of every number.
     ///
     /// # Errors
-    /// [`GazeError::Setting`], naming it.
+    /// [`GazeError::Setting`] with the name of the setting.
     pub fn check(self) -> Result<Self, GazeError> {
         let positive = [
             ("radius", self.radius),
@@ -125,7 +125,7 @@ impl Settings {
             ("saccades", self.saccades),
         ];
         let wrong = |name: &str, value: f64, rule: &str| {
-            Err(GazeError::Setting(reason!("gaze-setting", "gaze: {name} is {value}: it must be {rule}")))
+            Err(GazeError::Setting(reason!("gaze-setting", "gaze: {name} is {value}, but it must be {rule}")))
         };
         for (name, value) in positive {
             if !(value.is_finite() && value > 0.0) {

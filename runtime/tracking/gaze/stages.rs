@@ -1,38 +1,38 @@
-//! What became of a sample at each stage on its way to the pupil.
+//! Reports the result of each stage for a sample.
 
 use super::one_euro::OneEuro;
 use super::place::{Placed, Refusal};
 use super::saccade::Flight;
 use serde::Serialize;
 
-/// What the eye does, as far as it is known.
+/// The current movement of the eye.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
-    /// Nothing has been seen yet.
+    /// No sample was seen yet.
     Unseen,
-    /// It rests, or follows something.
+    /// The eye rests or follows something.
     Steady,
-    /// It jumps.
+    /// The eye makes a saccade.
     Saccade,
-    /// It is not seen: a blink, or the tracker has lost it.
+    /// The eye is not seen, because of a blink or a loss of the tracker.
     Lost,
-    /// It is seen again, the lid still moving.
+    /// The eye is seen again while the lid still moves.
     Returning,
 }
 
-/// What each stage made of a sample.
+/// The result of each stage for a sample.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stages {
-    /// The place in the pupil plane, or why the sample is not believed.
+    /// The place in the pupil plane, or the reason for the refusal of the sample.
     pub placed: Result<Placed, Refusal>,
-    /// The filter, where the eye is steady.
+    /// The state of the filter, if the eye is steady.
     pub filtered: Option<OneEuro>,
-    /// The saccade, where there is one.
+    /// The saccade, if there is one.
     pub saccade: Option<Flight>,
-    /// What the eye does.
+    /// The current movement of the eye.
     pub phase: Phase,
-    /// Standard deviation of the tracker's coordinates, measured, metres.
+    /// Measured standard deviation of the tracker's coordinates, meters.
     pub noise: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The whole way, before a simulated eye whose truth is known, and before trackers that lie.
+//! Tests the estimator with a simulated eye of known truth and with trackers that send wrong samples.
 
 use super::calibration_tests::{off, targets};
 use super::*;
@@ -9,7 +9,7 @@ use eyebox_optics::PupilDistribution;
 use proptest::prelude::*;
 use std::time::Duration;
 
-/// From a sample's arrival to the light of the set that it steers, nanoseconds.
+/// Time from the arrival of a sample to the light of the set that is refined for it, nanoseconds.
 const TO_LIGHT_NS: u64 = 20_000_000;
 const START_NS: u64 = 1_000_000_000;
 
@@ -24,10 +24,10 @@ struct Look {
     stages: Stages,
     sample: Sample,
     predicted: PupilDistribution,
-    /// At the time of light.
+    /// The true eye at the time of light.
     truth: Truth,
-    /// The eye was steady and open from 40 ms before the sample (a saccade just landed is still being landed) to the
-    /// light.
+    /// True if the eye was steady and open from 40 ms before the sample (a saccade that just landed is still being
+    /// processed) to the light.
     calm: bool,
 }
 
@@ -52,7 +52,7 @@ impl Run {
         look
     }
 
-    /// So many seconds of looks, after half a second of getting used to it.
+    /// The predictions of this many seconds, after half a second for the estimator to settle.
     fn looks(&mut self, seconds: f64) -> Vec<Look> {
         for _ in 0..(0.5 * self.rate_hz) as usize {
             self.next();
@@ -60,7 +60,8 @@ impl Run {
         (0..(seconds * self.rate_hz) as usize).map(|_| self.next()).collect()
     }
 
-    /// Whether the eye was steady and open all the time; asked soon, for the eye forgets.
+    /// True if the eye was steady and open all the time. The caller has to ask early, because the simulated eye forgets
+    /// its past.
     fn calm(&mut self, from: u64, to: u64) -> bool {
         (0..=20u64).all(|i| {
             let truth = self.source.truth(from + (to - from) * i / 20);
@@ -69,7 +70,7 @@ impl Run {
     }
 }
 
-/// Rates and delays of real trackers.
+/// The rates and delays of real trackers.
 fn trackers() -> Vec<simulated::Settings> {
     let mut all = Vec::new();
     for rate_hz in [120.0, 500.0, 1000.0] {
@@ -108,7 +109,8 @@ fn the_pupil_is_known_in_fixation_and_pursuit() {
     }
 }
 
-/// A fixating eye turns by less than two spreads; one that has followed something for half a second as fast as it is said to.
+/// A fixating eye turns by less than two spreads. An eye that has followed something for half a second turns at the
+/// reported speed.
 #[test]
 fn the_velocity_is_known_as_well_as_it_says() {
     for noise in [0.02e-3, 0.1e-3] {
@@ -118,7 +120,7 @@ fn the_velocity_is_known_as_well_as_it_says() {
             let look = run.next();
             let Some((turning, spread)) = run.estimator.velocity().turning.filter(|_| look.calm) else { continue };
             let all = [500, 250, 0].map(|ms| run.source.truth(look.sample.time_ns - ms * 1_000_000_u64));
-            // Tremor is no motion: over the time that the estimate is over.
+            // Tremor is not motion over the time of the estimate.
             let velocity = [0, 1].map(|i| (all[2].position[i] - all[0].position[i]) / 0.5 / 11e-3);
             if all.iter().all(|t| t.doing == Doing::Fixation) {
                 rests.push(f64::from(turning[0].hypot(turning[1]) > 2.0 * spread));
@@ -139,7 +141,7 @@ fn the_spread_keeps_its_promise() {
     for settings in trackers() {
         let mut run = Run::new(settings);
         let looks = run.looks(40.0);
-        // At all times, saccades and blinks included.
+        // This holds at all times, including saccades and blinks.
         for (k, normal) in [(2.0, (-2f64).exp()), (3.0, (-4.5f64).exp())] {
             let n = looks.len() as f64;
             let outside = |l: &&Look| off(l.predicted.centre, l.truth.position) > k * l.predicted.spread;
@@ -149,7 +151,7 @@ fn the_spread_keeps_its_promise() {
             println!("{}: {out:.3} beyond {k} spreads, {promised:.3} promised", run.name);
             assert!(out <= promised, "{}: {out:.3} beyond {k} spreads, {promised:.3} promised", run.name);
         }
-        // While nothing unforeseen happens, the normal distribution alone.
+        // While nothing unforeseen happens, the normal distribution alone must hold.
         let (mut out, mut n) = (0.0, 0.0);
         for look in looks {
             if look.calm {
@@ -170,7 +172,7 @@ fn a_landing_is_known_within_40_ms_of_the_onset() {
         let mut last = 0;
         for _ in 0..(60.0 * run.rate_hz) as usize {
             let look = run.next();
-            // The first sample that is 40 ms into a saccade.
+            // The first sample that is 40 ms into a saccade counts.
             let before = look.sample.time_ns - 40_000_000;
             let Doing::Saccade { began_ns, landing, .. } = run.source.truth(before).doing else { continue };
             if began_ns == last {
@@ -178,7 +180,7 @@ fn a_landing_is_known_within_40_ms_of_the_onset() {
             }
             last = began_ns;
             let size = off(run.source.truth(began_ns - 1).position, landing);
-            // A degree and more; less is within the error of the pupil itself.
+            // Only saccades of a degree or more count. Less is within the error of the pupil itself.
             if size < 0.19e-3 {
                 continue;
             }
@@ -204,7 +206,7 @@ fn a_landing_is_known_within_40_ms_of_the_onset() {
 
 #[test]
 fn a_blink_costs_no_visible_step() {
-    // An eye that looks at one place, blinks of 300 ms.
+    // The eye looks at one place, with blinks of 300 ms.
     let quiet = simulated::Settings {
         fixation: [1e3, 1e3],
         pursuit: 0.0,
@@ -222,7 +224,7 @@ fn a_blink_costs_no_visible_step() {
         let returns: Vec<usize> = (1..looks.len())
             .filter(|i| looks[*i].stages.phase == Phase::Steady && looks[i - 1].stages.phase == Phase::Returning)
             .collect();
-        // From what was held to what is said a tenth of a second after the return.
+        // The movement from the held place to the prediction a tenth of a second after the return.
         let after = (0.1 * rate_hz) as usize;
         let moved = |i: &usize| Some(off(looks[i - 1].predicted.centre, looks.get(i + after)?.predicted.centre));
         let back = returns.iter().filter_map(moved).fold(0.0, f64::max);
@@ -234,9 +236,9 @@ fn a_blink_costs_no_visible_step() {
             back * 1e3
         );
         assert!(returns.len() > 10 && back < 0.25e-3, "{rate_hz} Hz: a step of {back} m on return");
-        // What a steady eye shows besides is the tracker's noise, at no time more.
+        // Apart from this, a steady eye shows only the tracker's noise at any time.
         assert!(worst < 0.4e-3 && step < 0.3e-3, "{rate_hz} Hz: {worst} m off, a step of {step} m");
-        // In the blink the spread widens, after a while.
+        // During the blink the spread widens after a while.
         let widest = looks.iter().map(|l| l.predicted.spread).fold(0.0, f64::max);
         assert!(widest > 0.5e-3, "{widest}");
     }
@@ -270,8 +272,8 @@ fn lies_are_passed_over() {
         let noisy = at.map(|a| a + 0.1e-3 * (rng.f64() - 0.5));
         let lie = match i % 20 {
             5 => sample(time, [9e-3, 9e-3]),               // a jump for one sample
-            9 => sample(time - 300_000_000, [0.0, 0.0]),   // time runs back
-            13 => sample(time, [f64::NAN, f64::INFINITY]), // no number
+            9 => sample(time - 300_000_000, [0.0, 0.0]),   // the time runs back
+            13 => sample(time, [f64::NAN, f64::INFINITY]), // not a number
             17 => sample(time, [1.0, 1.0]),                // a metre away
             _ => sample(time, noisy),
         };
@@ -280,7 +282,7 @@ fn lies_are_passed_over() {
         let p = estimator.predict(time + 30_000_000);
         assert!(i < 20 || off(p.centre, at) < 0.15e-3, "{i}: {p}");
     }
-    // One that goes on is no lie.
+    // A place that persists is not a wrong sample.
     for i in 2000..2100u64 {
         estimator.update(&sample(START_NS + i * 2_000_000, [9e-3, 9e-3]));
     }
@@ -292,7 +294,7 @@ fn samples_that_are_missing_now_and_then_cost_nothing() {
     let mut estimator = Estimator::new(Settings::default(), None).unwrap();
     for i in 0..600u64 {
         let time = START_NS + i * 8_000_000;
-        // It follows at 2 mm a second.
+        // The eye follows at 2 mm per second.
         let mut s = sample(time, [i as f64 * 16e-6 - 5e-3, 0.0]);
         if i % 7 == 3 {
             s.left = s.left.map(|r| Reading { confidence: 0.3, ..r });
@@ -329,10 +331,10 @@ fn the_rotation_of_the_eye_places_what_no_calibration_does() {
         |reading: Reading, gaze: Option<Reading>| place::rotation(&reading, gaze.as_ref(), &Settings::default());
     let degree = place(Reading::new(Quantity::Gaze, Unit::Radians, [1f64.to_radians(), 0.0]), None).unwrap();
     assert!((degree[0] - 0.192e-3).abs() < 1e-6, "0.19 mm a degree: {degree:?}");
-    // A gaze point 60 cm to the side of a screen 60 cm away: 45 degrees.
+    // The gaze point is 60 cm to the side of a screen 60 cm away, which is 45 degrees.
     let side = place(Reading::new(Quantity::Gaze, Unit::Metres, [0.6, 0.0]), None).unwrap();
     assert!((side[0] - 11e-3 * 0.5f64.sqrt()).abs() < 1e-9);
-    // An eye in space that looks straight ahead is not turned, wherever it is.
+    // An eye in space that looks straight ahead is not turned, for any place.
     let eye = Reading { distance: Some(0.6), ..Reading::new(Quantity::Pupil, Unit::Metres, [-0.032, 0.01]) };
     let ahead = place(eye, Some(Reading::new(Quantity::Gaze, Unit::Metres, [-0.032, 0.01]))).unwrap();
     assert!(off(ahead, [0.0, 0.0]) < 1e-12);
@@ -430,7 +432,7 @@ fn pupils_are_drawn_as_the_distribution_says() {
 }
 
 proptest! {
-    /// Whatever a tracker says, and whenever: the distribution is a distribution.
+    /// The distribution stays a valid distribution for any samples at any times.
     #[test]
     fn nothing_makes_it_nonsense(
         samples in prop::collection::vec(

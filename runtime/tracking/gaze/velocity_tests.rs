@@ -1,4 +1,4 @@
-//! Trackers that tell how fast the eye moves.
+//! Tests trackers that report the velocity of the eye.
 
 use super::*;
 use crate::trackers::{Quantity, Reading, Sample, Unit};
@@ -6,14 +6,15 @@ use proptest::prelude::*;
 
 const RADIUS: f64 = 11e-3;
 
-/// Samples of a pupil, or a direction, from time 0 on, 120 a second: where it is, and how fast the tracker says that it moves.
+/// Sample number `index` of 120 per second from time 0 on, of a pupil or a direction, with its position and the
+/// velocity that the tracker reports.
 fn sample(index: u64, quantity: Quantity, unit: Unit, position: [f64; 2], velocity: Option<[f64; 2]>) -> Sample {
     let reading = Reading { velocity, ..Reading::new(quantity, unit, position) }.checked();
     let time_ns = 1_000_000_000 + index * 1_000_000_000 / 120;
     Sample { time_ns, combined: Some(reading), ..Sample::empty(time_ns) }
 }
 
-/// A pupil that rests, then moves to the right at 5 mm/s, with or without being told.
+/// The velocity of a pupil that rests, then moves to the right at 5 mm/s, with or without reported velocities.
 fn followed(samples: u64, tells: bool) -> EyeVelocity {
     let mut estimator = Estimator::new(Settings::default(), None).unwrap();
     for i in 0..60 + samples {
@@ -24,7 +25,7 @@ fn followed(samples: u64, tells: bool) -> EyeVelocity {
     estimator.velocity()
 }
 
-/// What a tracker tells holds from its first sample on; a slope takes a good part of half a second.
+/// A reported velocity counts from its first sample on, while a slope takes a good part of half a second.
 #[test]
 fn what_is_told_is_known_at_once() {
     let speed = 5e-3;
@@ -38,7 +39,7 @@ fn what_is_told_is_known_at_once() {
     assert!((late.0[0] - speed / RADIUS).abs() < 0.05, "{late:?}");
 }
 
-/// How far velocities that follow each other differ is how far they are believed.
+/// The spread of the velocity is the difference between consecutive velocities.
 #[test]
 fn what_changes_from_sample_to_sample_is_not_sure() {
     let mut noise = fastrand::Rng::with_seed(1);
@@ -48,7 +49,7 @@ fn what_changes_from_sample_to_sample_is_not_sure() {
         estimator.update(&sample(i, Quantity::Pupil, Unit::Metres, [0.0; 2], Some(velocity)));
     }
     let (_, spread) = estimator.velocity().turning.unwrap();
-    // Even between -1 and 1 mm/s: a standard deviation of 0.58 mm/s.
+    // A uniform distribution between -1 and 1 mm/s has a standard deviation of 0.58 mm/s.
     let is = spread * RADIUS;
     assert!((0.4e-3..0.8e-3).contains(&is), "{is}");
 }
@@ -74,8 +75,8 @@ fn an_eye_that_jumps_or_is_closed_has_no_velocity() {
 }
 
 proptest! {
-    /// A velocity is placed as the way between two places is, whatever the unit, by rotation and by calibration; and what no eye does
-    /// is no velocity.
+    /// A velocity is mapped like the difference of two places, in any unit, by rotation and by calibration. A velocity
+    /// that no eye reaches is dropped.
     #[test]
     fn velocities_are_placed_as_positions_are(
         kind in 0usize..4, calibrated: bool, x in -0.2f64..0.2, y in -0.2f64..0.2, vx in -2.0f64..2.0, vy in -2.0f64..2.0,

@@ -1,23 +1,25 @@
-//! The clock of a tracker on the steady clock: offset and drift from arrivals, whatever its origin, sign and unit.
+//! Maps the clock of a tracker to the steady clock, for any origin, sign and unit.
+//!
+//! Offset and drift come from arrivals.
 
 use super::time_unit::{Evidence, TimeUnit, UnitFinder};
 use std::collections::VecDeque;
 
-/// Slices of time of which the quickest arrival is kept: 16 s, in which a drift of 50 ppm makes 0.8 ms.
+/// Number of slices of time whose quickest arrivals are kept. They cover 16 s, in which a drift of 50 ppm makes 0.8 ms.
 const SLICES: usize = 32;
 const SLICE_NS: u64 = 500_000_000;
-/// A shorter span of slices says more of jitter than of drift, nanoseconds.
+/// A shorter span of slices, nanoseconds, shows more jitter than drift.
 const SHORTEST_DRIFT_NS: f64 = 6e9;
 /// Quartz clocks drift by 100 ppm at most. A steeper slope is a change of the delay.
 const MOST_DRIFT: f64 = 3e-4;
 /// A difference this far from the line is another setting of the clock, or a delay.
 const STEP_NS: i128 = 250_000_000;
-/// A later arrival than this is not a delay any more.
+/// An arrival that is later than this is not a delay any more.
 const MOST_DELAY_NS: i128 = 5_000_000_000;
 /// A new setting is certain after this time and number of samples.
 const CERTAIN_NS: u64 = 100_000_000;
 const CERTAIN_SAMPLES: u32 = 3;
-/// A clock that shows one time for so long is not running.
+/// A clock that shows one time for this long is not running.
 const STANDS_NS: u64 = 100_000_000;
 
 /// A tracker time in both clocks.
@@ -25,20 +27,20 @@ const STANDS_NS: u64 = 100_000_000;
 pub struct Stamp {
     /// The tracker's own time, nanoseconds from an origin of its own.
     pub tracker_ns: i64,
-    /// Time on the steady clock, nanoseconds; at most the arrival.
+    /// Time on the steady clock, nanoseconds. It is at most the arrival.
     pub time_ns: u64,
 }
 
-/// A change that a person may want to read.
+/// A change of the clock that may interest the user.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ClockEvent {
-    /// The clock does not count in the unit that was expected, but in this one.
+    /// The clock does not count in the expected unit, but in this one.
     Unit(TimeUnit),
     /// The clock was set by this much, nanoseconds.
     Set(i128),
-    /// The clock shows one time all along, so that arrivals are used instead.
+    /// The clock always shows one time, so arrivals are used instead.
     Stands,
-    /// The clock runs at no unit of time: it counts this much per second, in the unit that was expected.
+    /// The rate of the clock fits no unit of time. It counts this much per second, in the expected unit.
     NoUnit(f64),
 }
 
@@ -47,9 +49,9 @@ impl std::fmt::Display for ClockEvent {
         match self {
             Self::Unit(unit) => write!(f, "its clock counts {unit}"),
             Self::Set(by) => write!(f, "its clock was set by {:.3} s", *by as f64 * 1e-9),
-            Self::Stands => f.write_str("its clock stands still: arrival times are used"),
+            Self::Stands => f.write_str("its clock does not advance, so arrival times are used"),
             Self::NoUnit(rate) => {
-                write!(f, "its clock counts {rate:.4} per second, which is no unit of time: arrival times are used")
+                write!(f, "its clock counts {rate:.4} per second, not a unit of time, so arrival times are used")
             }
         }
     }
@@ -58,32 +60,32 @@ impl std::fmt::Display for ClockEvent {
 /// Maps the clock of a tracker to the steady clock.
 ///
 /// Only differences of the tracker's times mean something. A sample never arrives before it was taken, and some are
-/// hardly delayed. The line below all points (tracker time, arrival - tracker time) of the last 16 seconds is therefore
-/// offset and drift of the clock plus the least delay. Times come out free of the jitter of USB, network and scheduler.
-/// The least delay cannot be seen this way: it is the latency setting.
+/// hardly delayed. The points (tracker time, arrival - tracker time) of the last 16 seconds therefore have a line below
+/// them. This line is offset and drift of the clock plus the least delay. The resulting times are free of the jitter of
+/// USB, network and scheduler. The least delay cannot be measured this way, so it is the latency setting.
 #[derive(Debug, Clone)]
 pub struct ForeignClock {
     unit: UnitFinder,
     line: Option<Line>,
     /// Another setting of the clock, until it is certain.
     candidate: Option<Line>,
-    /// Whether the candidate's first sample had a time before that of the sample before it.
+    /// True if the candidate's first sample had a time before the sample before it.
     ran_back: bool,
-    /// The newest tracker time, when it first arrived, and where it was placed.
+    /// The newest tracker time, its first arrival, and its mapped time.
     last: Option<(i128, [u64; 2])>,
     stands: bool,
-    /// How often the clock was set.
+    /// Number of times that the clock was set.
     pub sets: u64,
     events: VecDeque<ClockEvent>,
 }
 
 impl ForeignClock {
-    /// A clock whose unit is found from its rate; seconds are expected.
+    /// A clock whose unit is found from its rate. Seconds are expected.
     pub fn new() -> Self {
         Self::with(UnitFinder::new())
     }
 
-    /// A clock whose unit is known.
+    /// A clock with a given unit.
     pub fn of(unit: TimeUnit) -> Self {
         Self::with(UnitFinder::stated(unit))
     }
@@ -100,12 +102,13 @@ impl ForeignClock {
         }
     }
 
-    /// Takes the next change out.
+    /// Returns and removes the next change.
     pub fn event(&mut self) -> Option<ClockEvent> {
         self.events.pop_front()
     }
 
-    /// Places a sample that arrived at `received_ns`. `expected_ns` is its tracker time, nanoseconds in the expected unit.
+    /// Places a sample that arrived at `received_ns`. `expected_ns` is its tracker time, nanoseconds in the expected
+    /// unit.
     pub fn place(&mut self, expected_ns: i128, received_ns: u64) -> Stamp {
         match self.unit.observe(expected_ns, received_ns) {
             Some(Evidence::Unit { unit, changed, expected }) => {
@@ -178,7 +181,7 @@ impl ForeignClock {
             self.say(ClockEvent::Set(by));
             return time;
         }
-        // A sample that the way held up is as old as it says; a clock that runs back or arrives early was set.
+        // The time of a sample that was held up on its way is correct. A clock that runs back or arrives early was set.
         let delayed = !self.ran_back && (0..=MOST_DELAY_NS).contains(&off);
         let line = if delayed { self.line.as_ref() } else { self.candidate.as_ref() };
         line.map_or(received_ns, |line| line.time(x, received_ns))
@@ -188,9 +191,9 @@ impl ForeignClock {
 /// A line below the differences (arrival - tracker time) of one setting of a clock.
 #[derive(Debug, Clone)]
 struct Line {
-    /// Tracker time and difference of the first sample, nanoseconds: points are relative to these.
+    /// Tracker time and difference of the first sample, nanoseconds. Points are relative to these.
     origin: [i128; 2],
-    /// Of each slice of time its number and the point of its quickest arrival.
+    /// For each slice of time, its number and the point of its quickest arrival.
     slices: VecDeque<(u64, [f64; 2])>,
     slope: f64,
     through: [f64; 2],
@@ -210,7 +213,7 @@ impl Line {
         (x - self.origin[0]) as f64
     }
 
-    /// The difference that this line has at a tracker time.
+    /// The difference of this line at a tracker time.
     fn at(&self, x: i128) -> i128 {
         self.origin[1] + (self.through[1] + self.slope * (self.relative(x) - self.through[0])).round() as i128
     }
@@ -245,7 +248,7 @@ impl Line {
         self.fit();
     }
 
-    /// Fits the line below all points that is highest in the middle of them.
+    /// Fits the line below all points that is highest in their middle.
     fn fit(&mut self) {
         let points = || self.slices.iter().map(|s| s.1);
         let (Some(first), Some(last)) = (points().next(), points().next_back()) else { return };
@@ -269,7 +272,7 @@ impl Line {
     }
 }
 
-/// Makes one count of a counter that may be narrow and wrap around.
+/// Extends a counter that may be narrow and wrap around.
 #[derive(Debug, Clone, Default)]
 pub struct Unwrap {
     last: Option<u64>,
@@ -277,8 +280,8 @@ pub struct Unwrap {
 }
 
 impl Unwrap {
-    /// The count without wrap-around, for a counter of `bits` bits. A step back by less than half the range is a step
-    /// back (the clock was set, or a report came late), not a turn.
+    /// The count without wrap-around, for a counter of `bits` bits. A step back by less than half the range is a real
+    /// step back, because the clock was set or a report came late.
     pub fn count(&mut self, value: u64, bits: u32) -> u64 {
         if bits >= 64 {
             return value;

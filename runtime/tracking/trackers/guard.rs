@@ -1,22 +1,22 @@
-//! What every source's samples go through: lengths in the wrong unit, and pupil diameters that no eye has.
+//! Checks the samples of every source for wrong units and impossible pupil diameters.
 
 use super::{About, Dropped, Event, Head, Quantity, Reading, Sample, Source, TrackerError, Unit};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Diameters of pupils, metres.
+/// Possible diameters of pupils, meters.
 const DIAMETERS: std::ops::RangeInclusive<f64> = 0.5e-3..=12e-3;
-/// A pupil in its plane is no farther from the center than this, metres.
+/// Largest distance of a pupil in its plane from the center, meters.
 const REACH: f64 = 30e-3;
-/// An eye in space is no farther from its tracker than this, metres.
+/// Largest distance of an eye in space from its tracker, meters.
 const SPACE: f64 = 2.0;
-/// An eye that moves, but by no more than this, is measured in another unit, metres: tremor alone is 20 um.
+/// An eye that moves by no more than this is measured in another unit, meters. Tremor alone is 20 um.
 const STILLEST: f64 = 20e-6;
-/// Samples, and different positions among them, before positions are doubted.
+/// Number of samples, and of different positions among them, before positions are doubted.
 const DOUBT_SAMPLES: u32 = 100;
 const DOUBT_PLACES: u32 = 10;
 
-/// A source whose lengths are checked, and its diameters dropped where no pupil has them.
+/// A source whose lengths are checked. Impossible diameters are dropped.
 pub(super) struct Guard {
     source: Box<dyn Source>,
     lengths: Lengths,
@@ -38,8 +38,8 @@ impl Guard {
         if factor != before {
             let name = self.source.about().name;
             self.notes.push_back(match factor {
-                1.0 => format!("{name}: positions are taken in their stated unit again"),
-                1e3 => format!("{name}: positions and diameters are in metres, as the diameters show"),
+                1.0 => format!("{name}: positions use their stated unit again"),
+                1e3 => format!("{name}: positions and diameters are in meters, as the diameters show"),
                 _ => format!("{name}: positions and diameters are divided by 1000, as the diameters show (micrometers, or millimeters that are stated as meters)"),
             });
         }
@@ -56,7 +56,7 @@ impl Guard {
                 let name = self.source.about().name;
                 let mm = wrong * 1e3;
                 self.notes.push_back(format!(
-                    "{name}: a pupil diameter of {mm:.4} mm is impossible (0.5 to 12 mm): such diameters are dropped, \
+                    "{name}: a pupil diameter of {mm:.4} mm is impossible (0.5 to 12 mm). Such diameters are dropped, \
                      and the rest of their samples is used"
                 ));
             }
@@ -95,7 +95,7 @@ fn is_pupil(reading: &Reading) -> bool {
     reading.quantity == Quantity::Pupil && reading.unit == Unit::Metres
 }
 
-/// By which power of 1000 a source's lengths are off, as its diameters show.
+/// The power of 1000 by which a source's lengths are wrong, as its diameters show.
 struct Lengths {
     factor: f64,
     largest: f64,
@@ -117,7 +117,7 @@ impl Lengths {
             None => (reading.position.iter().fold(0.0, |far: f64, p| far.max(p.abs())), REACH),
         };
         self.largest = self.largest.max(far);
-        // Any position fits a factor that makes it smaller: it has to need it.
+        // Any position fits a factor that makes it smaller, so the position must need the factor.
         let fits = |factor: f64| self.largest * factor <= reach && (factor >= 1.0 || self.largest > reach);
         if let Some(diameter) = reading.diameter {
             let is = |factor: &f64| DIAMETERS.contains(&(diameter * factor));
@@ -132,7 +132,7 @@ impl Lengths {
     }
 }
 
-/// Positions in lines that state no unit: whether they can be the millimetres that they are taken for.
+/// Tests if positions in lines without a unit can be in the assumed millimeters.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Units {
     samples: u32,
@@ -143,10 +143,10 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// Takes the readings of a line, which may state their unit.
+    /// Adds the readings of a line, which may state their unit.
     pub(super) fn take(&mut self, readings: &[Option<Reading>], stated: bool) {
         for reading in readings.iter().flatten().filter(|r| r.valid) {
-            // Diameters show the unit, and other quantities have another.
+            // Diameters show the unit, and other quantities have another one.
             self.stated |= stated || !is_pupil(reading) || reading.diameter.is_some();
             self.samples = self.samples.saturating_add(1);
             if self.last.replace(reading.position) != Some(reading.position) {
@@ -156,7 +156,7 @@ impl Units {
         }
     }
 
-    /// The largest coordinate, metres, if an eye cannot move within it.
+    /// The largest coordinate, meters, if an eye cannot move within it.
     pub(super) fn in_doubt(&self) -> Option<f64> {
         let enough = self.samples >= DOUBT_SAMPLES && self.places >= DOUBT_PLACES;
         (enough && !self.stated && self.largest <= STILLEST).then_some(self.largest)

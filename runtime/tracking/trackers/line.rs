@@ -1,4 +1,6 @@
-//! Samples as JSON, one object per line: the content of datagrams, and of recordings of sources without reports.
+//! Reads and writes samples as JSON, one object per line.
+//!
+//! Datagrams and recordings of sources without reports have this form.
 //!
 //! ```json
 //! {"t": 12.345, "x": 1.5, "y": -0.2, "diameter": 4.1}
@@ -6,14 +8,17 @@
 //! {"t": 12.345, "left": {"x": 1.5, "y": -0.2, "confidence": 0.9}, "right": {"x": 1.4, "y": -0.2, "valid": false}}
 //! ```
 //!
-//! `t` is the sender's time. Its clock may begin anywhere. `t_unit` is `s`, `ms`, `us` or `ns`. Without it, eyebox
-//! finds the unit from the clock's rate. A position has `x` and `y`, and may have `z`, `unit` (`mm`, `m`, `deg`,
-//! `normalized`, `counts`; default `mm`), `what` (`pupil` or `gaze`; default `pupil`), `vx` and `vy` (its velocity, `unit`
-//! per second: both or none), `diameter` (mm; with `unit` `m` also metres), `confidence` (0 to 1) and `valid`. It is at
-//! the top, where `eye` (`left`, `right`, or Pupil Core's 0 and 1) may state whose it is, or under `left`, `right` and
-//! `combined`. At the top, `focus_d` is the eyes' focus, diopters. Without it,
-//! `ipd_mm`, the distance between the eyes, gives the focus from both directions (`what` `gaze`, `unit` `deg`). A value
-//! of `null` or `NaN` is unknown. Other keys are ignored.
+//! - `t` is the sender's time. Its clock may begin anywhere. `t_unit` is `s`, `ms`, `us` or `ns`. Without it, eyebox
+//!   finds the unit from the clock's rate.
+//! - A position has `x` and `y`, and may have `z`. Its `unit` is `mm` (the default), `m`, `deg`, `normalized` or
+//!   `counts`. Its quantity `what` is `pupil` (the default) or `gaze`.
+//! - A position may have its velocity `vx` and `vy` (`unit` per second, both or none), `confidence` (0 to 1) and
+//!   `valid`. `diameter` is in mm, or in meters if `unit` is `m` and the number is small.
+//! - A position is at the top, or under `left`, `right` and `combined`. At the top, `eye` may state its eye (`left`,
+//!   `right`, or Pupil Core's 0 and 1).
+//! - At the top, `focus_d` is the focus of the eyes, dioptres. Without it, `ipd_mm`, the distance between the eyes,
+//!   gives the focus from both directions (`what` is `gaze`, `unit` is `deg`).
+//! - A value of `null` or `NaN` is unknown. Other keys are ignored.
 
 use super::time_unit::TimeUnit;
 use super::{Quantity, Reading, Sample, Unit};
@@ -25,12 +30,12 @@ mod replay;
 
 pub use replay::LineSource;
 
-/// The form of a line, for those who wrote another one.
+/// An example line, for users whose lines have another form.
 pub(super) const EXAMPLE: &str = r#"each sample is a line such as {"t": 12.5, "x": 1.5, "y": -0.2, "diameter": 4}"#;
-/// Longest line, bytes.
+/// Longest line that is read, bytes.
 pub const LONGEST_LINE: usize = 2048;
 
-/// Unit in a line. Other files cannot state `m`.
+/// The unit in a line. Other files cannot state `m`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum LineUnit {
@@ -43,7 +48,7 @@ enum LineUnit {
 
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct ReadingText {
-    /// The outer option is whether the key is there, the inner one whether its value is known.
+    /// The outer option is none without the key, the inner one if its value is unknown.
     #[serde(default, deserialize_with = "present")]
     x: Option<Option<f64>>,
     #[serde(default, deserialize_with = "present")]
@@ -65,7 +70,7 @@ struct ReadingText {
 
 #[derive(Debug, Serialize, Deserialize)]
 struct SampleText {
-    /// Place among left, right and combined of the position at the top.
+    /// Index among left, right and combined of the position at the top.
     #[serde(skip_serializing, default, deserialize_with = "eye")]
     eye: Option<usize>,
     t: Option<f64>,
@@ -91,7 +96,7 @@ fn present<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Option<f64>>, D:
     Option::deserialize(from).map(Some)
 }
 
-/// Which eye a position at the top is of. Pupil Core counts eyes: 0 is the right one.
+/// The eye of a position at the top. Pupil Core counts eyes, and 0 is the right one.
 fn eye<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
     let place = match serde_json::Value::deserialize(from)? {
         serde_json::Value::Null => return Ok(None),
@@ -110,7 +115,7 @@ fn eye<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
     place.map(Some).ok_or_else(wrong)
 }
 
-/// A truth value, also as a number: trackers send their validity as 0 and 1.
+/// A truth value, which may be a number because trackers send their validity as 0 and 1.
 fn flag<'de, D: Deserializer<'de>>(from: D) -> Result<Option<bool>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
@@ -124,7 +129,7 @@ fn flag<'de, D: Deserializer<'de>>(from: D) -> Result<Option<bool>, D::Error> {
     }))
 }
 
-/// Smaller diameters are metres where positions are.
+/// Smaller diameters are in meters if positions are.
 const SMALLEST_MM: f64 = 0.1;
 
 impl ReadingText {
@@ -158,7 +163,7 @@ impl ReadingText {
             Unit::Normalized => (LineUnit::Normalized, 1.0),
             Unit::Counts => (LineUnit::Counts, 1.0),
         };
-        // To a billionth, so that 1.5 mm are not written as 1.5000000000000002.
+        // The factor rounds to a billionth, so that 1.5 mm are not written as 1.5000000000000002.
         let scaled = |v: f64| (v * scale * 1e9).round() / 1e9;
         let [x, y] = reading.position.map(|v| Some(reading.valid.then(|| scaled(v))));
         let velocity = reading.velocity.filter(|_| reading.valid).map(|v| v.map(scaled));
@@ -177,20 +182,20 @@ impl ReadingText {
     }
 }
 
-/// A line that was read: the sender's times, and the readings.
+/// A parsed line with the sender's times and the readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
     /// Time of the sender's clock, in its unit.
     pub time: Option<f64>,
     /// The unit of its times, if the line states one.
     pub time_unit: Option<TimeUnit>,
-    /// When a recorded line arrived, in the same clock and unit.
+    /// Arrival of a recorded line, in the same clock and unit.
     pub received: Option<f64>,
-    /// Left, right, combined.
+    /// The readings of left, right and combined.
     pub readings: [Option<Reading>; 3],
-    /// Whether any reading states the unit of its position.
+    /// True if any reading states the unit of its position.
     pub states_unit: bool,
-    /// The eyes' focus, diopters.
+    /// Focus of the eyes, dioptres.
     pub focus_dioptres: Option<f64>,
 }
 
@@ -202,28 +207,28 @@ impl Line {
     }
 }
 
-/// Diopters that eyes focus at. Values beyond are mistakes of the tracker.
+/// Possible focus of eyes, dioptres. Values beyond are errors of the tracker.
 const FOCUS: std::ops::RangeInclusive<f64> = -10.0..=30.0;
-/// Distances between eyes, mm.
+/// Possible distances between eyes, mm.
 const BETWEEN_EYES: std::ops::RangeInclusive<f64> = 40.0..=85.0;
-/// Times beyond this are no times in any unit: 300 years of nanoseconds.
+/// Times beyond this are not times in any unit. It is 300 years of nanoseconds.
 const LATEST: f64 = 1e19;
 
-/// The focus (diopters) of two eyes that are `apart_mm` apart and look at one point: the difference of the tangents of
-/// their directions, over their distance.
+/// The focus (dioptres) of two eyes that are `apart_mm` apart and look at one point. It is the difference of the
+/// tangents of their directions, divided by their distance.
 fn vergence(left: Option<Reading>, right: Option<Reading>, apart_mm: f64) -> Option<f64> {
     let is_direction = |r: &Reading| r.valid && r.quantity == Quantity::Gaze && r.unit == Unit::Radians;
     let (left, right) = (left.filter(is_direction)?, right.filter(is_direction)?);
     Some((left.position[0].tan() - right.position[0].tan()) / (apart_mm * 1e-3))
 }
 
-/// Reads one line.
+/// Reads one line of JSON.
 ///
 /// # Errors
-/// The reason, if it is no sample.
+/// The reason if it is not a sample.
 pub fn parse(line: &[u8]) -> Result<Line, Reason> {
     if line.len() > LONGEST_LINE {
-        return Err(reason!("line-length", "{} bytes: a line has {LONGEST_LINE} at most", line.len()));
+        return Err(reason!("line-length", "{} bytes, but a line has {LONGEST_LINE} at most", line.len()));
     }
     match read(line) {
         // Python, C and others write numbers that JSON does not have.
@@ -252,7 +257,7 @@ fn read(line: &[u8]) -> Result<Line, Reason> {
     if let Some(apart) = text.ipd_mm.filter(|apart| !BETWEEN_EYES.contains(apart)) {
         return Err(reason!(
             "ipd",
-            "ipd_mm is {apart}: eyes are {} to {} mm apart",
+            "ipd_mm is {apart}, but eyes are {} to {} mm apart",
             BETWEEN_EYES.start(),
             BETWEEN_EYES.end()
         ));
@@ -270,7 +275,7 @@ fn read(line: &[u8]) -> Result<Line, Reason> {
     })
 }
 
-/// The line with `null` for every NaN and infinity outside of its strings; none if it has neither.
+/// The line with `null` for every NaN and infinity outside of its strings, or none if it has neither.
 fn without_nan(line: &[u8]) -> Option<Vec<u8>> {
     const WORDS: [&[u8]; 3] = [b"nan", b"inf", b"infinity"];
     let (mut out, mut found, mut at) = (Vec::with_capacity(line.len() + 16), false, 0);
@@ -299,7 +304,7 @@ fn without_nan(line: &[u8]) -> Option<Vec<u8>> {
             out.extend(b"null");
             found = true;
             at += length;
-            // C's libraries write nan(ind) and -nan(snan).
+            // C libraries write nan(ind) and -nan(snan).
             if line.get(at) == Some(&b'(') {
                 at += line[at..].iter().position(|b| *b == b')').map_or(0, |end| end + 1);
             }
@@ -326,7 +331,7 @@ pub fn write(sample: &Sample) -> String {
         right: sample.right.as_ref().map(ReadingText::of),
         combined: sample.combined.as_ref().map(ReadingText::of),
     };
-    // Numbers and names only: nothing that JSON cannot say.
+    // The text has only numbers and names, which JSON can always contain.
     serde_json::to_string(&text).unwrap_or_default()
 }
 
@@ -382,7 +387,7 @@ mod tests {
         assert_eq!(focus(r#"{"x": 1, "y": 2, "focus_d": 1.5}"#), Some(1.5));
         assert_eq!(focus(r#"{"x": 1, "y": 2}"#), None);
         assert_eq!(focus(r#"{"x": 1, "y": 2, "focus_d": 500}"#), None, "no eye does");
-        // Both look at a point half a metre away and 0.1 m to the right, 64 mm apart: 2 dioptres.
+        // Both eyes look at a point half a meter away and 0.1 m to the right, 64 mm apart, which is 2 dioptres.
         let degrees = |x: f64| (x / 0.5).atan().to_degrees();
         let eyes = |left: f64, right: f64, rest: &str| {
             let eye = |x: f64| format!(r#"{{"what": "gaze", "unit": "deg", "x": {x}, "y": 3}}"#);
@@ -414,7 +419,7 @@ mod tests {
         assert!((line.time.unwrap() - 4.99).abs() < 1e-12);
     }
 
-    /// What is unknown, however a program writes it, takes nothing else with it: x and diameter in mm.
+    /// An unknown value in any notation does not affect the other values. x and diameter are in mm.
     #[test]
     fn unknown_parts_leave_the_known_ones() {
         let numbers =

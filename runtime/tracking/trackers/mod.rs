@@ -1,9 +1,9 @@
-//! Reads eye trackers: devices, recordings, the network and a simulated eye, as [`Sample`]s with a steady time.
+//! Reads eye trackers as [`Sample`]s with a steady time.
 //!
-//! Every source is a [`Source`]: it waits for its next sample, on whatever thread asks. A [`Stream`] gives a source a
-//! thread of its own and keeps the newest samples for whoever is slower. Sources check what they receive (lengths,
-//! ranges, finite numbers) and invent nothing: what a position means for the pupil is the next room's business
-//! ([`gaze`](crate::gaze)).
+//! The sources are devices, recordings, the network and a simulated eye. Each is a [`Source`], which waits for its next
+//! sample on the thread of its caller. A [`Stream`] gives a source a thread of its own and keeps the newest samples for
+//! slower readers. Sources check their input (lengths, ranges, finite numbers) and add no data. [`gaze`](crate::gaze)
+//! maps positions to the pupil.
 //!
 //! | source | what it reads |
 //! |---|---|

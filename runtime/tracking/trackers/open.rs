@@ -1,4 +1,4 @@
-//! Which source: from its name to a running one.
+//! Opens a source by its name.
 
 use super::guard::Guard;
 use super::hid::{DeviceFile, HidSource, system_bus};
@@ -13,36 +13,36 @@ use eyebox_base::reason;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Pupil Remote listens here unless it was told otherwise.
+/// The default port of Pupil Remote.
 const PUPIL_REMOTE_PORT: u16 = 50020;
 
-/// A source by name, as the command line writes it.
+/// A source by name, as on the command line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Spec {
-    /// `hid`
+    /// `hid`, the first HID eye tracker.
     Hid,
-    /// `FILE.hid`
+    /// `FILE.hid`, a recording of reports.
     Recording(PathBuf),
-    /// `FILE.jsonl`
+    /// `FILE.jsonl`, recorded lines of JSON.
     Lines(PathBuf),
-    /// `pupil://HOST[:PORT]`
+    /// `pupil://HOST[:PORT]`, the network interface of Pupil Core.
     Pupil {
-        /// Name or address.
+        /// Name or address of the machine.
         host: String,
         /// Port of Pupil Remote.
         port: u16,
     },
-    /// `udp://[HOST]:PORT`: the address to listen at; loopback where none is given.
+    /// `udp://[HOST]:PORT`, with the address to listen at. The default is loopback.
     Udp {
         /// Address of this machine.
         host: String,
-        /// Port.
+        /// Port to listen at.
         port: u16,
     },
-    /// `mouse`: positions come from a window.
+    /// `mouse`, whose positions come from a window.
     Mouse,
-    /// `simulated[:SEED]`
+    /// `simulated[:SEED]`, a simulated eye.
     Simulated(u64),
 }
 
@@ -53,7 +53,7 @@ impl std::str::FromStr for Spec {
         let wrong = || TrackerError::Spec { name: text.into() };
         let address = |rest: &str, default: Option<u16>| -> Option<(String, u16)> {
             let rest = rest.strip_suffix('/').unwrap_or(rest);
-            // [::1]:50020 is an address of IPv6, whose colons are its own.
+            // [::1]:50020 is an IPv6 address, and the colons in brackets belong to it.
             let (host, port) = match rest.strip_prefix('[') {
                 Some(rest) => {
                     let (host, rest) = rest.split_once(']')?;
@@ -94,17 +94,17 @@ impl std::str::FromStr for Spec {
     }
 }
 
-/// What a source is opened with.
+/// The options of a source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Between the eye and the arrival of its sample, as far as the source cannot know it.
+    /// Delay between the eye and the arrival of its sample, as far as the source cannot measure it.
     pub latency: Duration,
-    /// A HID device with a layout of its own.
+    /// The description of a HID device with a layout of its own.
     pub device_file: Option<PathBuf>,
-    /// Recordings and the simulated eye in real time; else as fast as they are read, with the times that they would
-    /// have.
+    /// True for recordings and the simulated eye in real time. Otherwise they are as fast as they can be read, with the
+    /// times of real time.
     pub real_time: bool,
-    /// Samples a second of the simulated tracker.
+    /// Rate of the simulated tracker, samples per second.
     pub rate_hz: f64,
 }
 
@@ -114,11 +114,11 @@ impl Default for Options {
     }
 }
 
-/// Opens a source. One that has to wait for a device or a peer is opened all the same, and waits.
+/// Opens a source. A source that has to wait for a device or a peer is opened and waits.
 ///
 /// # Errors
-/// A file that cannot be used, an address that cannot be had, numbers whose unit is not known; [`TrackerError::Setting`] for the mouse, which a window
-/// has to open ([`pushed::mouse`](super::pushed::mouse)).
+/// A file or an address cannot be used, or the unit of numbers is unknown. The mouse gives [`TrackerError::Setting`],
+/// because a window has to open it ([`pushed::mouse`](super::pushed::mouse)).
 pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerError> {
     let latency_ns = u64::try_from(options.latency.as_nanos()).unwrap_or(u64::MAX);
     let file = options.device_file.as_deref().map(DeviceFile::load).transpose()?;
@@ -137,7 +137,7 @@ pub fn open(spec: &Spec, options: &Options) -> Result<Box<dyn Source>, TrackerEr
         Spec::Pupil { .. } => {
             return Err(TrackerError::Setting(reason!(
                 "no-trackers-feature",
-                "pupil:// needs a program that was built with the feature `trackers`"
+                "pupil:// needs a build with the feature `trackers`"
             )));
         }
         Spec::Udp { host, port } => Box::new(UdpSource::bind(host, *port, latency_ns)?),

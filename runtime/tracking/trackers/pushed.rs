@@ -1,37 +1,36 @@
-//! Samples that a program pushes: one that has a tracker of its own, or a window with a mouse.
+//! Receives samples that a program or a window with a mouse pushes.
 
 use super::clock::ForeignClock;
 use super::{About, Dropped, Event, Quantity, Reading, Sample, Source, TimeUnit, TrackerError, Unit, now_ns};
 use eyebox_base::mailbox::Mailbox;
 use std::time::Duration;
 
-/// Samples that wait; of more the newest are kept.
+/// Number of samples that wait. If there are more, the newest are kept.
 const KEPT: usize = 64;
-/// The longest that a sample may have been under way, as [`SampleSender::pupil`] is told.
+/// Largest age of a sample in [`SampleSender::pupil`].
 const OLDEST: Duration = Duration::from_secs(10);
 
-/// Where samples are pushed.
+/// The sending end, to which samples are pushed.
 #[derive(Debug, Clone)]
 pub struct SampleSender(Mailbox<Sample>);
 
 impl SampleSender {
-    /// Gives a sample, whose time is of the [steady clock](now_ns). A time ahead of the arrival, or 10 s behind it, is of
-    /// another clock (nanoseconds from any origin), and is placed by its arrivals.
+    /// Pushes a sample, whose time is of the [steady clock](now_ns). A time ahead of the arrival, or 10 s behind it,
+    /// belongs to another clock (nanoseconds from any origin), and is placed by its arrivals.
     pub fn push(&self, sample: Sample) {
         let now = now_ns();
-        // An arrival of another clock is this call.
+        // The arrival on another clock is the time of this call.
         let received_ns = if is_near(sample.received_ns, now) { sample.received_ns } else { now };
         self.0.push(Sample { received_ns, ..sample });
     }
 
-    /// The pupil was at a position in the pupil plane, metres (right, down), so long ago: 10 s at most. Where it is known, its
-    /// diameter, metres; a position that is not finite is a closed eye.
+    /// Pushes the position of the pupil in the pupil plane, meters (right, down), at `age` before now, at most 10 s.
+    /// `diameter` is in meters, if available. A position that is not finite is a closed eye.
     pub fn pupil(&self, position: [f64; 2], diameter: Option<f64>, age: Duration) {
         self.moving_pupil(position, None, diameter, age);
     }
 
-    /// The same of a tracker that tells how fast the pupil moves, metres a second (right, down); a velocity that is not finite is
-    /// none.
+    /// Pushes a pupil with its velocity, meters per second (right, down). A velocity that is not finite is dropped.
     pub fn moving_pupil(&self, position: [f64; 2], velocity: Option<[f64; 2]>, diameter: Option<f64>, age: Duration) {
         let now = now_ns();
         let age_ns = u64::try_from(age.min(OLDEST).as_nanos()).unwrap_or(0);
@@ -41,28 +40,28 @@ impl SampleSender {
     }
 }
 
-/// Where a window pushes the mouse's position.
+/// The window's end, to which it pushes the mouse's position.
 #[derive(Debug, Clone)]
 pub struct MouseHandle(SampleSender);
 
 impl MouseHandle {
-    /// The pupil is where the mouse points: metres in the pupil plane.
+    /// Pushes the position of the mouse as the pupil, meters in the pupil plane.
     pub fn push(&self, position: [f64; 2]) {
         self.0.pupil(position, None, Duration::ZERO);
     }
 
-    /// The mouse has left the window: the eye is closed.
+    /// Reports that the mouse has left the window, which counts as a closed eye.
     pub fn leave(&self) {
         self.push([f64::NAN; 2]);
     }
 }
 
-/// Whether a time is one of the same clock as an arrival.
+/// True if a time is of the same clock as an arrival.
 fn is_near(time_ns: u64, received_ns: u64) -> bool {
     received_ns.checked_sub(time_ns).is_some_and(|age| u128::from(age) <= OLDEST.as_nanos())
 }
 
-/// The other end: a tracker.
+/// The receiving end, which is a tracker.
 #[derive(Debug)]
 pub struct PushedSource {
     clock: ForeignClock,
@@ -71,12 +70,12 @@ pub struct PushedSource {
     kind: &'static str,
 }
 
-/// Both ends of a program's own tracker.
+/// Returns both ends of a program's own tracker.
 pub fn channel() -> (SampleSender, PushedSource) {
     named("the program's own tracker", "program")
 }
 
-/// A mouse: the window's end and the tracker's.
+/// Returns the window's end and the tracker's end of a mouse.
 pub fn mouse() -> (MouseHandle, PushedSource) {
     let (sender, source) = named("mouse", "mouse");
     (MouseHandle(sender), source)
@@ -97,7 +96,7 @@ impl Source for PushedSource {
         if let Some(event) = self.clock.event() {
             return Ok(Event::Note(format!("{}: {event}", self.name)));
         }
-        // Asked before: what was pushed last is not missed.
+        // The test comes first, so that the last pushed sample is not missed.
         let closed = self.samples.is_alone();
         match self.samples.take_within(if closed { Duration::ZERO } else { timeout }) {
             Some(mut sample) => {
@@ -107,7 +106,7 @@ impl Source for PushedSource {
                 }
                 Ok(Event::Sample(sample, None))
             }
-            // Whoever pushed is gone.
+            // The sender is gone.
             None if closed => Ok(Event::End),
             None => Ok(Event::Nothing),
         }
@@ -146,7 +145,8 @@ mod tests {
         assert_eq!(source.next(Duration::ZERO).unwrap(), Event::End);
     }
 
-    /// Samples of another clock, ahead or far behind, are placed by their arrivals; those of the steady clock stay as they are.
+    /// Samples of another clock, ahead or far behind, are placed by their arrivals. Samples of the steady clock do not
+    /// change.
     #[test]
     fn samples_of_another_clock_are_placed_by_their_arrivals() {
         let now = now_ns();

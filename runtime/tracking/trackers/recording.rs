@@ -1,6 +1,6 @@
-//! Recordings in the text format of hid-recorder, which people attach to bug reports.
+//! Reads recordings in the text format of hid-recorder, which people attach to bug reports.
 //!
-//! | line | what it says |
+//! | line | content |
 //! |---|---|
 //! | `R: LENGTH BYTE BYTE ...` | report descriptor, bytes in hexadecimal |
 //! | `N: NAME`, `P: PATH`, `I: BUS VENDOR PRODUCT` | the device |
@@ -8,7 +8,8 @@
 //! | `D: INDEX` | the lines from here on are of another device |
 //! | `# ...` | a remark |
 //!
-//! Replayed in real time, or as fast as it is read with the recorded times, through the decoder of live devices.
+//! A replay is in real time, or as fast as the file can be read with the recorded times. It uses the decoder of live
+//! devices.
 
 use super::hid::{Decoder, HidError, Layout};
 pub use super::source::Head;
@@ -27,42 +28,42 @@ const LONGEST: u64 = 256 << 20;
 const LONGEST_LINE: u64 = 256 << 10;
 const MOST_DEVICES: usize = 256;
 
-/// A recorded report.
+/// A report of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Recorded {
     /// Time since the recording's start, microseconds.
     pub time_us: u64,
-    /// Index of its device.
+    /// Index of the report's device.
     pub device: usize,
     /// The report, with its ID if it has one.
     pub report: Vec<u8>,
 }
 
-/// A recording.
+/// The devices and reports of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Recording {
-    /// Its devices.
+    /// The devices of the recording.
     pub devices: Vec<Head>,
-    /// Its reports, in their order.
+    /// The reports in their order.
     pub reports: Vec<Recorded>,
-    /// What a user should know about it, in sentences.
+    /// Notes for the user, in sentences.
     pub notes: Vec<String>,
 }
 
 impl Recording {
-    /// Reads a recording.
+    /// Reads a recording from a file.
     ///
     /// # Errors
-    /// [`TrackerError::File`], naming file and line.
+    /// [`TrackerError::File`] with file and line.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
         let open = read::lines(file, LONGEST).map_err(|e| TrackerError::file(file, e.to_string()))?;
         Self::read(open).map_err(|reason| TrackerError::file(file, reason))
     }
 
-    /// Reads the text of one.
+    /// Reads the text of a recording.
     ///
     /// # Errors
-    /// What is wrong, with its line.
+    /// The problem, with its line.
     pub fn read(text: impl BufRead) -> Result<Self, Reason> {
         let mut text = text.take(LONGEST);
         let mut recording = Self::default();
@@ -75,13 +76,13 @@ impl Recording {
                 break;
             }
             if got as u64 == LONGEST_LINE {
-                return Err(reason!("line-length", "line {number}: longer than {LONGEST_LINE} bytes: no recording"));
+                return Err(reason!("line-length", "line {number}: longer than {LONGEST_LINE} bytes, no recording"));
             }
             let whole = line.ends_with(b"\n");
             let line = String::from_utf8_lossy(&line);
             match recording.line(line.trim(), &mut device) {
                 Ok(()) => {}
-                // What recorded it was ended by force, or its disk was full.
+                // The recording program was killed, or its disk was full.
                 Err(_) if !whole && !recording.reports.is_empty() => {
                     recording.notes.push(format!("the recording is cut off in line {number}, which is left out"));
                 }
@@ -94,7 +95,7 @@ impl Recording {
         if recording.devices.iter().all(|d| d.descriptor.is_empty()) {
             return Err(reason!(
                 "no-descriptor",
-                "no report descriptor (a line that starts with 'R:'): no recording of hid-recorder"
+                "no report descriptor (a line that starts with 'R:'), so not a recording of hid-recorder"
             ));
         }
         Ok(recording)
@@ -103,7 +104,7 @@ impl Recording {
     fn line(&mut self, line: &str, device: &mut usize) -> Result<(), Reason> {
         let wrong = "expected a letter and a colon, as in 'R: 2 05 12'";
         let Some((tag, rest)) = line.split_once(':').filter(|(tag, _)| tag.len() == 1 && !line.starts_with('#')) else {
-            // People write between the lines; before the first device it is another kind of file.
+            // Other text may be between the lines. Before the first device it means another kind of file.
             let remark = line.is_empty() || line.starts_with('#') || !self.devices.is_empty();
             return if remark { Ok(()) } else { Err(Reason::new("not-a-recording", wrong)) };
         };
@@ -112,7 +113,7 @@ impl Recording {
             "D" => {
                 *device = rest.parse().map_err(|_| reason!("device-index", "D: expected the index of a device"))?;
                 if *device >= MOST_DEVICES {
-                    return Err(reason!("devices-count", "D: device {device}: {MOST_DEVICES} at most"));
+                    return Err(reason!("devices-count", "D: device {device}, but the limit is {MOST_DEVICES}"));
                 }
             }
             "R" => self.device(*device).descriptor = bytes(rest)?,
@@ -136,7 +137,7 @@ impl Recording {
                 let report = bytes(rest.trim())?;
                 self.reports.push(Recorded { time_us, device: *device, report });
             }
-            // Other letters are of later versions.
+            // Other letters belong to later versions.
             _ => {}
         }
         Ok(())
@@ -150,7 +151,7 @@ impl Recording {
     }
 }
 
-/// `LENGTH BYTE BYTE ...`, the length in decimal, bytes in hexadecimal.
+/// Reads `LENGTH BYTE BYTE ...`, with the length in decimal and bytes in hexadecimal.
 fn bytes(text: &str) -> Result<Vec<u8>, Reason> {
     let mut words = text.split_whitespace();
     let length: usize = words
@@ -163,11 +164,11 @@ fn bytes(text: &str) -> Result<Vec<u8>, Reason> {
     if bytes.len() == length {
         Ok(bytes)
     } else {
-        Err(reason!("report-length", "{} bytes where {length} are announced", bytes.len()))
+        Err(reason!("report-length", "{} bytes, but {length} are announced", bytes.len()))
     }
 }
 
-/// Exact, as a float would not be.
+/// Reads a time exactly, which a float would not do.
 fn microseconds(text: &str) -> Option<u64> {
     let (seconds, fraction) = text.split_once('.').unwrap_or((text, ""));
     if fraction.len() > 6 || !fraction.bytes().all(|b| b.is_ascii_digit()) {
@@ -181,7 +182,7 @@ fn microseconds(text: &str) -> Option<u64> {
 /// Writes the head of a recording.
 ///
 /// # Errors
-/// Those of `out`.
+/// The errors of `out`.
 pub fn write_head(out: &mut dyn Write, head: &Head) -> io::Result<()> {
     writeln!(out, "R: {} {}", head.descriptor.len(), hex(&head.descriptor))?;
     writeln!(out, "N: {}", head.name.replace(['\n', '\r'], " "))?;
@@ -190,10 +191,10 @@ pub fn write_head(out: &mut dyn Write, head: &Head) -> io::Result<()> {
     writeln!(out, "I: {bus:x} {vendor:04x} {product:04x}")
 }
 
-/// Writes one report.
+/// Writes one report of a recording.
 ///
 /// # Errors
-/// Those of `out`.
+/// The errors of `out`.
 pub fn write_report(out: &mut dyn Write, time_us: u64, report: &[u8]) -> io::Result<()> {
     writeln!(out, "E: {}.{:06} {} {}", time_us / 1_000_000, time_us % 1_000_000, report.len(), hex(report))
 }
@@ -202,13 +203,13 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect::<Vec<_>>().join(" ")
 }
 
-/// Replays a recording.
+/// Replays the reports of a recording.
 #[derive(Debug)]
 pub struct RecordingSource {
     name: String,
     head: Head,
     reports: std::vec::IntoIter<Recorded>,
-    /// When each report arrived, nanoseconds from the first.
+    /// Arrival of each report, nanoseconds from the first.
     arrivals: std::vec::IntoIter<u64>,
     decoder: Decoder,
     start_ns: u64,
@@ -218,11 +219,11 @@ pub struct RecordingSource {
 }
 
 impl RecordingSource {
-    /// Replays the first eye tracker of a recording; in `real_time` it takes as long as it took, else it is as fast as it
-    /// is read, with the recorded times counted from now.
+    /// Replays the first eye tracker of a recording. In `real_time` it takes as long as the recording took. Otherwise
+    /// it is as fast as it can be read, with the recorded times counted from now.
     ///
     /// # Errors
-    /// [`HidError::NotAnEyeTracker`], [`HidError::Descriptor`].
+    /// [`HidError::NotAnEyeTracker`] or [`HidError::Descriptor`] if no device can be used.
     pub fn new(
         recording: Recording,
         layout: Option<&Layout>,
@@ -245,7 +246,7 @@ impl RecordingSource {
             let times: Vec<i128> = reports.iter().map(|report| 1000 * i128::from(report.time_us)).collect();
             let (arrivals, sets) = timeline(&times);
             if sets > 0 {
-                notes.push(format!("its times were set {sets} times: there the recording goes on by its usual step"));
+                notes.push(format!("its clock was set {sets} times, and the replay continues with its usual step"));
             }
             return Ok(Self {
                 name: head.name.clone(),
@@ -315,7 +316,7 @@ mod tests {
         assert_eq!(recording.reports[1], Recorded { time_us: 6_500_000, device: 1, report: vec![] });
     }
 
-    /// Cut anywhere in its last line, as by a full disk: all lines before it are there, and it is said.
+    /// A file that is cut off in its last line, as by a full disk, keeps all lines before it and has a note.
     #[test]
     fn a_last_line_that_is_cut_off_is_left_out() {
         let whole = "R: 1 05\nE: 0.000100 2 01 fe\nE: 0.000200 2 03 04";

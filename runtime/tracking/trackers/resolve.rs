@@ -1,4 +1,4 @@
-//! Addresses of names, within a time: the system's resolver has none that a program can set.
+//! Resolves names to addresses within a time limit, which the system's resolver does not offer.
 
 use eyebox_base::reason;
 use std::io::{self, ErrorKind};
@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-/// Finds the addresses of `host`. A name that takes longer than `timeout` is left to a thread that nobody waits for.
+/// Finds the addresses of `host`. A name that takes longer than `timeout` is left to a detached thread.
 pub(super) fn resolve(host: &str, port: u16, timeout: Duration) -> io::Result<Vec<SocketAddr>> {
     let name = host.trim_start_matches('[').trim_end_matches(']');
     if let Ok(address) = name.parse::<IpAddr>() {
@@ -26,7 +26,7 @@ fn within<T: Send + 'static>(
     told.recv_timeout(timeout).unwrap_or_else(|_| {
         let reason = reason!(
             "name-not-resolved",
-            "its name was not resolved within {} s: give its address in numbers",
+            "its name was not resolved within {} s: use its numeric address",
             timeout.as_secs_f64()
         );
         Err(io::Error::new(ErrorKind::TimedOut, reason))

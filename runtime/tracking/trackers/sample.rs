@@ -1,24 +1,24 @@
-//! What every source gives: samples with a steady time.
+//! Defines samples with a steady time, which every source gives.
 
 use serde::{Deserialize, Serialize};
 
-/// What a position is measured in.
+/// The unit of a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Unit {
-    /// Metres.
+    /// A length in meters.
     Metres,
-    /// Radians.
+    /// An angle in radians.
     Radians,
     /// Shares of a picture's width and height, 0 to 1.
     Normalized,
-    /// Counts of the device, of unknown size: of use after a calibration only.
+    /// Counts of the device, of unknown size. They need a calibration.
     Counts,
 }
 
 impl Unit {
-    /// Returns how many of this unit make one of the unit in files ([`UnitText`]).
+    /// Returns the factor from the unit in files ([`UnitText`]) to this unit.
     pub(crate) fn of_stated(self) -> f64 {
         match self {
             Self::Metres => 1e-3,
@@ -28,7 +28,7 @@ impl Unit {
     }
 }
 
-/// How files state a unit.
+/// The unit of positions in files.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Unit", rename_all = "lowercase")]
 pub(crate) enum UnitText {
@@ -40,48 +40,49 @@ pub(crate) enum UnitText {
     Counts,
 }
 
-/// What a position tells.
+/// The quantity of a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Quantity {
-    /// Where the eye, or its pupil, is.
+    /// The place of the eye or of its pupil.
     #[default]
     Pupil,
-    /// Where the eye looks: a point on a screen, or a direction.
+    /// The gaze point on a screen, or the direction of the gaze.
     Gaze,
 }
 
-/// One measured position.
+/// One measured position of an eye.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reading {
-    /// What it tells.
+    /// The quantity of the position.
     pub quantity: Quantity,
-    /// What it is measured in.
+    /// The unit of the position.
     pub unit: Unit,
-    /// Along x and y of the tracker. Finite whenever `valid`.
+    /// Coordinates along x and y of the tracker. They are finite if `valid` is true.
     pub position: [f64; 2],
-    /// Along z, from sources that have it.
+    /// Coordinate along z, from sources that have it.
     pub distance: Option<f64>,
-    /// How fast the position moves, along x and y, in its unit a second, from sources that tell. Finite where it is there.
+    /// Velocity along x and y, in the unit per second, from sources that report it. It is finite if it exists.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity: Option<[f64; 2]>,
-    /// Diameter of the pupil, metres.
+    /// Diameter of the pupil, meters.
     pub diameter: Option<f64>,
-    /// Whether the source stands by it: in range, finite, flagged as seen.
+    /// True if the source marks the reading as valid, it is in range and it is finite.
     pub valid: bool,
-    /// 0 to 1; 1 from sources that have no such thing.
+    /// Confidence from 0 to 1. It is 1 from sources without a confidence.
     pub confidence: f64,
 }
 
 impl Reading {
-    /// A valid reading with full confidence.
+    /// Creates a valid reading with full confidence.
     pub fn new(quantity: Quantity, unit: Unit, position: [f64; 2]) -> Self {
         let (distance, velocity, diameter) = (None, None, None);
         Self { quantity, unit, position, distance, velocity, diameter, valid: true, confidence: 1.0 }.checked()
     }
 
-    /// The same, invalid where a number is not finite or the confidence is none; an impossible diameter or velocity is dropped.
+    /// The reading, marked invalid if a number is not finite or the confidence is out of range. An impossible diameter
+    /// or velocity is dropped.
     #[must_use]
     pub fn checked(mut self) -> Self {
         self.valid &= self.position.iter().all(|p| p.is_finite()) && self.distance.is_none_or(f64::is_finite);
@@ -92,7 +93,7 @@ impl Reading {
         self.diameter = self.diameter.filter(|d| d.is_finite() && *d > 0.0);
         self.velocity = self.velocity.filter(|v| self.valid && v.iter().all(|v| v.is_finite()));
         if !self.valid {
-            // Nothing downstream may compute with what is not a number.
+            // No later stage may compute with a NaN.
             self.position = self.position.map(|p| if p.is_finite() { p } else { 0.0 });
             self.distance = self.distance.filter(|d| d.is_finite());
         }
@@ -100,41 +101,41 @@ impl Reading {
     }
 }
 
-/// What a tracker said at one time. Absent readings are those that the source does not have.
+/// The data of a tracker at one time. Readings that the source does not have are absent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Sample {
-    /// When the eye was as the sample says: nanoseconds of the [steady clock](super::now_ns), the source's latency
-    /// taken off.
+    /// Time at which the eye was as in the sample, nanoseconds of the [steady clock](super::now_ns), minus the source's
+    /// latency.
     pub time_ns: u64,
-    /// When the sample arrived, on the same clock.
+    /// Arrival of the sample on the same clock, nanoseconds.
     pub received_ns: u64,
     /// The tracker's own time, nanoseconds of a clock of its own, which may begin anywhere.
     pub tracker_ns: Option<i64>,
-    /// The left eye.
+    /// Reading of the left eye.
     pub left: Option<Reading>,
-    /// The right eye.
+    /// Reading of the right eye.
     pub right: Option<Reading>,
-    /// Of both eyes, or of one without a name.
+    /// Reading of both eyes, or of one eye without a name.
     pub combined: Option<Reading>,
-    /// What the eyes focus at, dioptres (1 / metres), from sources that measure it.
+    /// Focus of the eyes, dioptres (1 / meters), from sources that measure it.
     pub focus_dioptres: Option<f64>,
 }
 
 impl Sample {
-    /// A sample without readings, seen as it arrived.
+    /// A sample without readings, whose time is its arrival.
     pub fn empty(received_ns: u64) -> Self {
         let (tracker_ns, left, right, combined, focus_dioptres) = (None, None, None, None, None);
         Self { time_ns: received_ns, received_ns, tracker_ns, left, right, combined, focus_dioptres }
     }
 
-    /// Left, right, combined: those that there are.
+    /// The existing readings of left, right and combined, with their names.
     pub fn readings(&self) -> impl Iterator<Item = (&'static str, &Reading)> {
         [("left", &self.left), ("right", &self.right), ("combined", &self.combined)]
             .into_iter()
             .filter_map(|(name, reading)| Some((name, reading.as_ref()?)))
     }
 
-    /// Whether any reading is valid.
+    /// True if any reading is valid.
     pub fn valid(&self) -> bool {
         self.readings().any(|(_, r)| r.valid)
     }

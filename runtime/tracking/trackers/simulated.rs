@@ -1,10 +1,10 @@
-//! A simulated eye before a simulated tracker, for development and tests: what it does is known at every time.
+//! Simulates an eye and its tracker for development and tests, with a known truth at every time.
 //!
-//! The eye fixates, drifts and trembles, jumps by saccades whose duration follows the main sequence (Carpenter 1988:
-//! 21 ms + 2.2 ms a degree) with some scatter and a speed that peaks early, follows smoothly, blinks, and changes the
-//! size of its pupil. The tracker samples it at a rate, with noise and delay; it loses it while the lid is down, and is
-//! led astray while the lid moves. One seed, one eye. The numbers come from `fastrand`, because another generator would make
-//! another eye of each seed.
+//! The eye fixates, drifts and trembles. It jumps by saccades whose duration follows the main sequence (Carpenter 1988:
+//! 21 ms + 2.2 ms per degree) with some scatter and a speed that peaks early. It follows smoothly, blinks, and changes
+//! the size of its pupil. The tracker samples it at a rate, with noise and delay. The tracker loses it while the lid is
+//! down, and is wrong while the lid moves. One seed gives one eye. The numbers come from `fastrand`, because another
+//! generator would give each seed another eye.
 
 use super::source::{end_of, wait_for};
 use super::{About, Event, Quantity, Reading, Sample, Source, TrackerError, Unit, now_ns};
@@ -15,30 +15,30 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-/// How the eye behaves and what the tracker makes of it.
+/// The behavior of the eye and the errors of its tracker.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// One seed, one eye, one noise.
+    /// Seed of the eye and of the noise.
     pub seed: u64,
-    /// Samples a second.
+    /// Rate of the tracker, samples per second.
     pub rate_hz: f64,
-    /// Between the eye and the arrival of its sample, seconds.
+    /// Delay between the eye and the arrival of its sample, seconds.
     pub delay: f64,
-    /// The delay varies by as much, seconds.
+    /// Variation of the delay, seconds.
     pub jitter: f64,
-    /// Standard deviation of each measured coordinate, metres.
+    /// Standard deviation of each measured coordinate, meters.
     pub noise: f64,
-    /// Fixations last so long, shortest and longest, seconds.
+    /// Shortest and longest duration of a fixation, seconds.
     pub fixation: [f64; 2],
     /// Share of fixations that become a pursuit.
     pub pursuit: f64,
-    /// Blinks a minute.
+    /// Rate of blinks, per minute.
     pub blinks: f64,
-    /// How long the lid is down, shortest and longest, seconds.
+    /// Shortest and longest time for which the lid is down, seconds.
     pub blink: [f64; 2],
-    /// The eye looks so far to the side and up, radians.
+    /// Largest direction of the eye to the side and up, radians.
     pub field: [f64; 2],
-    /// From the centre of rotation to the pupil, metres.
+    /// Distance from the center of rotation to the pupil, meters.
     pub radius: f64,
 }
 
@@ -60,21 +60,21 @@ impl Default for Settings {
     }
 }
 
-/// What the eye is doing.
+/// The current movement of the eye.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Doing {
-    /// It rests, but for drift and tremor.
+    /// The eye rests, except for drift and tremor.
     Fixation,
-    /// It follows something.
+    /// The eye follows something.
     Pursuit,
-    /// It jumps.
+    /// The eye makes a saccade.
     Saccade {
-        /// When the jump began, nanoseconds.
+        /// Start of the saccade, nanoseconds.
         began_ns: u64,
-        /// When it ends.
+        /// End of the saccade, nanoseconds.
         lands_ns: u64,
-        /// Where it ends, metres.
+        /// Place of its end, meters.
         landing: [f64; 2],
     },
 }
@@ -82,13 +82,13 @@ pub enum Doing {
 /// The eye at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
-    /// Centre of the pupil in the pupil plane, metres.
+    /// Center of the pupil in the pupil plane, meters.
     pub position: [f64; 2],
-    /// Its diameter, metres.
+    /// Diameter of the pupil, meters.
     pub diameter: f64,
-    /// How far the lid is open, 0 to 1.
+    /// Opening of the lid, 0 to 1.
     pub lid: f64,
-    /// What it does.
+    /// The current movement of the eye.
     pub doing: Doing,
 }
 
@@ -99,7 +99,7 @@ enum Move {
     Jump { early: f64 },
 }
 
-/// From one direction to another, radians.
+/// A movement from one direction to another, radians.
 #[derive(Debug, Clone, Copy)]
 struct Segment {
     start_ns: u64,
@@ -109,20 +109,20 @@ struct Segment {
     kind: Move,
 }
 
-/// Movements and blinks that are remembered.
+/// Number of movements and blinks that are stored.
 const REMEMBERED: usize = 64;
 const LID_MOVES: f64 = 0.06;
 
-/// A simulated eye. Time may run back a little (some ten seconds), for the truth at a time that has passed.
+/// A simulated eye. Times may run back a little (some ten seconds), to get the truth at an earlier time.
 #[derive(Debug, Clone)]
 pub struct Eye {
     settings: Settings,
     rng: Rng,
     segments: VecDeque<Segment>,
-    /// Lid begins to close, lid is open again.
+    /// The times at which the lid begins to close and at which it is open again, nanoseconds.
     blinks: VecDeque<[u64; 2]>,
     blink_rng: Rng,
-    /// (amplitude in radians, hertz, phase) of x, y.
+    /// Amplitude (radians), frequency (hertz) and phase of the waves of x and y.
     wander: [[[f64; 3]; 5]; 2],
     breath: [[f64; 3]; 3],
 }
@@ -202,7 +202,7 @@ impl Eye {
         Truth { position: self.place([at(0), at(1)], time_ns), diameter, lid, doing }
     }
 
-    /// A direction as a place in the pupil plane, with drift and tremor.
+    /// The place of a direction in the pupil plane, with drift and tremor.
     fn place(&self, direction: [f64; 2], time_ns: u64) -> [f64; 2] {
         let t = time_ns as f64 * 1e-9;
         [0, 1].map(|i| self.settings.radius * (direction[i] + waves(&self.wander[i], t)).sin())
@@ -218,7 +218,8 @@ impl Eye {
         let inside = |to: [f64; 2]| (0..2).all(|i| to[i].abs() <= field[i]);
         let (kind, to, lasts) = match last.kind {
             Move::Rest if self.rng.f64() < self.settings.pursuit => {
-                // 3 to 15 degrees a second, for half a second to one and a half, turned inwards at the edge.
+                // The pursuit has 3 to 15 degrees per second, for half a second to one and a half, turned inwards at
+                // the edge.
                 let (speed, angle) = (self.between([3.0, 15.0]).to_radians(), TAU * self.rng.f64());
                 let mut lasts = self.between([0.5, 1.5]);
                 let mut step = [angle.cos() * speed, angle.sin() * speed];
@@ -285,7 +286,7 @@ fn lid([close, open]: [u64; 2], time: u64) -> f64 {
     (1.0 - edge / LID_MOVES).max(0.0)
 }
 
-/// The simulated eye before its tracker.
+/// The simulated eye with its tracker.
 #[derive(Debug)]
 pub struct SimulatedSource {
     eye: Eye,
@@ -298,18 +299,18 @@ pub struct SimulatedSource {
 }
 
 impl SimulatedSource {
-    /// Starts now; in `real_time` samples come when they would, else as fast as they are asked for.
+    /// Starts now. In `real_time` samples arrive at their times, otherwise as fast as they are requested.
     ///
     /// # Errors
-    /// [`TrackerError::Setting`] where a setting is out of its range.
+    /// [`TrackerError::Setting`] if a setting is out of its range.
     pub fn new(settings: Settings, real_time: bool) -> Result<Self, TrackerError> {
         Self::starting(settings, real_time, now_ns())
     }
 
-    /// As [`new`](Self::new), starting at a time of a clock of one's own.
+    /// Starts like [`new`](Self::new), at a time of the caller's own clock.
     ///
     /// # Errors
-    /// [`TrackerError::Setting`].
+    /// [`TrackerError::Setting`] if a setting is out of its range.
     pub fn starting(settings: Settings, real_time: bool, start_ns: u64) -> Result<Self, TrackerError> {
         let wrong = |text: &str| Err(TrackerError::Setting(reason!("simulated", "the simulated eye: {text}")));
         if !(1.0..=20_000.0).contains(&settings.rate_hz) {
@@ -325,7 +326,7 @@ impl SimulatedSource {
         Ok(Self { eye, settings, noise, start_ns, count: 0, waiting: None, real_time })
     }
 
-    /// The eye itself: what is true at a time.
+    /// The true eye at a time.
     pub fn truth(&mut self, time_ns: u64) -> Truth {
         self.eye.at(time_ns)
     }
@@ -344,7 +345,7 @@ impl SimulatedSource {
         sample.time_ns = time_ns;
         sample.tracker_ns = i64::try_from(time_ns - self.start_ns).ok();
         let mut eye = || {
-            // Half covered, the pupil's visible part has its centre lower down.
+            // The visible part of a half-covered pupil has its center lower down.
             let covered = 1.0 - truth.lid;
             let position = [0, 1].map(|i| truth.position[i] + self.settings.noise * self.gauss());
             let mut reading =

@@ -1,4 +1,4 @@
-//! What a tracker is to the rest: a source of samples.
+//! Defines a tracker as a source of samples.
 
 use super::{Sample, TrackerError, now_ns};
 use serde::Serialize;
@@ -7,43 +7,43 @@ use std::time::Duration;
 /// A device of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Head {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
-    /// Where it was plugged in.
+    /// Path at which it was plugged in.
     pub path: String,
-    /// Bus, vendor, product.
+    /// Numbers of bus, vendor and product.
     pub id: [u16; 3],
-    /// Its report descriptor.
+    /// Report descriptor of the device.
     pub descriptor: Vec<u8>,
 }
 
-/// What a source is and can do.
+/// The description of a source.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct About {
-    /// Its name.
+    /// Name of the source.
     pub name: String,
-    /// How it is reached: `hid`, `recording`, `network`, `mouse`, `program`, `simulated`.
+    /// Kind of the source, which is `hid`, `recording`, `network`, `mouse`, `program` or `simulated`.
     pub kind: &'static str,
-    /// Samples a second, where it says so.
+    /// Samples per second, if the source reports the rate.
     pub rate_hz: Option<f64>,
-    /// What is known besides, for people.
+    /// Further notes for the user.
     pub notes: Vec<String>,
 }
 
-/// What a source dropped so far, by reason.
+/// Numbers of dropped data of a source, by reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[non_exhaustive]
 pub struct Dropped {
     /// Messages and lines that cannot be read.
     pub messages: u64,
-    /// Pupil diameters outside of 0.5 to 12 mm: their samples are kept without them.
+    /// Pupil diameters outside of 0.5 to 12 mm. Their samples are kept without them.
     pub diameters: u64,
-    /// How often the tracker's clock was set.
+    /// Number of times that the tracker's clock was set.
     pub clock_sets: u64,
 }
 
 impl Dropped {
-    /// The sum of both.
+    /// The sum of both numbers, by reason.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             messages: self.messages + other.messages,
@@ -53,22 +53,22 @@ impl Dropped {
     }
 }
 
-/// What a source answers when it is asked for the next sample.
-// Nearly all of them are samples: in a box each would cost an allocation.
+/// The answer of a source to a request for the next sample.
+// Nearly all events are samples, and a box would cost an allocation for each.
 #[allow(clippy::large_enum_variant)]
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
-    /// A sample; with it the report that it came in, where the source has such a thing.
+    /// A sample, with the report that it came in if the source has reports.
     Sample(Sample, Option<Box<[u8]>>),
-    /// Nothing within the time given.
+    /// No sample arrived within the time limit.
     Nothing,
-    /// Something happened that a person wants to read: a device came, went, or fell silent. Ask again.
+    /// A note for the user, such as a device that came, went, or fell silent. Ask again.
     Note(String),
-    /// The source is at its end: a recording.
+    /// The source has ended, as a recording does.
     End,
 }
 
-/// Counts messages that cannot be read, and makes a note of one per second at most.
+/// Counts messages that cannot be read, and makes at most one note per second.
 #[derive(Debug, Default)]
 pub(super) struct Complaints {
     pub count: u64,
@@ -83,11 +83,11 @@ impl Complaints {
             return None;
         }
         self.said_ns = Some(now);
-        Some(Event::Note(format!("{name}: {what} ({} dropped so far)", self.count)))
+        Some(Event::Note(format!("{name}: {what} ({} dropped)", self.count)))
     }
 }
 
-/// Makes a note of a text, unless it is the last one, `said`.
+/// Makes a note of a text, unless it equals the last one, `said`.
 pub(super) fn news(said: &mut String, text: String) -> Option<Event> {
     (*said != text).then(|| {
         said.clone_from(&text);
@@ -100,39 +100,39 @@ pub(super) fn end_of(timeout: Duration) -> u64 {
     now_ns().saturating_add(u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Sleeps until `due_ns`, or until `until_ns` if that is earlier. Returns whether `due_ns` has come.
+/// Sleeps until `due_ns`, or until `until_ns` if that is earlier. Returns true if `due_ns` has come.
 pub(super) fn wait_for(due_ns: u64, until_ns: u64) -> bool {
     std::thread::sleep(Duration::from_nanos(due_ns.min(until_ns).saturating_sub(now_ns())));
     due_ns <= until_ns
 }
 
-/// A tracker.
+/// A tracker that gives samples.
 pub trait Source: Send {
-    /// What it is and can do, as far as it is known by now.
+    /// The current description of the source.
     fn about(&self) -> About;
 
-    /// Waits for the next sample, `timeout` at most.
+    /// Waits at most `timeout` for the next sample.
     ///
-    /// What passes by itself (a device pulled out, a peer that is silent, a message that makes no sense) is no error:
-    /// the source goes on trying, and says so in a note.
+    /// Temporary problems (an unplugged device, a silent peer, an invalid message) are not errors. The source continues
+    /// and reports them in a note.
     ///
     /// # Errors
-    /// What no waiting mends.
+    /// A problem that waiting does not solve.
     fn next(&mut self, timeout: Duration) -> Result<Event, TrackerError>;
 
-    /// What it dropped so far.
+    /// Numbers of dropped data.
     fn dropped(&self) -> Dropped {
         Dropped::default()
     }
 
-    /// The head of a recording of this source in the format of hid-recorder, once it is known; `None` from sources
-    /// without reports.
+    /// The head of a recording of this source in the format of hid-recorder, once it is available. It is `None` for
+    /// sources without reports.
     fn recording_head(&self) -> Option<Head> {
         None
     }
 
-    /// The name of the tracker that the samples come from: the device's, or an address. `None` from sources that do not state it,
-    /// such as recorded lines and programs, and before a device was found.
+    /// The name of the tracker that the samples come from, which is a device's name or an address. It is `None` for
+    /// sources that do not state it, such as recorded lines and programs, and before a device was found.
     fn tracker(&self) -> Option<String> {
         let (head, about) = (self.recording_head(), self.about());
         let states = matches!(about.kind, "network" | "simulated");

@@ -1,7 +1,7 @@
-//! A source on a thread of its own.
+//! Runs a source on a thread of its own.
 //!
-//! The thread reads as fast as the source gives and never waits for who reads here: a mailbox holds the newest
-//! samples, and older ones make room. So memory stays flat when a tracker floods or a reader sleeps.
+//! The thread reads as fast as the source gives and never waits for its reader. A mailbox holds the newest samples and
+//! drops older ones. Memory therefore stays constant if a tracker floods or a reader sleeps.
 
 use super::guard::Guard;
 use super::recording::Head;
@@ -13,28 +13,28 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Samples kept for a slow reader: a quarter of a second at 1 kHz.
+/// Number of samples that are kept for a slow reader. It is a quarter of a second at 1 kHz.
 const KEPT: usize = 256;
 const NOTES_KEPT: usize = 32;
-/// How long the thread waits in the source before it looks whether it should stop.
+/// Time that the thread waits in the source between checks for a stop.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// How a stream is doing.
+/// The state of a stream.
 #[derive(Debug, Clone, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Status {
-    /// Samples that arrived.
+    /// Number of samples that arrived.
     pub samples: u64,
-    /// Of these, dropped because the reader was slower than 256 samples.
+    /// Number of these that were dropped because the reader was slower than 256 samples.
     pub dropped: u64,
-    /// What the source itself dropped.
+    /// Data that the source itself dropped.
     pub source: Dropped,
-    /// Whether the source is at its end or failed for good.
+    /// True if the source has ended or failed permanently.
     pub ended: bool,
-    /// The failure.
+    /// The text of the failure.
     pub failure: Option<String>,
 }
 
-/// State of a source.
+/// The known state of a source.
 #[derive(Default)]
 struct Known {
     status: Status,
@@ -49,7 +49,7 @@ impl Known {
     }
 }
 
-/// A source's description, head of a recording and name.
+/// The description of a source, the head of a recording, and its name.
 type Look = (About, Option<Head>, Option<String>);
 
 fn look(source: &dyn Source) -> Look {
@@ -71,7 +71,7 @@ impl Shared {
 /// A sample with the report that it came in.
 pub type Arrival = (Sample, Option<Box<[u8]>>);
 
-/// A running source; dropped, it stops.
+/// A running source. It stops when it is dropped.
 pub struct Stream {
     samples: Mailbox<Arrival>,
     notes: Mailbox<String>,
@@ -83,7 +83,7 @@ impl Stream {
     /// Starts `source` on a thread.
     ///
     /// # Errors
-    /// [`TrackerError::Setting`] where the system gives no thread.
+    /// [`TrackerError::Setting`] if the system gives no thread.
     pub fn start(source: Box<dyn Source>) -> Result<Self, TrackerError> {
         let (samples, notes) = (Mailbox::new(KEPT), Mailbox::new(NOTES_KEPT));
         let shared = Arc::new(Shared::default());
@@ -95,43 +95,43 @@ impl Stream {
         Ok(Self { samples, notes, shared, thread: Some(thread) })
     }
 
-    /// Waits for the next sample, `timeout` at most; `None` where there was none, or the source has ended.
+    /// Waits at most `timeout` for the next sample. It is `None` if there was none, or the source has ended.
     pub fn next(&self, timeout: Duration) -> Option<Sample> {
         self.next_with_report(timeout).map(|(sample, _)| sample)
     }
 
-    /// As [`next`](Self::next), with the report that the sample came in.
+    /// Waits as in [`next`](Self::next). Returns the sample with the report that it came in.
     pub fn next_with_report(&self, timeout: Duration) -> Option<Arrival> {
         self.samples.take_within(timeout)
     }
 
     /// All samples that have arrived, the oldest first, without waiting.
     pub fn arrived(&self) -> impl Iterator<Item = Sample> + '_ {
-        // No more than are kept, so that a flood does not keep the reader here.
+        // No more samples than the mailbox keeps, so that a flood does not hold the reader here.
         std::iter::from_fn(|| self.samples.take()).take(KEPT).map(|(sample, _)| sample)
     }
 
-    /// A line that the source said, if there is one.
+    /// The next note of the source, if there is one.
     pub fn note(&self) -> Option<String> {
         self.notes.take()
     }
 
-    /// What the source says of itself.
+    /// The description of the source, if it is available.
     pub fn about(&self) -> Option<About> {
         self.shared.known().about.clone()
     }
 
-    /// The head of a recording of the source, once it is known; `None` from sources without reports.
+    /// The head of a recording of the source, once it is available. It is `None` from sources without reports.
     pub fn recording_head(&self) -> Option<Head> {
         self.shared.known().head.clone()
     }
 
-    /// The name of the tracker, once it is known ([`Source::tracker`]).
+    /// The name of the tracker, once it is available ([`Source::tracker`]).
     pub fn tracker(&self) -> Option<String> {
         self.shared.known().tracker.clone()
     }
 
-    /// Returns its state. If the source has ended, an empty mailbox stays empty.
+    /// Returns the state of the stream. If the source has ended, an empty mailbox stays empty.
     pub fn status(&self) -> Status {
         self.shared.known().status.clone()
     }
@@ -149,7 +149,7 @@ impl Drop for Stream {
 fn run(source: Box<dyn Source>, samples: &Mailbox<Arrival>, notes: &Mailbox<String>, shared: &Shared) {
     // A program's own source may measure in another unit as well.
     let mut source = Guard::new(source);
-    // A source may wait, and may ask for its own state: it is never called under the lock.
+    // A source may wait and may read its own state, so it is never called under the lock.
     let seen = look(&source);
     shared.known().take(seen);
     while !shared.stop.load(Ordering::Relaxed) {

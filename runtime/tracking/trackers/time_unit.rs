@@ -1,29 +1,29 @@
-//! The unit that a foreign clock counts in, by its rate, and the timeline of a recording.
+//! Finds the unit of a foreign clock by its rate, and the timeline of a recording.
 
 use serde::{Deserialize, Serialize};
 
 /// A unit of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum TimeUnit {
-    /// Seconds.
+    /// Unit `s`, which is a second.
     #[serde(rename = "s")]
     Seconds,
-    /// Milliseconds.
+    /// Unit `ms`, a thousandth of a second.
     #[serde(rename = "ms")]
     Milliseconds,
-    /// Microseconds.
+    /// Unit `us`, a millionth of a second.
     #[serde(rename = "us")]
     Microseconds,
-    /// Nanoseconds.
+    /// Unit `ns`, a billionth of a second.
     #[serde(rename = "ns")]
     Nanoseconds,
 }
 
 impl TimeUnit {
-    /// All of them, each 1000 times as long as the next.
+    /// All units, each 1000 times as long as the next.
     pub const ALL: [Self; 4] = [Self::Seconds, Self::Milliseconds, Self::Microseconds, Self::Nanoseconds];
 
-    /// How many of this unit make a second.
+    /// Number of these units per second.
     pub fn per_second(self) -> i128 {
         1000i128.pow(self as u32)
     }
@@ -35,21 +35,22 @@ impl std::fmt::Display for TimeUnit {
     }
 }
 
-/// The clock and the arrivals are compared over this time, first and later.
+/// The clock and the arrivals are compared over this time, at first and later.
 const FIRST_NS: u64 = 100_000_000;
 const LATER_NS: u64 = 1_000_000_000;
-/// The rate agrees with a unit within this factor, first and later: the first arrivals may be 50 ms late.
+/// The rate must agree with a unit within this factor, at first and later. The first arrivals may be 50 ms late.
 const FIRST_FACTOR: f64 = 4.0;
 const LATER_FACTOR: f64 = 1.5;
-/// Comparisons in a row that disagree before the unit is given up.
+/// Number of consecutive disagreements after which the unit is dropped.
 const AGAINST: u32 = 3;
 
-/// What a comparison of clock and arrivals shows.
+/// The result of a comparison of clock and arrivals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Evidence {
-    /// The clock counts in this unit; whether that was another before, and whether it is the one that was expected.
+    /// The clock counts in this unit. `changed` is true if it was another unit before, and `expected` if it is the
+    /// expected one.
     Unit { unit: TimeUnit, changed: bool, expected: bool },
-    /// The clock counts in no unit of time, but this much per second.
+    /// The clock counts in no unit of time, but advances this much per second.
     None(f64),
 }
 
@@ -58,9 +59,9 @@ pub(super) enum Evidence {
 pub(super) struct UnitFinder {
     unit: TimeUnit,
     stated: bool,
-    /// Whether the rate was compared and agreed, or the unit is stated.
+    /// True if the rate was compared and agreed, or the unit is stated.
     certain: bool,
-    /// Where the comparison began: clock, arrival.
+    /// Start of the comparison, as clock and arrival.
     begun: Option<(i128, u64)>,
     against: u32,
     hopeless: bool,
@@ -76,7 +77,7 @@ impl UnitFinder {
         Self { unit, stated: true, certain: true, ..Self::new() }
     }
 
-    /// Uses a stated unit: whether it is news.
+    /// Uses a stated unit. Returns true if it differs from before.
     pub(super) fn state(&mut self, unit: TimeUnit) -> bool {
         let news = !self.stated || self.unit != unit;
         if news {
@@ -85,23 +86,23 @@ impl UnitFinder {
         news
     }
 
-    /// A time, nanoseconds if the clock counted seconds, in true nanoseconds.
+    /// Converts a time to true nanoseconds. `expected_ns` is in nanoseconds if the clock counts seconds.
     pub(super) fn scaled(&self, expected_ns: i128) -> i128 {
         let by = self.unit.per_second();
         (expected_ns + by.signum() * (by / 2) * expected_ns.signum()) / by
     }
 
-    /// Whether times may be used.
+    /// True if times may be used.
     pub(super) fn is_certain(&self) -> bool {
         self.certain && !self.hopeless
     }
 
-    /// Takes a time, nanoseconds if the clock counted seconds, and its arrival.
+    /// Adds a time and its arrival. `expected_ns` is in nanoseconds if the clock counts seconds.
     pub(super) fn observe(&mut self, expected_ns: i128, received_ns: u64) -> Option<Evidence> {
         let (began, since) = *self.begun.get_or_insert((expected_ns, received_ns));
         let (counted, passed) = (expected_ns - began, received_ns.saturating_sub(since));
         if counted < 0 || received_ns < since {
-            // The clock was set: the comparison begins again.
+            // The clock was set, so the comparison starts again.
             self.begun = Some((expected_ns, received_ns));
             return None;
         }
@@ -139,17 +140,17 @@ impl UnitFinder {
     }
 }
 
-/// Steps of a clock between samples of 3 Hz to 3 kHz are one unit's and no other's, in it.
+/// Seconds between samples of 3 kHz and of 3 Hz. Steps in this range fit one unit only.
 const STEPS_S: [f64; 2] = [1.0 / 3000.0, 1.0 / 3.0];
-/// With fewer steps, times are the documented seconds unless they cannot be.
+/// With fewer steps, times are the documented seconds unless that is impossible.
 const FEW_STEPS: usize = 8;
-/// Steps of so many milliseconds are of a tracker of 700 Hz to 3 kHz, or, as seconds, of a slow one.
+/// In this range, milliseconds per step fit a tracker of 700 Hz to 3 kHz, and seconds per step fit a slow one.
 const AMBIGUOUS: [f64; 2] = [1.0 / 3.0, 1.5];
 
-/// The unit of times that nobody states, by the step that is usual from one to the next.
+/// The unit of times that nobody states, by the usual step between them.
 ///
 /// # Errors
-/// The usual step, where several units or none make a plausible tracker of it.
+/// The usual step, if no unit or several units give a plausible tracker.
 pub(super) fn unit_of_steps(times: &[f64]) -> Result<TimeUnit, f64> {
     let Some((usual, count)) = usual_step(times) else { return Ok(TimeUnit::Seconds) };
     if count < FEW_STEPS && usual <= 1.0 {
@@ -165,19 +166,20 @@ pub(super) fn unit_of_steps(times: &[f64]) -> Result<TimeUnit, f64> {
     TimeUnit::ALL.into_iter().find(plausible).ok_or(usual)
 }
 
-/// The median of the steps forward, and how many there are.
+/// The median of the steps forward, and their number.
 fn usual_step(times: &[f64]) -> Option<(f64, usize)> {
     let mut steps: Vec<f64> = times.windows(2).map(|t| t[1] - t[0]).filter(|step| *step > 0.0).collect();
     steps.sort_by(f64::total_cmp);
     Some((*steps.get(steps.len() / 2)?, steps.len()))
 }
 
-/// A step back beyond this is a clock that was set, and no sample out of order; a step forward beyond that, too.
+/// A step back beyond this is a clock that was set, not a sample out of order. A step forward beyond `SET_FORWARD_NS`
+/// is one, too.
 const SET_BACK_NS: i128 = 250_000_000;
 const SET_FORWARD_NS: i128 = 600_000_000_000;
 
-/// One timeline of recorded times (nanoseconds), from 0 on, and how often the clock was set. It goes on by the usual step
-/// where the clock was set.
+/// The timeline of recorded times (nanoseconds) from 0 on, and the number of changes of the clock. It advances by the
+/// usual step at each change.
 pub(super) fn timeline(times: &[i128]) -> (Vec<u64>, u64) {
     let seconds: Vec<f64> = times.iter().map(|t| (t - times[0]) as f64 * 1e-9).collect();
     let usual_ns = usual_step(&seconds).map_or(0, |(step, _)| (step * 1e9).round() as i128).min(SET_FORWARD_NS);

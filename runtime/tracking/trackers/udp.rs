@@ -1,8 +1,8 @@
-//! [Lines](super::line) of JSON in UDP datagrams: a tracker that anyone can write.
+//! Receives [lines](super::line) of JSON in UDP datagrams, so that anyone can write a tracker.
 //!
-//! The socket listens at the address that it was told, loopback by default, so that nobody else reaches it. One sender
-//! is heard at a time: the first, until it has been silent for two seconds. A datagram carries one line or a few, 2048
-//! bytes at most; what makes no sense is counted, said once a second at most, and dropped.
+//! The socket listens at the given address, by default loopback, so that no other machine reaches it. It receives from
+//! one sender at a time, which is the first until it has been silent for two seconds. A datagram carries one line or a
+//! few, 2048 bytes at most. Invalid lines are counted and dropped, with at most one note per second.
 
 use super::clock::{ClockEvent, ForeignClock};
 use super::guard::Units;
@@ -17,7 +17,7 @@ use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
 const MOST_LINES: usize = 16;
-/// The longest that a name may take to be resolved.
+/// Longest time for the resolution of a name.
 const RESOLVED: Duration = Duration::from_secs(5);
 const SILENT_NS: u64 = 2_000_000_000;
 
@@ -27,11 +27,11 @@ pub struct UdpSource {
     socket: UdpSocket,
     address: String,
     latency_ns: u64,
-    /// Who is heard, and when last.
+    /// The current sender and its last arrival.
     sender: Option<(SocketAddr, u64)>,
     clock: ForeignClock,
     units: Units,
-    /// How often the clocks of earlier senders were set.
+    /// Number of times that the clocks of earlier senders were set.
     sets: u64,
     waiting: VecDeque<Sample>,
     notes: VecDeque<String>,
@@ -43,7 +43,7 @@ impl UdpSource {
     /// Listens at an address of this machine.
     ///
     /// # Errors
-    /// [`TrackerError::Network`]: no such address, or the port is taken.
+    /// [`TrackerError::Network`] if there is no such address, or the port is taken.
     pub fn bind(host: &str, port: u16, latency_ns: u64) -> Result<Self, TrackerError> {
         let address = format!("udp://{host}:{port}");
         let wrong = |reason: Reason| TrackerError::Network { address: address.clone(), reason };
@@ -65,10 +65,10 @@ impl UdpSource {
         })
     }
 
-    /// Where it listens.
+    /// The address at which it listens.
     ///
     /// # Errors
-    /// [`TrackerError::Network`].
+    /// [`TrackerError::Network`] if the system does not report it.
     pub fn local(&self) -> Result<SocketAddr, TrackerError> {
         let wrong = |reason: Reason| TrackerError::Network { address: self.address.clone(), reason };
         self.socket.local_addr().map_err(|e| wrong(e.to_string().into()))
@@ -93,7 +93,7 @@ impl UdpSource {
             }
             match line::parse(text) {
                 Ok(line) => read.push(line),
-                Err(reason) => wrong = Some(format!("a line that makes no sense: {reason}")),
+                Err(reason) => wrong = Some(format!("an invalid line ({reason})")),
             }
         }
         read.into_iter().for_each(|line| self.line(line, now));
@@ -120,7 +120,7 @@ impl UdpSource {
 
 impl Source for UdpSource {
     fn about(&self) -> About {
-        let from = self.sender.map_or("nobody has sent yet".into(), |(s, _)| format!("hears {s}"));
+        let from = self.sender.map_or("no sender yet".into(), |(s, _)| format!("receives from {s}"));
         About { name: self.address.clone(), kind: "network", rate_hz: None, notes: vec![from] }
     }
 
@@ -134,16 +134,16 @@ impl Source for UdpSource {
         if let Some(largest) = self.units.in_doubt() {
             return Err(TrackerError::PositionUnit { name: self.address.clone(), largest_mm: largest * 1e3 });
         }
-        // A timeout of zero would mean for ever.
+        // A timeout of zero would mean forever.
         let _ = self.socket.set_read_timeout(Some(timeout.max(Duration::from_micros(100))));
         let Ok((length, from)) = self.socket.recv_from(&mut self.buffer[..]) else {
-            // Nothing within the time; an interrupted call or an ICMP answer is nothing too.
+            // No datagram arrived in time. An interrupted call or an ICMP answer counts as nothing, too.
             return Ok(Event::Nothing);
         };
         let now = now_ns();
         let other = self.sender.filter(|(sender, _)| *sender != from);
         if let Some((sender, _)) = other.filter(|(_, at)| now.saturating_sub(*at) < SILENT_NS) {
-            return Ok(self.complain(now, format!("a second sender, {from}, beside {sender}")));
+            return Ok(self.complain(now, format!("a second sender, {from}, besides {sender}")));
         }
         let fresh = self.sender.is_none() || other.is_some();
         if fresh {
@@ -158,7 +158,7 @@ impl Source for UdpSource {
             return Ok(self.complain(now, what));
         }
         if fresh && !self.waiting.is_empty() {
-            return Ok(Event::Note(format!("{}: hears {from}", self.address)));
+            return Ok(Event::Note(format!("{}: receives from {from}", self.address)));
         }
         Ok(self.waiting.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
     }
@@ -174,7 +174,7 @@ mod tests {
     use std::time::Instant;
 
     fn pair() -> (UdpSource, UdpSocket) {
-        // Port 0: any that is free.
+        // Port 0 is any free port.
         let source = UdpSource::bind("127.0.0.1", 0, 0).unwrap();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         sender.connect(source.local().unwrap()).unwrap();
@@ -237,8 +237,8 @@ mod tests {
         assert_eq!(samples(&mut source).0.len(), 1);
     }
 
-    /// What lines at 120 a second become, whose clock has this unit and first time: the largest error of their times after
-    /// half a second, nanoseconds, how many are placed, and the notes.
+    /// The placed times of lines at 120 per second from a clock with this unit and first time. Returns the largest
+    /// error after half a second, nanoseconds, the number of placed lines, and the notes.
     fn placed(unit: f64, origin_s: f64, more: &str) -> (u64, usize, Vec<String>) {
         let (mut source, _) = pair();
         let (mut worst, mut count) = (0, 0);
@@ -257,7 +257,8 @@ mod tests {
         (worst, count, source.notes.into())
     }
 
-    /// Every origin, sign and unit over the network: placed to a fraction of the jitter of 9 ms, and said where it is no second.
+    /// Times of every origin, sign and unit are placed to a fraction of the jitter of 9 ms. A note names each unit
+    /// other than seconds.
     #[test]
     fn clocks_of_senders_are_followed() {
         for (unit, name) in [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")] {
@@ -272,7 +273,7 @@ mod tests {
         }
     }
 
-    /// What has no unit is placed at its arrival, and that is said; positions that no eye has end the source.
+    /// Times without a unit are placed at their arrival, with a note. Positions that no eye has end the source.
     #[test]
     fn what_has_no_unit_is_said() {
         let (_, count, notes) = placed(120.0, 0.0, "");

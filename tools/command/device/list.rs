@@ -1,4 +1,4 @@
-//! `eyebox device list`.
+//! `eyebox device list` lists engines and devices, and the one that `--engine auto` takes.
 
 use crate::Failure;
 use crate::talk::print_report;
@@ -8,9 +8,9 @@ use eyebox::low_level::gpu::{self, DeviceReport};
 use serde_json::json;
 use std::time::{Duration, UNIX_EPOCH};
 
-/// Whether it was tried, when, and how far off it was.
+/// Returns when a device was tested, and its error, in words.
 fn tested(device: &DeviceReport) -> String {
-    let Some(t) = device.tested else { return "not tested yet: the first that runs on it does that".into() };
+    let Some(t) = device.tested else { return "not tested yet, the first run on it does that".into() };
     let ago = (UNIX_EPOCH + Duration::from_secs(t.at_unix_s)).elapsed().unwrap_or_default().as_secs();
     let when = match (ago / 3600, ago / 86_400) {
         (0, _) => format!("{} min", ago / 60),
@@ -20,7 +20,7 @@ fn tested(device: &DeviceReport) -> String {
     format!("tested {when} ago against float64, error power {:.0e}", t.transfer.max(t.transform))
 }
 
-/// `eyebox device list`
+/// The arguments of `eyebox device list`.
 #[derive(Args)]
 pub struct List {
     /// One JSON object on standard output
@@ -28,7 +28,7 @@ pub struct List {
     pub json: bool,
 }
 
-/// Lists engines and devices, and what `auto` takes and why.
+/// Lists engines and devices, and the choice of `auto` with its reason.
 pub fn run(args: &List) -> Result<(), Failure> {
     let cpu = CpuEngine::new().describe();
     let found = gpu::devices();

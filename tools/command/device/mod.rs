@@ -1,4 +1,4 @@
-//! `eyebox device`: engines and devices that compute.
+//! `eyebox device` lists and tests engines and devices that compute.
 
 mod list;
 mod test;
@@ -6,7 +6,7 @@ mod test;
 use crate::Failure;
 use clap::Subcommand;
 
-/// `eyebox device`
+/// The commands of `eyebox device`.
 #[derive(Subcommand)]
 pub enum Device {
     /// List engines and devices, and the one that --engine auto takes

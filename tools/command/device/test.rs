@@ -1,4 +1,4 @@
-//! `eyebox device test`: the same solve on a device and on the CPU.
+//! `eyebox device test` compares the same solve on a device and on the CPU.
 
 use crate::Failure;
 use crate::common;
@@ -15,10 +15,9 @@ use eyebox::low_level::solve::{Flow, Levels, Settings, Solution};
 use serde_json::json;
 use std::f32::consts::PI;
 
-/// `eyebox device test`
+/// The arguments of `eyebox device test`.
 #[derive(Args)]
 pub struct Test {
-    /// Device
     #[command(flatten)]
     pub device: DeviceArgs,
     /// One JSON object on standard output
@@ -28,12 +27,12 @@ pub struct Test {
 
 /// The scene of the test.
 const SCENE: &str = "builtin:still-life";
-/// Pixels along each axis.
+/// Pixels of the display along each axis.
 const SIZE: usize = 128;
 /// Steps of the solve. After many steps rounding alone makes phases differ.
 const STEPS: usize = 3;
-/// The largest root mean square difference of phases that rounding explains, radians. Both engines compute in float32, and lavapipe is
-/// 5e-7 off.
+/// The largest root mean square difference of phases that rounding explains, radians. Both engines compute in float32,
+/// and lavapipe is 5e-7 off.
 const LARGEST_RMS: f64 = 1e-3;
 
 /// Solves on the device and on the CPU, and compares the phases.
@@ -68,7 +67,7 @@ pub fn run(args: &Test) -> Result<(), Failure> {
     )))
 }
 
-/// Solves the test's scene.
+/// Solves the scene of the test.
 fn solve(engine: &mut dyn Engine) -> Result<Solution, Failure> {
     let mut display = Display::load("paper")?;
     (display.height, display.width) = (SIZE, SIZE);

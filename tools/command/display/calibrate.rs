@@ -1,4 +1,4 @@
-//! `eyebox display calibrate`: a model of the display as it is, fitted from pictures of it.
+//! `eyebox display calibrate` fits a model of the real display from pictures of it.
 
 use super::patterns::{self, PatternArgs};
 use crate::Failure;
@@ -18,10 +18,10 @@ use eyebox::low_level::reason;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// `eyebox display calibrate`
+/// The arguments of `eyebox display calibrate`.
 #[derive(Args)]
 pub struct Calibrate {
-    /// Display: a preset (eyebox display list) or a TOML file. The fit begins with its model
+    /// Display preset (eyebox display list) or TOML file. The fit begins with its model
     #[arg(value_name = "PRESET|FILE")]
     pub display: String,
     /// Color whose light is on [default: green, or the display's first]
@@ -36,16 +36,15 @@ pub struct Calibrate {
         conflicts_with = "captures"
     )]
     pub camera: Option<String>,
-    /// A folder of pictures in the place of a camera
+    /// Folder of pictures instead of a camera
     #[arg(help_heading = "Camera", long, value_name = "DIR")]
     pub captures: Option<PathBuf>,
-    /// What shows the patterns
     #[command(flatten)]
     pub patterns: PatternArgs,
-    /// Keep the pictures here; what a calibration that was broken off left here is not taken again
+    /// Keep the pictures in this folder. A calibration that was interrupted does not take them again
     #[arg(help_heading = "Camera", long, value_name = "OUT_DIR", conflicts_with = "captures")]
     pub keep: Option<PathBuf>,
-    /// Four pictures, for what drifts: the display's file has the rest
+    /// Take four pictures for the parameters that drift. The display's file has the others
     #[arg(help_heading = "Camera", long, conflicts_with = "captures")]
     pub quick: bool,
     /// Also write the map from the camera to the picture of this color, so that the picture is shown undistorted and
@@ -53,13 +52,12 @@ pub struct Calibrate {
     /// display, and keystone and rotation belong to the display
     #[arg(help_heading = "Camera", long, value_name = "straight", num_args = 0..=1, require_equals = true, default_missing_value = "", value_parser = ["", "straight"], hide_possible_values = true)]
     pub register: Option<String>,
-    /// Output: the display file with the model
+    /// Output file of the display with its model
     #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
-    /// A page of what was seen, predicted and left
+    /// Page with the measured, predicted and remaining pictures
     #[arg(help_heading = "Output", long, value_name = "OUT.html")]
     pub report: Option<PathBuf>,
-    /// Settings of the camera
     #[command(flatten)]
     pub experiment: ExperimentArgs,
     /// Temperature of the bench in degrees Celsius, kept with the model
@@ -70,7 +68,7 @@ pub struct Calibrate {
     pub json: bool,
 }
 
-/// Calibrates, writes the display's file, says how sure it is.
+/// Calibrates, writes the display's file, and prints the parameters with their errors.
 pub fn run(args: &Calibrate) -> Result<(), Failure> {
     if args.experiment.printed_tables(&[("camera", CameraSettings::table)])? {
         return Ok(());
@@ -83,7 +81,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let display = Display::load(&args.display)?;
     let green = display.wavelengths.iter().find(|w| w.color == Color::Green).or(display.wavelengths.first());
     if args.color == Some(Colors::All) {
-        return Err(Failure::Arguments(reason!("one-color", "--color all: Calibrate one color after the other")));
+        return Err(Failure::Arguments(reason!("one-color", "--color all: calibrate one color after the other")));
     }
     let named = args.color.and_then(Colors::one);
     let color = named.or(green.map(|w| w.color)).unwrap_or(Color::Green);
@@ -103,7 +101,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     if camera_settings.pictures < FEWEST {
         return Err(Failure::Arguments(reason!(
             "captures-max",
-            "camera.pictures = {} is too few: give {FEWEST} or more",
+            "camera.pictures = {} is too few. Give {FEWEST} or more",
             camera_settings.pictures
         )));
     }
@@ -116,7 +114,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let calibrated = calibrate(&display, color, &bench, shows, &mut |event| match event {
         Event::At(what, share) => {
             if share >= TAKING {
-                // The pictures are kept: a fit is not worth waiting for.
+                // The pictures are kept, so a fit may end at once.
                 progress::let_interrupt();
             }
             let _ = bar.show(what, share);
@@ -127,7 +125,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     bar.finish();
     let mut calibrated = calibrated.inspect_err(|e| {
         if let (true, Some(keep)) = (e.is_ended(), &args.keep) {
-            eprintln!("the pictures taken so far are in {}: the same command goes on from them", keep.display());
+            eprintln!("the pictures so far are in {}. The same command continues from them", keep.display());
         }
     })?;
     let mut engine = engine::open(engine::Choice::Cpu)?;
@@ -169,15 +167,15 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         }
         _ => eprintln!("not calibrated; wrote {out} with the model that the display's file had"),
     }
-    // The next quick calibration has another model, and so another table.
+    // The next quick calibration has another model, and therefore another table.
     if calibrated.report.calibrated && !args.quick {
-        // Of the file's digits, as a solve reads them.
+        // The display is loaded from the file, because a solve reads the file's digits, too.
         common::prepare_first_phases(&Display::load(&args.out.to_string_lossy())?, &[color], args.json)?;
     }
     Ok(())
 }
 
-/// The report, in words.
+/// Prints the report in words.
 fn say(report: &Report) {
     println!("{}", report.directions);
     println!("{:24} {:>12} {:>10}", "", "value", "error");
@@ -187,7 +185,7 @@ fn say(report: &Report) {
     }
     for pair in &report.confused {
         let [a, b] = &pair.names;
-        println!("the pictures hardly tell {a} from {b}: their correlation is {:.3}", pair.correlation);
+        println!("the pictures hardly separate {a} and {b}, whose correlation is {:.3}", pair.correlation);
     }
     println!("{} pictures; the camera's map is off by {:.2} of its pixels", report.captures, report.camera_rms_px);
     if let (Some(before), Some(unexplained), Some(noise)) = (report.before, report.unexplained, report.noise) {
@@ -211,7 +209,7 @@ fn say(report: &Report) {
             println!("gained by each term of the model, dB: {}", terms.join(", "));
         }
         for mend in &gain.mend {
-            println!("mend on the bench: {} costs {:.2} dB: {}", mend.fault, mend.costs_db, mend.remedy);
+            println!("fix on the bench: {} costs {:.2} dB: {}", mend.fault, mend.costs_db, mend.remedy);
         }
     }
 }

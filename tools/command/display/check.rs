@@ -1,4 +1,4 @@
-//! `eyebox display check`: whether a display is possible, and what it can show.
+//! `eyebox display check` checks that a display is possible, and prints its eyebox and field of view.
 
 use crate::Failure;
 use crate::common;
@@ -7,13 +7,13 @@ use clap::Args;
 use eyebox::low_level::calibrate::ModelAge;
 use serde_json::{Map, json};
 
-/// `eyebox display check`
+/// The arguments of `eyebox display check`.
 #[derive(Args)]
 pub struct Check {
-    /// A preset or a TOML file
+    /// Display preset or TOML file
     #[arg(value_name = "PRESET|FILE")]
     pub display: String,
-    /// Take a display that looks like a mistake as it is
+    /// Accept a display that looks like a mistake
     #[arg(help_heading = "Display", long)]
     pub force: bool,
     /// One JSON object on standard output
@@ -21,12 +21,12 @@ pub struct Check {
     pub json: bool,
 }
 
-/// Checks a display and prints what it can show.
+/// Checks a display and prints its reach.
 pub fn run(args: &Check) -> Result<(), Failure> {
     check(&args.display, args.force, args.json)
 }
 
-/// Reads a display, checks it, and prints what it can show.
+/// Reads a display, checks it, and prints its reach, such as eyebox and field of view.
 pub fn check(name: &str, force: bool, as_json: bool) -> Result<(), Failure> {
     let display = common::display_of_size(name, None, force)?;
     let age = |color| ModelAge::of(&display, color).map(|age| age.to_string());

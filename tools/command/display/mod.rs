@@ -1,4 +1,4 @@
-//! `eyebox display`: presets, display files, monitors, and calibration.
+//! `eyebox display` has commands for presets, display files, monitors and calibration.
 
 mod calibrate;
 mod check;
@@ -11,7 +11,7 @@ pub use check::check;
 use crate::Failure;
 use clap::Subcommand;
 
-/// `eyebox display`
+/// The commands of `eyebox display`.
 #[derive(Subcommand)]
 pub enum Display {
     /// List the displays that are built in
@@ -20,7 +20,7 @@ pub enum Display {
     /// Print a display as its file, with its source
     #[command(after_help = "Example:\n  eyebox display show holoeye-pluto-2.1")]
     Show(presets::ShowDisplay),
-    /// Write a display file from a preset, with what may be added as comments
+    /// Write a display file from a preset, with further keys as comments
     #[command(after_help = "Example:\n  eyebox display new holoeye-pluto-2.1 -o bench.toml")]
     New(presets::New),
     /// Check a display, and print what it can show
@@ -34,7 +34,7 @@ pub enum Display {
         after_help = "Examples:\n  eyebox display calibrate bench.toml --camera 'python3 my_camera.py' -o calibrated.toml\n  \
                       eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --keep pictures -o calibrated.toml\n  \
                       eyebox display calibrate bench.toml --captures pictures -o calibrated.toml\n  \
-                      eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --output window --set camera.iris=0,0,6 -o calibrated.toml\n\nThe command and its fifteen lines of Python: docs/calibrate.md. Ends with 3 if the bench or ctrl-C ended it."
+                      eyebox display calibrate bench.toml --camera 'python3 my_camera.py' --output window --set camera.iris=0,0,6 -o calibrated.toml\n\ndocs/calibrate.md has the command and its fifteen lines of Python. Ends with 3 if the bench or ctrl-C ended it."
     )]
     Calibrate(Box<calibrate::Calibrate>),
 }

@@ -1,4 +1,4 @@
-//! `eyebox display monitors`.
+//! `eyebox display monitors` lists the monitors of the desktop and the displays without a desktop.
 
 use crate::Failure;
 use crate::talk::print_report;
@@ -6,7 +6,7 @@ use clap::Args;
 use eyebox::low_level::present::{Desktop, DirectDisplay, Monitor, Rate, direct_displays};
 use serde_json::{Value, json};
 
-/// `eyebox display monitors`
+/// The arguments of `eyebox display monitors`.
 #[derive(Args)]
 pub struct Monitors {
     /// One JSON object on standard output
@@ -18,7 +18,7 @@ pub struct Monitors {
 pub fn monitors(args: &Monitors) -> Result<(), Failure> {
     let desktop = Desktop::open().map(|desktop| desktop.monitors());
     let direct = direct_displays().unwrap_or_default();
-    // Without a desktop there may still be displays; with neither, that is what is wrong.
+    // Without a desktop there may still be displays. Only if there is neither, the missing desktop is an error.
     let monitors = match desktop {
         Ok(monitors) => monitors,
         Err(error) if direct.is_empty() => return Err(error.into()),

@@ -1,4 +1,4 @@
-//! Displays that are built in, and display files made from them.
+//! Lists the displays that are built in, prints them, and writes display files from them.
 
 use crate::Failure;
 use crate::talk::print_report;
@@ -10,7 +10,7 @@ use eyebox::low_level::reason;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// `eyebox display list`
+/// The arguments of `eyebox display list`.
 #[derive(Args)]
 pub struct List {
     /// One JSON object on standard output
@@ -18,18 +18,18 @@ pub struct List {
     pub json: bool,
 }
 
-/// `eyebox display show`
+/// The arguments of `eyebox display show`.
 #[derive(Args)]
 pub struct ShowDisplay {
-    /// A preset or a TOML file
+    /// Display preset or TOML file
     #[arg(value_name = "PRESET|FILE")]
     pub display: String,
 }
 
-/// `eyebox display new`
+/// The arguments of `eyebox display new`.
 #[derive(Args)]
 pub struct New {
-    /// A preset
+    /// Display preset to begin with
     #[arg(value_name = "PRESET")]
     pub preset: String,
     /// Output file, which must not exist yet
@@ -50,11 +50,11 @@ pub fn show(ShowDisplay { display }: &ShowDisplay) -> Result<(), Failure> {
 pub fn new(New { preset, out }: &New) -> Result<(), Failure> {
     let Some(text) = display_template(preset) else {
         let all = PRESETS.join(", ");
-        return Err(Failure::Arguments(reason!("no-such-preset", "no preset is called '{preset}': there are {all}")));
+        return Err(Failure::Arguments(reason!("no-such-preset", "no preset '{preset}': expected one of {all}")));
     };
     common::check_ending(out, "toml")?;
     if out.exists() {
-        return Err(Failure::Arguments(reason!("exists", "{}: it is there already, and left alone", out.display())));
+        return Err(Failure::Arguments(reason!("exists", "{}: the file exists, and is left alone", out.display())));
     }
     files::write_file(out, |to| to.write_all(text.as_bytes()))?;
     eprintln!("wrote {}: give it as --display {}", out.display(), out.display());
@@ -64,7 +64,7 @@ pub fn new(New { preset, out }: &New) -> Result<(), Failure> {
     common::prepare_first_phases(&display, &colors, false)
 }
 
-/// Lists the presets.
+/// Lists the presets of displays.
 pub fn list(List { json: as_json }: &List) -> Result<(), Failure> {
     let presets: Vec<(&str, Display)> =
         PRESETS.iter().filter_map(|name| Some((*name, Display::preset(name)?))).collect();
@@ -85,7 +85,7 @@ pub fn list(List { json: as_json }: &List) -> Result<(), Failure> {
         print_report(json!({ "displays": presets.iter().map(one).collect::<Vec<_>>() }));
         return Ok(());
     }
-    println!("{:20} {:>13} {:>8} {:>7}  packing   what it is", "name", "rows x cols", "pitch um", "levels");
+    println!("{:20} {:>13} {:>8} {:>7}  packing   description", "name", "rows x cols", "pitch um", "levels");
     for (name, d) in presets {
         let packing = json!(d.encoding.packing);
         println!(

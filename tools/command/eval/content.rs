@@ -1,4 +1,6 @@
-//! Content of `eyebox eval gaze` that changes (the setting `gaze.content`): what moments and steering gain for content that stands still, moves or jumps.
+//! Studies content of `eyebox eval gaze` that is still, moves or jumps (the setting `gaze.content`).
+//!
+//! It measures the gains of motion compensation and of pupil steering.
 
 use crate::Failure;
 use crate::args::{SceneArgs, SceneOptions};
@@ -16,69 +18,68 @@ use eyebox_lab::study::{
 };
 use serde_json::{Value, json};
 
-/// What content does, in the command that studies it.
+/// The options of content that changes, in the command that studies it.
 #[derive(Args)]
 pub struct ContentArgs {
-    /// Study content that does this, one scene after the other, set by set: with and without steering, with moments on and off
+    /// Study content of these kinds one after the other, set by set, with and without steering, with moments on and off
     #[arg(long, value_enum, value_delimiter = ',', value_name = "KIND,...")]
     content: Vec<ContentName>,
-    /// sets
+    /// Sets of each run
     #[arg(long, default_value_t = 60, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sets: u32,
-    /// steps of every color for each set
+    /// Steps of every color for each set
     #[arg(long, default_value_t = 3, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps_per_set: u32,
-    /// pixels that content moves by in a set
+    /// Pixels that content moves by in a set
     #[arg(long, default_value_t = 10, value_name = "PX", value_parser = whole_pixels)]
     moves: u32,
-    /// sets between jumps
+    /// Sets between two jumps
     #[arg(long, default_value_t = 15, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     jumps_every: u32,
-    /// scenes that content jumps to, in turn [default: the scene's mirror image, elsewhere]
+    /// Scenes that content jumps to, in turn [default: the scene's mirror image, elsewhere]
     #[arg(long, value_delimiter = ',', value_name = "SCENE,...")]
     jumps_to: Vec<String>,
-    /// what is begun with after a jump
+    /// Phases to begin with after a jump
     #[arg(long, value_enum, default_value = "table", value_name = "table|last|random")]
     jumps_from: StartName,
-    /// show sets whole, though the display takes several video frames for one, as they else roll there
+    /// Show complete sets on a display that takes several video frames for one, instead of a rolling update
     #[arg(long)]
     whole_sets: bool,
 }
 
-/// What is begun with after a jump.
+/// The phases to begin with after a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum StartName {
-    /// Those of a table that is fitted once for this display, as a session does
+    /// Phases of a table that is fitted once for this display, as in a session
     Table,
-    /// The last phases
+    /// Phases of the last step
     Last,
-    /// Random phases
     Random,
 }
 
-/// What content does.
+/// The kind of change of content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum ContentName {
-    /// It stands still
+    /// Content that is still
     Still,
-    /// It moves to the right
+    /// Content that moves to the right
     Moving,
-    /// It is another every so often
+    /// Content that changes at intervals
     Jumping,
 }
 
-/// Sets after a jump that are told apart, from 1.
+/// The sets after a jump that are reported one by one, from 1.
 const AFTER: [u32; 5] = [1, 2, 3, 5, 8];
-/// Sets after a jump, and after the beginning, that summaries leave out: while it settles.
+/// Number of sets after a jump, and after the beginning, that summaries leave out while the content settles.
 const SETTLES: u32 = 8;
 
 impl ContentArgs {
-    /// Whether content is studied.
+    /// Returns whether content is studied.
     pub fn given(&self) -> bool {
         !self.content.is_empty()
     }
 
-    /// The scenes that content jumps to, for the display of the subject.
+    /// Loads the scenes that content jumps to, for the display of the subject.
     fn slides(&self, subject: &Steered, options: &SceneOptions) -> Result<Vec<Vec<LiveColor>>, Failure> {
         let display = subject.hologram.made_for()?;
         let one = |scene: &String| {
@@ -117,7 +118,7 @@ impl ContentArgs {
     }
 }
 
-/// Studies content, and shows what came of it; `about` is what the page and the numbers say of it.
+/// Studies content and prints the results. `about` has the entries about the study for the page and the numbers.
 pub fn run(
     args: &ContentArgs,
     policy: &Policy,

@@ -1,4 +1,4 @@
-//! `eyebox eval gaze`: the gain of pupil steering for a simulated eye.
+//! `eyebox eval gaze` measures the gain of pupil steering for a simulated eye.
 
 use super::content::{self, ContentArgs};
 use crate::Failure;
@@ -26,31 +26,28 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// `eyebox eval gaze`
+/// The arguments of `eyebox eval gaze`.
 #[derive(Args)]
 pub struct Gaze {
-    /// What is steered
     #[command(flatten)]
     pub subject: SubjectArgs,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
     /// Output folder of the plot and the numbers
     #[arg(help_heading = "Output", short, long, default_value = "study", value_name = "OUT_DIR")]
     pub out: PathBuf,
-    /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
     /// Stop after this time of the eye, s
     #[arg(help_heading = "Time", long, default_value_t = 6.0, value_name = "S", value_parser = positive_in(S))]
     pub duration: f64,
-    /// Samples a second of the tracker
+    /// Samples per second of the tracker
     #[arg(help_heading = "Eye", long, default_value_t = 120.0, value_name = "HZ", value_parser = positive_in(HZ))]
     pub tracker_rate: f64,
-    /// Where the eye focuses, mm, or dioptres as in 0.5D
+    /// Focus of the eye, mm, or dioptres as in 0.5D
     #[arg(help_heading = "Eye", long, default_value = "0", value_name = "MM|D", value_parser = depth)]
     pub focus: Depth,
-    /// Ends of fixations that are judged by what people see
+    /// The ends of fixations that are judged in JOD.
     #[command(flatten)]
     pub seen: JodArgs,
     /// One JSON object on standard output
@@ -61,34 +58,33 @@ pub struct Gaze {
 /// The table `gaze` of the settings.
 #[derive(Args)]
 pub struct GazeSettings {
-    /// Sets per second
+    /// Sets per second of the display
     #[arg(long, default_value_t = 60.0, value_name = "HZ", value_parser = positive_in(HZ))]
     pub set_rate: f64,
-    /// How long the eye fixates, ms
+    /// Duration of a fixation of the eye, ms
     #[arg(help_heading = "Eye", long, default_value_t = 300.0, value_name = "MS", value_parser = positive_in(MS))]
     pub fixation: f64,
     /// Share of fixations that become a pursuit
     #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "SHARE", value_parser = share)]
     pub pursuit: f64,
-    /// Blinks a minute
+    /// Blinks of the eye per minute
     #[arg(help_heading = "Eye", long, default_value_t = 0.0, value_name = "N", value_parser = not_negative)]
     pub blinks: f64,
-    /// The tracker's delay, ms
+    /// Delay of the tracker, ms
     #[arg(help_heading = "Eye", long, default_value_t = 8.0, value_name = "MS", value_parser = not_negative_in(MS))]
     pub tracker_delay: f64,
-    /// The tracker's noise, mm
+    /// Noise of the tracker, mm
     #[arg(help_heading = "Eye", long, default_value_t = 0.1, value_name = "MM", value_parser = not_negative_in(MM))]
     pub tracker_noise: f64,
-    /// One seed, one eye
+    /// Seed of the simulated eye
     #[arg(help_heading = "Eye", long, default_value_t = 0, value_name = "S")]
     pub eye_seed: u64,
-    /// What a step of one color takes, ms, for one result on every machine [default: what it takes on this one]
+    /// Time of a step of one color, ms, for one result on every machine [default: the time on this machine]
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// Time of encoding a set with step_time, ms
     #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS))]
     pub encode_time: f64,
-    /// Content that changes
     #[command(flatten)]
     pub content: ContentArgs,
 }
@@ -118,7 +114,7 @@ impl Gaze {
     }
 }
 
-/// Studies, and shows what came of it.
+/// Studies a simulated eye and prints the results.
 pub fn run(args: &Gaze) -> Result<(), Failure> {
     if args.subject.how.experiment.printed(&[("gaze", GazeSettings::table), ("viewing", ViewingArgs::table)])? {
         return Ok(());
@@ -132,11 +128,11 @@ pub fn run(args: &Gaze) -> Result<(), Failure> {
     if subject.scenes.is_some() {
         let what = &args.subject.what;
         return Err(Failure::Arguments(if Sequence::is_at(Path::new(what)) {
-            reason!("sequence", "{what} is a sequence: `eval gaze` takes one of its holograms, such as --at 0")
+            reason!("sequence", "{what} is a sequence. `eval gaze` takes one of its holograms, such as --at 0")
         } else {
             reason!(
                 "tiles",
-                "{what} is a far field in tiles, which `eval gaze` does not take: give a hologram that is not in tiles, or a scene"
+                "{what} is a far field in tiles, which `eval gaze` does not take. Give a hologram that is not in tiles, or a scene"
             )
         }));
     }
@@ -226,7 +222,7 @@ fn least(values: &[f64]) -> Option<f64> {
     values.iter().copied().reduce(f64::min)
 }
 
-/// What is said of a study, for programs.
+/// Returns the summary of a study for the JSON report.
 fn summary(study: &Study) -> Value {
     let (end, soon) = (study.at_the_end_db(), study.within_db(50.0));
     let errors: Vec<f64> =
@@ -242,12 +238,12 @@ fn summary(study: &Study) -> Value {
     })
 }
 
-/// Switchable sources that are lit at once, at most.
+/// Returns the largest number of switchable sources that are lit at once.
 fn most_sources(study: &Study) -> usize {
     study.moments.iter().map(|m| m.sources).max().unwrap_or(0)
 }
 
-/// JOD at the ends of fixations, steered and unsteered: the means.
+/// Returns the mean JOD at the ends of fixations, with and without pupil steering.
 fn jod(study: &Study) -> Option<[f64; 2]> {
     let all = study.at_the_end_jod();
     let [steered, whole] = [0, 1].map(|i| mean(&all.iter().map(|j| j[i]).collect::<Vec<_>>()));
@@ -257,10 +253,10 @@ fn jod(study: &Study) -> Option<[f64; 2]> {
 fn print(study: &Study) {
     let db = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:+.2}"));
     let (end, soon) = (study.at_the_end_db(), study.within_db(50.0));
-    println!("what the eye sees, against the same hologram unsteered, over {} fixations:", end.len());
+    println!("the image with pupil steering, against the same hologram without, over {} fixations:", end.len());
     println!("  at the end of a fixation   {} dB, at least {} dB", db(mean(&end)), db(least(&end)));
     if let Some([steered, whole]) = jod(study) {
-        println!("                             {steered:.2} JOD, unsteered {whole:.2}");
+        println!("                             {steered:.2} JOD, {whole:.2} without steering");
     }
     println!("  within 50 ms of a landing  {} dB, at least {} dB", db(mean(&soon)), db(least(&soon)));
     println!("  at any time                at least {} dB", db(study.worst_db()));

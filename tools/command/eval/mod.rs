@@ -1,4 +1,4 @@
-//! `eyebox eval`: measure holograms, methods, steering and settings.
+//! `eyebox eval` measures holograms, methods, pupil steering and settings.
 
 pub mod compare;
 mod content;
@@ -9,7 +9,7 @@ mod tune;
 use crate::Failure;
 use clap::Subcommand;
 
-/// `eyebox eval`
+/// The commands of `eyebox eval`.
 #[derive(Subcommand)]
 pub enum Eval {
     /// Measure a hologram against its scene over many pupils
@@ -19,12 +19,12 @@ pub enum Eval {
     Score(Box<crate::args::Score>),
     /// Compare methods over every group of pupils, and write a report
     #[command(
-        after_help = "Examples:\n  eyebox eval compare builtin:still-life --size 256x256 -o comparison\n  eyebox eval compare lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox eval compare builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nMethods: slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac, pupil-aware"
+        after_help = "Examples:\n  eyebox eval compare builtin:still-life --size 256x256 -o comparison\n  eyebox eval compare lightfield/ builtin:dense-grass --size 256x256 --methods slfh,lf2fs --frames 1,8 -o comparison\n  eyebox eval compare builtin:still-life --hologram mine=still-life.zarr -o comparison\n\nThe methods are slfh, lf2fs, stft, stft-unfiltered, stft-exact, smooth, dpac and pupil-aware."
     )]
     Compare(Box<compare::Compare>),
     /// Measure the gain of pupil steering for a simulated eye
     #[command(
-        after_help = "Examples:\n  eyebox eval gaze still-life.zarr --display planes24 --duration 6 -o study\n  eyebox eval gaze builtin:still-life --display planes24 --size 256x256 --color green -o study\n  eyebox eval gaze mine.zarr --display planes24 --prescription none -o others\n\nTime is counted, not waited for: it passes by what refining and encoding take on this machine, and stands still while\nquality is judged."
+        after_help = "Examples:\n  eyebox eval gaze still-life.zarr --display planes24 --duration 6 -o study\n  eyebox eval gaze builtin:still-life --display planes24 --size 256x256 --color green -o study\n  eyebox eval gaze mine.zarr --display planes24 --prescription none -o others\n\nTime is counted and not waited for. It passes by the time of refinement and encoding on this machine, and stops while\nquality is judged."
     )]
     Gaze(Box<gaze::Gaze>),
     /// Measure the time and quality of settings on this machine, for --quality

@@ -1,4 +1,4 @@
-//! `eyebox eval score`.
+//! `eyebox eval score` measures a hologram against its scene over many pupils.
 
 use crate::Failure;
 use crate::args::Score;
@@ -144,10 +144,10 @@ fn check_judging(args: &Score) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Pupils that are judged where nothing else is asked for.
+/// Number of pupils that are judged by default.
 const JUDGED: usize = 16;
 
-/// How the picture was seen that was judged, for programs.
+/// Returns the viewing conditions of the judged pictures for the JSON report.
 fn viewing_of(judging: &JodSettings) -> Value {
     json!({
         "luminance_cd_m2": judging.viewing.luminance_cd_m2, "black_cd_m2": judging.viewing.black_cd_m2,
@@ -155,19 +155,19 @@ fn viewing_of(judging: &JodSettings) -> Value {
     })
 }
 
-/// The same for people.
+/// Returns the viewing conditions of the judged pictures in words.
 fn viewing_in_words(judging: &JodSettings) -> String {
     let flicker = match judging.sub_frame_rate_hz {
         Some(rate) => format!("sub-frames seen at {rate} Hz"),
         None => "the mean of the sub-frames".into(),
     };
     format!(
-        "{flicker}, {:.0} pixels a degree, white {} and black {} cd/m2",
+        "{flicker}, {:.0} pixels per degree, white {} and black {} cd/m2",
         judging.pixels_per_degree, judging.viewing.luminance_cd_m2, judging.viewing.black_cd_m2
     )
 }
 
-/// One line per pupil.
+/// Prints one line per pupil.
 fn print_table(scores: &HologramScores, display: &Display) {
     println!(
         "      x       y       d   focus mm           D   PSNR dB  ceiling dB    SSIM    JOD   finest cycles/degree"
@@ -191,7 +191,7 @@ pub fn decibels(psnr: Option<f64>) -> String {
     psnr.map_or("black".into(), |db| format!("{db:.2}"))
 }
 
-/// SSIM as a table has it.
+/// Returns SSIM as an entry of the table.
 pub fn similarity(score: &PupilScore) -> String {
     score.ssim.map_or("      -".into(), |s| format!("{s:7.4}"))
 }
@@ -204,19 +204,19 @@ fn row(score: &PupilScore, display: &Display) -> Value {
     })
 }
 
-/// The display that a hologram, read from `file`, was made for.
+/// Returns the display that a hologram, read from `file`, was made for.
 pub fn display_of(file: &Path, hologram: &Hologram) -> Result<Display, Failure> {
     hologram.made_for().map_err(|e| Failure::Arguments(reason!("scores", "{}: {e}", file.display())))
 }
 
-/// The hologram, and the display that it is for.
+/// Loads the hologram, and the display that it was made for.
 fn load(args: &Score) -> Result<(PhaseSource<'static>, Display), Failure> {
     let source = args.encoded.source(&args.phases, &args.hologram, args.which.at)?;
     let display = display_of(&args.hologram, source.about())?;
     Ok((source, display))
 }
 
-/// `random:N`, or a JSON list of [x, y, diameter, focus] in mm, the focus perhaps in dioptres.
+/// Returns the pupils of `random:N`, or of a JSON list of [x, y, diameter, focus] in mm. The focus may be in dioptres.
 fn pupils(
     args: &Score,
     display: &Display,

@@ -1,4 +1,4 @@
-//! `eyebox info` of a hologram, a sequence, phases or video frames.
+//! Prints `eyebox info` of a hologram, a sequence, phases or video frames.
 
 use super::args::Info;
 use crate::Failure;
@@ -11,7 +11,7 @@ use eyebox::low_level::reason;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Prints what a hologram is.
+/// Prints the contents of a hologram.
 pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
     if args.out.is_some() {
         return Err(Failure::Arguments(reason!(
@@ -22,7 +22,7 @@ pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
     }
     let mut more = Map::new();
     let (kind, about) = about(args, path, &mut more)?;
-    // Phases of no display were opened with the optics of a preset, which say nothing of them.
+    // Phases without a display were opened with the optics of a preset, which may differ from their own.
     let has_optics = !Phases::are_at(path) || is_encoded(path) || args.display.display.is_some();
     let unfinished = if Phases::are_at(path) || is_encoded(path) { None } else { Unfinished::at(path)? };
     if args.json {
@@ -86,7 +86,7 @@ pub fn run(args: &Info, path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Opens it without its phases if it is large, and adds what only its kind has.
+/// Opens the file, without its phases if it is large, and adds the entries that only its kind has.
 fn about(args: &Info, path: &Path, more: &mut Map<String, Value>) -> Result<(&'static str, Hologram), Failure> {
     let display = || args.display.display.is_some().then(|| common::display(&args.display)).transpose();
     if is_encoded(path) {

@@ -1,4 +1,4 @@
-//! `eyebox info`: what a file is.
+//! `eyebox info` prints the contents of a file.
 
 mod args;
 mod hologram;
@@ -13,7 +13,7 @@ use eyebox::low_level::encoded::is_encoded;
 use eyebox::low_level::optics::PRESETS;
 use std::path::Path;
 
-/// Prints what it is.
+/// Prints the contents of the file.
 pub fn run(args: &Info) -> Result<(), Failure> {
     let path = Path::new(&args.what);
     let ends = |ending: &str| path.extension().is_some_and(|end| end.eq_ignore_ascii_case(ending));
@@ -24,7 +24,8 @@ pub fn run(args: &Info) -> Result<(), Failure> {
         return display::check(&args.what, args.display.force, args.json);
     }
     if ends("npy") {
-        // An array may be phases or views. What is neither is refused as a scene, whose readers know more kinds of files.
+        // An array may be phases or views. Any other array is refused as a scene, whose readers know more kinds of
+        // files.
         return hologram::run(args, path).or_else(|_| scene::run(args));
     }
     if is_encoded(path) || is_hologram(path) {

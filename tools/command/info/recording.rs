@@ -1,4 +1,4 @@
-//! `eyebox info` of a tracker's recording.
+//! Prints `eyebox info` of a tracker's recording.
 
 use crate::Failure;
 use crate::talk::print_report;
@@ -6,7 +6,7 @@ use eyebox::low_level::trackers::{Event, Options, Sample, Spec, open};
 use serde_json::json;
 use std::time::Duration;
 
-/// Reads a whole recording and prints what is in it.
+/// Reads a whole recording and prints its contents.
 pub fn run(file: &str, as_json: bool) -> Result<(), Failure> {
     let spec: Spec = file.parse()?;
     let mut source = open(&spec, &Options { real_time: false, ..Options::default() })?;

@@ -1,4 +1,4 @@
-//! `eyebox info` of a scene.
+//! Prints `eyebox info` of a scene.
 
 use super::args::Info;
 use crate::Failure;
@@ -10,10 +10,10 @@ use eyebox::low_level::evaluate::Plane;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Inspection};
 
-/// Pixels along the longer side of the contact sheet, at most.
+/// Largest side of the contact sheet, pixels.
 const SHEET: usize = 1600;
 
-/// Prints what a scene is, as it is read.
+/// Prints the contents of a scene as it is read.
 pub fn run(args: &Info) -> Result<(), Failure> {
     if let Some(out) = &args.out {
         common::form(out, &[Form::Png])?;

@@ -1,4 +1,4 @@
-//! `eyebox solve --dry-run`: what of a scene will be computed, why, and what it will take.
+//! `eyebox solve --dry-run` prints the plan of a solve with its reasons, time and memory.
 
 mod tiled;
 
@@ -15,7 +15,7 @@ use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{Forecast, Loaded, Problem, Rates, ScenePlan, forecast, model_work};
 use serde_json::json;
 
-/// Bytes of the program where the system does not say.
+/// Memory of the program if the system does not report it, bytes.
 const PROGRAM: u64 = 10 << 20;
 
 /// Plans a solve and prints the plan.
@@ -85,7 +85,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the terms of the display's model add to a step, color by color.
+/// The shares of a step that the terms of the display's model add, color by color.
 type ModelWork = (Color, Vec<(&'static str, f64)>);
 
 fn models(plan: &ScenePlan, field: &LightField, display: &Display) -> Result<Vec<ModelWork>, Failure> {
@@ -102,7 +102,7 @@ fn say_model((color, work): &ModelWork) {
     println!("  {:13}  {color}: {} of an ideal display's step", "display model", terms.join(", "));
 }
 
-/// One forecast a color.
+/// Returns one forecast per color.
 fn forecasts(
     plan: &ScenePlan,
     field: &LightField,
@@ -115,7 +115,7 @@ fn forecasts(
     let left = plan.left(field, display);
     let pixels = field.height * field.width;
     let loaded = Loaded {
-        // All colors are loaded; merging makes new views beside them.
+        // All colors are loaded, and merging makes new views in addition to them.
         values: pixels
             * (field.colors.len() * all
                 + if plan.merge > 1 { plan.colors.len() * left.rows * left.columns } else { 0 }),

@@ -1,4 +1,4 @@
-//! What a far field will take that is solved region by region.
+//! Prints the plan of a far field that is solved region by region.
 
 use crate::Failure;
 use crate::request::SolveRequest;
@@ -39,11 +39,11 @@ pub fn run(request: &SolveRequest, tiles: &TilesRequest, engine: &dyn Engine) ->
     say("views", plan.views.clone());
     say("pupils", format!("{small:.2} to {large:.2} mm"));
     let [rows, columns] = [plan.region.rows, plan.region.columns];
-    say("regions", format!("{rows}x{columns}, {} visits a color in {} passes", plan.visits, tiles.passes));
-    say("steps", format!("{} a visit, {frames} sub-frames", settings.steps));
+    say("regions", format!("{rows}x{columns}, {} visits per color in {} passes", plan.visits, tiles.passes));
+    say("steps", format!("{} per visit, {frames} sub-frames", settings.steps));
     let parts = format!("region {}, views {}", mib(plan.region.bytes), mib(held));
     say("memory", format!("{} of {} MiB ({parts})", mib(plan.bytes()), mib(limit)));
     say("disk", format!("{} MiB", mib(disk)));
-    say("time", "a solve says it after its first visits".into());
+    say("time", "a solve prints it after its first visits".into());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! The arguments of `eyebox preview`.
+//! Reads the arguments of `eyebox preview`.
 
 use crate::args::{EngineArgs, EyeArgs, ObstructedArgs, SceneOptions};
 use crate::phases::{AtArgs, EncodedArgs, PhaseArgs};
@@ -7,55 +7,48 @@ use clap::Args;
 use eyebox::low_level::present::Rate;
 use std::path::PathBuf;
 
-/// `eyebox preview`
+/// The arguments of `eyebox preview`.
 #[derive(Args)]
 pub struct Preview {
-    /// NAME.zarr, a hologram or a sequence; or phases: NAME.npy or a folder of PNGs
+    /// NAME.zarr (a hologram or a sequence), or phases (NAME.npy or a folder of PNGs)
     pub file: PathBuf,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Pupil to begin with: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    /// Pupil to begin with, as x,y,diameter,focus in mm, or the focus in dioptres (0.5D)
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, default_value = "0,0,4,0")]
     pub pupil: GivenPupil,
-    /// Scene of the hologram, for its target image and the PSNR: a folder of views, a picture, or builtin:NAME
+    /// Scene of the hologram (a folder of views, a picture, or builtin:NAME) for its target image and the PSNR
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]
     pub scene: Option<String>,
-    /// How the scene is read
     #[command(flatten)]
     pub options: SceneOptions,
-    /// Inside of the window, rows x columns [default: what suits the hologram and the monitor]
+    /// Inside of the window, rows x columns [default: fitted to the hologram and the monitor]
     #[arg(help_heading = "Window", long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
     pub window: Option<[usize; 2]>,
-    /// Pixels of the window for each of the hologram's, along each axis
+    /// Pixels of the window per pixel of the hologram, along each axis
     #[arg(help_heading = "Window", long, value_name = "FACTOR", value_parser = positive)]
     pub zoom: Option<f64>,
-    /// Holograms per second [default: what the sequence says]
+    /// Holograms per second [default: of the sequence]
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
     /// Output folder of the PNGs of the key s
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR", default_value = ".")]
     pub out: PathBuf,
-    /// Bare phases
     #[command(flatten)]
     pub phases: PhaseArgs,
-    /// Video frames
     #[command(flatten)]
     pub encoded: EncodedArgs,
-    /// Exposure of the picture [default: the hologram's; where it is not known, the 99th percentile of the first becomes
-    /// white]
+    /// Exposure of the picture [default: the hologram's, or if it is not known, the 99th percentile of the first
+    /// picture becomes white]
     #[arg(help_heading = "Bare phases", long, value_parser = positive)]
     pub exposure: Option<f64>,
-    /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// Obstructions
     #[command(flatten)]
     pub obstructions: ObstructedArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
-    /// Have Vulkan's use checked, and say what was wrong
+    /// Check the use of Vulkan, and print the faults
     #[arg(help_heading = "Display", long)]
     pub validation: bool,
 }

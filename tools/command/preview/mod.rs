@@ -1,4 +1,4 @@
-//! `eyebox preview`.
+//! `eyebox preview` shows the image that an eye sees in a window.
 
 mod args;
 mod sequence;
@@ -25,19 +25,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// How long the window may go without looking for a new picture.
+/// Longest time between two checks for a new picture.
 const PUMP_EVERY: Duration = Duration::from_millis(8);
-/// What windows are that nobody chose the size of: pixels along the longer side.
+/// Limits of the longer side of a window without a chosen size, pixels.
 const USUAL: [f64; 2] = [640.0, 1280.0];
 /// The share of a monitor that such a window may take.
 const ROOM: f64 = 0.85;
 
-/// Shows what an eye sees, live.
+/// Shows the window until it is closed.
 pub fn run(args: &Preview) -> Result<(), Failure> {
     args.options.check(args.scene.as_ref())?;
     let Opened { hologram, playing, tiles } = open(args)?;
     let pupil = common::pupil_of(&args.pupil, &hologram, args.phases.display.force)?;
-    // Nobody waits for a scene to be told that there is no window.
+    // The desktop opens before the scene is loaded, so that a missing window is reported at once.
     let mut desktop = Desktop::open()?;
     let opener = common::opener(&args.engine)?;
     let hologram = expose(args, hologram, &pupil)?;
@@ -86,11 +86,11 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
 }
 
 struct Opened {
-    /// What is shown first; of tiles, everything but the phases.
+    /// The hologram that is shown first. A hologram in tiles has no phases here.
     hologram: Hologram,
-    /// The sequence that goes on from there at its rate.
+    /// The sequence that continues from there, with its rate.
     playing: Option<(Playing, f64)>,
-    /// Where the phases stay.
+    /// The tiles, which keep the phases.
     tiles: Option<Arc<Tiles>>,
 }
 
@@ -120,7 +120,8 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
     Ok(Opened { hologram, playing: None, tiles })
 }
 
-/// One exposure for the whole session: as asked, the hologram's own, or what makes the first picture bright.
+/// Sets one exposure for the whole session. It is the requested one, or the hologram's own if it is known. Otherwise
+/// the 99th percentile of the first picture becomes white.
 fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Hologram, Failure> {
     let exposures = match (args.exposure, hologram.metadata.exposure_assumed) {
         (Some(exposure), _) => vec![exposure; hologram.colors.len()],
@@ -134,13 +135,13 @@ fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Holog
     Ok(hologram)
 }
 
-/// The scene before the hologram's display, in its colors.
+/// Loads the scene before the hologram's display, in its colors.
 fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<SceneSource, Failure> {
     let Some(scene) = &args.scene else { return Ok(SceneSource::Whole(Vec::new())) };
     if moves {
         return Err(Failure::Arguments(reason!(
             "scene-of-sequence",
-            "--scene is the scene of one hologram, and a sequence has many: choose with --at"
+            "--scene is the scene of one hologram, and a sequence has many. Choose one with --at"
         )));
     }
     let input = scene_of(&args.file, hologram, Some(scene), &args.options, args.phases.display.force)?;
@@ -150,7 +151,7 @@ fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Resul
     Ok(SceneSource::new(input.light_field()?, &input.display)?)
 }
 
-/// Rows and columns of the window's inside.
+/// Returns the rows and columns of the window's inside.
 fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2] {
     let times = |zoom: f64| size.map(|n| ((n as f64 * zoom).round() as usize).clamp(1, 16384));
     match (args.window, args.zoom) {
@@ -158,7 +159,7 @@ fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2
         (None, Some(zoom)) => times(zoom),
         (None, None) => {
             let longer = size[0].max(size[1]) as f64;
-            // Small ones by a whole number.
+            // Small pictures are magnified by a whole number.
             let usual = if longer < USUAL[0] { (USUAL[0] / longer).floor() } else { (USUAL[1] / longer).min(1.0) };
             let room =
                 |m: &Monitor| (ROOM * m.size[0] as f64 / size[0] as f64).min(ROOM * m.size[1] as f64 / size[1] as f64);
@@ -168,15 +169,13 @@ fn window_size(args: &Preview, size: [usize; 2], desktop: &Desktop) -> [usize; 2
     }
 }
 
-/// What is shown, and what is known of it.
+/// The content of the window and its properties.
 struct PreviewedContent {
     name: String,
     playing: Option<Playing>,
     rate: f64,
     padding: Padding,
-    /// The eye that looks.
     prescription: Option<Prescription>,
-    /// What is in its pupil.
     obstruction: Option<Obstruction>,
     exposure: Option<f64>,
     index: u64,
@@ -192,13 +191,13 @@ impl PreviewedContent {
         self.contents += 1;
     }
 
-    /// Goes on with the sequence; `seen`: the number of the content that was seen last.
+    /// Continues with the sequence. `seen` is the number of the content that was seen last.
     fn go_on(&mut self, viewer: &mut Viewer, seen: u64) -> Result<(), Failure> {
         let Some(playing) = &mut self.playing else { return Ok(()) };
         let (index, mut hologram) = match playing.next(self.index, seen == self.contents) {
             Ok(None) => return Ok(()),
             Ok(Some(next)) => next,
-            // One that is damaged is said and left out: the one before stays.
+            // A damaged hologram is reported and left out, and the one before stays.
             Err(Failure::Library(eyebox::Error::Hologram(error))) => {
                 eprintln!("note: {error}");
                 return Ok(());
@@ -222,7 +221,7 @@ impl PreviewedContent {
         format!("{name}{which}: {}. h: help", controls.describe(seen))
     }
 
-    /// Writes what is seen as it is sampled, as `eyebox render` does.
+    /// Writes the picture with the sampling of the simulation, as `eyebox render` does.
     fn save(&self, seen: &RenderedView) -> Result<Vec<PathBuf>, Failure> {
         let stem = Path::new(&self.name).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
         let free = |ending: &str| {
@@ -247,7 +246,7 @@ impl PreviewedContent {
     }
 }
 
-/// Until it is closed.
+/// Handles events and draws until the window is closed.
 fn watch(
     desktop: &mut Desktop,
     window: &mut PreviewWindow,
@@ -281,7 +280,7 @@ fn watch(
             return Ok(());
         }
         shown.go_on(viewer, seen.as_ref().map_or(0, |s| s.content))?;
-        // A minimised window needs no picture.
+        // A minimized window needs no picture.
         if window.size() != [0, 0] {
             let place = places(window.size(), shown.size, controls.count())[0];
             let (frame, side) = (controls.alone(), controls.side);
@@ -321,7 +320,7 @@ fn watch(
     }
 }
 
-/// Says what was written, or why not: a full disk is no reason to close the window.
+/// Writes the picture and prints its file or the error. A full disk does not close the window.
 fn keep(shown: &PreviewedContent, seen: &RenderedView) {
     match shown.save(seen) {
         Ok(files) => files.iter().for_each(|f| eprintln!("wrote {}", f.display())),
@@ -329,7 +328,7 @@ fn keep(shown: &PreviewedContent, seen: &RenderedView) {
     }
 }
 
-/// A desktop that goes away while it is shown on has an exit code of its own.
+/// Returns the failure with its own exit code for a desktop that went away while it showed the window.
 fn lost(error: PresentError) -> Failure {
     Failure::Lost(Reason::new("display", error))
 }

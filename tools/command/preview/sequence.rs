@@ -1,11 +1,11 @@
-//! Which hologram of a sequence is due.
+//! Chooses the hologram of a sequence that is due.
 
 use crate::Failure;
 use eyebox::low_level::hologram::{Hologram, Sequence};
 use eyebox::low_level::preview::Reader;
 use std::time::Instant;
 
-/// A sequence that is played, begun again at its end.
+/// A sequence that is played and begins again at its end.
 pub struct Playing {
     reader: Reader,
     turn: Turn,
@@ -14,12 +14,12 @@ pub struct Playing {
     since: Instant,
 }
 
-/// What is due after so many seconds.
+/// The function from a time to the number of the hologram that is due.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Turn {
     /// Number of the hologram at the time 0.
     first: u64,
-    /// None while it stands still.
+    /// The rate, or None while the sequence is paused.
     hz: Option<f64>,
 }
 
@@ -31,32 +31,32 @@ impl Turn {
 }
 
 impl Playing {
-    /// Of a sequence with `count` holograms, of which the first is shown already.
+    /// Starts a sequence, whose first hologram is shown already.
     pub fn new(sequence: Sequence, hz: f64) -> Result<Self, Failure> {
         let count = sequence.count().max(1);
         let turn = Turn { first: 0, hz: Some(hz) };
         Ok(Self { reader: Reader::start(sequence)?, turn, count, under_way: false, since: Instant::now() })
     }
 
-    /// How many there are.
+    /// Returns the number of holograms.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Stops at `shown`, or goes on from it at this rate.
+    /// Pauses at `shown`, or continues from it at this rate.
     pub fn pause(&mut self, shown: u64, hz: f64) {
         let hz = if self.turn.hz.is_some() { None } else { Some(hz) };
         (self.turn, self.since) = (Turn { first: shown, hz }, Instant::now());
     }
 
-    /// Stands still so many holograms on.
+    /// Pauses `by` holograms after `shown`.
     pub fn step(&mut self, shown: u64, by: i64) {
         let to = (shown as i128 + i128::from(by)).rem_euclid(i128::from(self.count)) as u64;
         (self.turn, self.since) = (Turn { first: to, hz: None }, Instant::now());
     }
 
-    /// The next hologram, if one was read; and asks for the one that is due, if it is not `shown`. `ready`: whether the last
-    /// one was seen.
+    /// Returns the next hologram, if one was read. Requests the one that is due, if it is not `shown` and the last one
+    /// was seen (`ready`).
     pub fn next(&mut self, shown: u64, ready: bool) -> Result<Option<(u64, Hologram)>, Failure> {
         let read = self.reader.newest()?;
         if read.is_some() {

@@ -1,4 +1,4 @@
-//! The arguments of `eyebox render`.
+//! Reads and checks the arguments of `eyebox render`.
 
 use crate::Failure;
 use crate::phases::{AtArgs, BareOpticsArgs, EncodedArgs, PhaseArgs};
@@ -8,44 +8,43 @@ use clap::{Args, ValueEnum};
 use eyebox::low_level::reason;
 use std::path::{Path, PathBuf};
 
-/// `eyebox render`
+/// The arguments of `eyebox render`.
 #[derive(Args)]
 #[command(group = clap::ArgGroup::new("eye_place").required(true).args(["pupil", "path"]))]
 pub struct Render {
-    /// NAME.zarr, a hologram or a sequence; phases: NAME.npy or a folder of PNGs; the folder of encode; or a scene
+    /// NAME.zarr (a hologram or a sequence), phases (NAME.npy or a folder of PNGs), the folder of encode, or a scene
     pub what: String,
-    /// Pupil: x,y,diameter,focus in mm, or the focus in dioptres: 0.5D
+    /// Pupil as x,y,diameter,focus in mm, or the focus in dioptres (0.5D)
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil)]
     pub pupil: Option<GivenPupil>,
-    /// Path of the eye of a film: a JSON file with keys, such as {"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2, "x_mm": 4}]}
+    /// Path of the eye in a film. It is a JSON file with keys, such as {"keys": [{"t_s": 0, "x_mm": -4}, {"t_s": 2,
+    /// "x_mm": 4}]}
     #[arg(help_heading = "Pupils", long, value_name = "FILE.json")]
     pub path: Option<PathBuf>,
-    /// Content: image, target, or both beside each other. The image is the hologram's, the target is the scene's. A scene is solved
-    /// first if its image is rendered [default: both for a film, target for a scene, image for a hologram]
+    /// Content (image, target, or both side by side). The image is the hologram's, and the target is the scene's. A
+    /// scene is solved first if its image is rendered [default: both for a film, target for a scene, image for a
+    /// hologram]
     #[arg(help_heading = "Output", long = "what", value_enum, value_name = "CONTENT", hide_possible_values = true)]
     pub content: Option<RenderedContent>,
-    /// Of a sequence
     #[command(flatten)]
     pub which: AtArgs,
-    /// Output: a picture (PNG) or the intensity (.npy, float32, no exposure); with --path NAME.y4m, or a folder for one PNG per frame
+    /// Output file of a picture (PNG) or of the intensity (.npy, float32, no exposure). With --path, NAME.y4m or a
+    /// folder for one PNG per frame
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: PathBuf,
-    /// With --path: pixels along each axis that become one, their mean
+    /// Number of pixels along each axis whose mean becomes one pixel, with --path
     #[arg(help_heading = "Output", long, default_value_t = 1, value_name = "N", requires = "path")]
     pub binning: usize,
-    /// How it is read
     #[command(flatten)]
     pub how: SubjectOptions,
-    /// Optics of bare phases
     #[command(flatten)]
     pub optics: BareOpticsArgs,
-    /// Video frames
     #[command(flatten)]
     pub encoded: EncodedArgs,
-    /// Exposure of the PNG [default: the hologram's; where it is not known, the 99th percentile becomes white]
+    /// Exposure of the PNG [default: the hologram's, or if it is not known, the 99th percentile becomes white]
     #[arg(help_heading = "Bare phases", long, value_parser = positive)]
     pub exposure: Option<f64>,
-    /// Look past the display's model, as if the display were ideal
+    /// Ignore the display's model, as if the display were ideal
     #[arg(help_heading = "Display", long)]
     pub ideal: bool,
     /// One JSON object on standard output, no progress bar
@@ -53,12 +52,12 @@ pub struct Render {
     pub json: bool,
 }
 
-/// What is rendered.
+/// The content of a render.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum RenderedContent {
-    /// The hologram's image
+    /// Image of the hologram
     Image,
-    /// The scene's target image
+    /// Target image of the scene
     Target,
     /// Both, the image on the left
     Both,
@@ -106,7 +105,7 @@ impl Render {
 }
 
 impl RenderedContent {
-    /// Returns what a user sees.
+    /// Returns the content in words.
     pub fn in_words(self) -> &'static str {
         match self {
             Self::Image => "the image",

@@ -1,4 +1,4 @@
-//! `eyebox render --path`: a film of what an eye sees along a path.
+//! `eyebox render --path` renders a film of the images that an eye sees along a path.
 
 use super::args::{Render, RenderedContent};
 use super::picture::target_display;
@@ -17,7 +17,7 @@ use eyebox::low_level::reconstruction::SceneSource;
 use eyebox_lab::film::{self, Content, EyePath, FilmContent, FilmError, FilmSettings};
 use std::path::Path;
 
-/// Films it.
+/// Renders the film along a path.
 pub fn run(args: &Render, path: &Path) -> Result<(), Failure> {
     let path = EyePath::read(path).map_err(Failure::Film)?;
     if args.out.extension().is_some() && !args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m")) {
@@ -42,8 +42,9 @@ pub fn run(args: &Render, path: &Path) -> Result<(), Failure> {
     let made = film::film(&path, &settings, &mut load, &args.out, engine.as_mut(), &mut observe);
     let made = made.map_err(|Ended(failure)| failure)?;
     bar.finish();
-    let made = made
-        .ok_or_else(|| Failure::Arguments(reason!("stopped", "{}: stopped: nothing is written", args.out.display())))?;
+    let made = made.ok_or_else(|| {
+        Failure::Arguments(reason!("stopped", "{}: stopped, and nothing is written", args.out.display()))
+    })?;
     let [rows, columns] = made.size;
     if args.json {
         let report = serde_json::json!({
@@ -63,7 +64,7 @@ pub fn run(args: &Render, path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Why a film ended. [`Failure`] itself converts from errors of the library alone.
+/// The failure that ended a film. [`Failure`] itself converts from errors of the library alone.
 struct Ended(Failure);
 
 impl From<FilmError> for Ended {
@@ -72,17 +73,17 @@ impl From<FilmError> for Ended {
     }
 }
 
-/// What is filmed, by time.
+/// The content of a film by time.
 struct Reel<'a> {
     args: &'a Render,
     engines: &'a Engines,
     frames: Frames,
-    /// Which is shown.
+    /// The number of the hologram that is shown.
     shown: Option<u64>,
 }
 
 enum Frames {
-    /// One hologram, given out once.
+    /// One hologram, which is returned once.
     One(Option<Content>),
     /// Holograms that follow each other, and begin again.
     Sequence(Box<Sequence>),
@@ -111,7 +112,7 @@ impl<'a> Reel<'a> {
         Ok(reel)
     }
 
-    /// What is to be seen at a time, where it is not what was seen before.
+    /// Returns the content at a time, if it differs from the content before.
     fn at(&mut self, time: f64) -> Result<Option<Content>, Failure> {
         let hologram = match &mut self.frames {
             Frames::One(content) => return Ok(content.take()),
@@ -127,7 +128,7 @@ impl<'a> Reel<'a> {
         self.content(hologram, Path::new(&self.args.what)).map(Some)
     }
 
-    /// A hologram with its scene.
+    /// Returns a hologram with its scene.
     fn content(&self, mut hologram: Hologram, file: &Path) -> Result<Content, Failure> {
         let how = &self.args.how;
         how.eye.replace(&mut hologram.metadata.prescription)?;
@@ -137,7 +138,7 @@ impl<'a> Reel<'a> {
             return Ok(Content { source: hologram.into(), scene: None, exposures });
         }
         let mut input = scene_of(file, &hologram, how.scene.as_deref(), &how.options, how.display.force)?;
-        // What should be seen, wherever the display has to show it.
+        // The target is what an eye should see, wherever the display shows it.
         input.display.picture = Default::default();
         let field = input.light_field()?;
         hologram.fit_exposure(&field, self.engines.open()?.as_mut())?;

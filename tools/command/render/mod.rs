@@ -1,4 +1,4 @@
-//! `eyebox render`: what an eye sees, as a picture through one pupil or as a film along a path.
+//! `eyebox render` renders the image that an eye sees through one pupil, or a film along a path.
 
 mod args;
 mod film;

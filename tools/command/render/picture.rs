@@ -1,4 +1,4 @@
-//! `eyebox render --pupil`: one picture of a hologram, of its target, or of both.
+//! `eyebox render --pupil` renders one picture of a hologram, of its target, or of both.
 
 use super::args::{Render, RenderedContent};
 use crate::Failure;
@@ -18,7 +18,7 @@ use eyebox::low_level::reconstruction::{Sampling, SceneSource};
 use serde_json::json;
 use std::path::Path;
 
-/// Planes of each color, with their exposures, and what they are, in words.
+/// The planes of each color with their exposures, and a description.
 struct Rendered {
     planes: Vec<Plane>,
     exposures: Vec<f64>,
@@ -28,7 +28,7 @@ struct Rendered {
     about: String,
 }
 
-/// Renders one pupil.
+/// Renders the picture through one pupil.
 pub fn run(args: &Render, pupil: &GivenPupil) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let is_hologram = args.is_hologram();
@@ -166,7 +166,8 @@ fn side_by_side(image: &Plane, target: &Plane, exposure: f64) -> Plane {
     Plane { rows, columns, values }
 }
 
-/// Returns the display and the colors of a target image. The target is what an eye should see, wherever the display shows it.
+/// Returns the display and the colors of a target image. The target is what an eye should see, wherever the display
+/// shows it.
 pub fn target_display(args: &Render) -> Result<(Display, Vec<Color>), Failure> {
     let mut display = common::display(&args.how.display)?;
     display.picture = Default::default();
@@ -236,8 +237,8 @@ fn through(hologram: &Hologram) -> String {
     said
 }
 
-/// What a picture of these planes is multiplied by: as asked, the hologram's own where it is known, else what makes them
-/// bright.
+/// Returns the exposure of each plane. It is the requested one, or the hologram's own if it is known. Otherwise the
+/// 99th percentile becomes white.
 pub fn exposures(hologram: &Hologram, asked: Option<f64>, planes: &[Plane]) -> Vec<f64> {
     match (asked, hologram.metadata.exposure_assumed) {
         (Some(exposure), _) => vec![exposure; planes.len()],

@@ -1,4 +1,4 @@
-//! Arguments of `eyebox show`: output and time.
+//! Reads the arguments of `eyebox show` for output and time.
 
 use crate::values::{MS, S, mark, not_negative_in, positive, positive_in, rate};
 use clap::{Args, ValueEnum};
@@ -6,7 +6,7 @@ use eyebox::low_level::present::Rate;
 use eyebox::low_level::session::{Output, SessionOptions, SinkFile};
 use std::path::PathBuf;
 
-/// Output of video frames.
+/// The output of video frames.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum OutputTo {
     /// A window over a whole monitor, which an index, a name or a size may choose.
@@ -21,7 +21,7 @@ pub enum OutputTo {
     Shared(PathBuf),
 }
 
-/// Reads an output.
+/// Reads the name of an output.
 pub fn output(text: &str) -> Result<OutputTo, String> {
     let (name, rest) = text.split_once(':').map_or((text, None), |(name, rest)| (name, Some(rest)));
     match (name, rest.filter(|rest| !rest.is_empty())) {
@@ -59,33 +59,33 @@ impl OutputTo {
     }
 }
 
-/// Whose time.
+/// The clock of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ClockName {
-    /// The system's
+    /// Clock of the system
     Real,
-    /// One that passes as fast as the machine is, and waits for content
+    /// Clock that runs as fast as the machine is, and waits for content
     Simulated,
 }
 
-/// Where holograms are shown.
+/// The options for the output of holograms.
 #[derive(Args)]
 pub struct OutputArgs {
-    /// Output: window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE. With offscreen,
-    /// memory receives the frames. With raw, a file or a pipe receives every frame, too (8 bits, (row, column,
-    /// channel)). With shared, another program maps the newest frame (docs/playback.md) [default: offscreen]
+    /// Output of video frames (window, window:MONITOR, direct, direct:DISPLAY, offscreen, raw:FILE or shared:FILE).
+    /// With offscreen, memory receives the frames. With raw, a file or a pipe receives every frame, too (8 bits, (row,
+    /// column, channel)). With shared, another program maps the newest frame (docs/playback.md) [default: offscreen]
     #[arg(help_heading = "Display", long, value_name = "OUTPUT", default_value = "offscreen", hide_default_value = true, value_parser = output)]
     pub output: OutputTo,
-    /// Video frames per second; with --output direct, of the mode [default: what the monitor says, else 60]
+    /// Video frames per second, or with --output direct of the mode [default: of the monitor, otherwise 60]
     #[arg(help_heading = "Display", long, value_name = "HZ", value_parser = rate)]
     pub display_rate: Option<Rate>,
-    /// Have Vulkan's use checked, and say what was wrong
+    /// Check the use of Vulkan, and print the faults
     #[arg(help_heading = "Display", long)]
     pub validation: bool,
 }
 
 impl OutputArgs {
-    /// What a session takes of it besides.
+    /// Returns the other options of a session.
     pub fn options(&self) -> SessionOptions {
         let mut options = SessionOptions::default();
         options.display_rate = self.display_rate;
@@ -93,10 +93,10 @@ impl OutputArgs {
     }
 }
 
-/// When holograms are shown.
+/// The options for the times at which holograms are shown.
 #[derive(Args)]
 pub struct StreamArgs {
-    /// Holograms per second [default: what the sequence says]
+    /// Holograms per second [default: of the sequence]
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate)]
     pub rate: Option<Rate>,
     /// Begin again at the end
@@ -105,13 +105,13 @@ pub struct StreamArgs {
     /// Wait for a sequence that is still being written
     #[arg(help_heading = "Time", long)]
     pub follow: bool,
-    /// Which hologram of a sequence, from 0: the first that is shown
+    /// Number of the hologram in a sequence that is shown first, from 0
     #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 0)]
     pub at: u64,
-    /// Begin at this time, ready or not: seconds since 1970, for displays that begin together
+    /// Begin at this time in seconds since 1970, ready or not, for displays that begin together
     #[arg(help_heading = "Time", long, value_name = "UNIX", value_parser = positive_in(S))]
     pub start_at: Option<f64>,
-    /// Clock: real, or simulated (as fast as the machine is) [default: real; simulated with --record]
+    /// Clock, which is real, or simulated (as fast as the machine is) [default: real, or simulated with --record]
     #[arg(help_heading = "Time", long, value_enum)]
     pub clock: Option<ClockName>,
 }
@@ -119,62 +119,63 @@ pub struct StreamArgs {
 /// The table `show` of the settings.
 #[derive(Args)]
 pub struct ShowSettings {
-    /// From a video frame's beginning to its light, ms
+    /// Time from the beginning of a video frame to its light, ms
     #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]
     pub display_latency: f64,
-    /// Show sets whole, though one takes several video frames; else each video frame is the newest set's whose turn it is
+    /// Show complete sets on a display that takes several video frames for one, instead of a rolling update
     #[arg(help_heading = "Steps", long)]
     pub whole_sets: bool,
-    /// on: each sub-frame is refined for its own time if the eye or the content moves, and phases move with the
-    /// content. off: sub-frames count as seen at once
+    /// Refine each sub-frame for its own time if the eye or the content moves, and move phases with the content (on).
+    /// With off, sub-frames count as seen at once
     #[arg(help_heading = "Steps", long, value_enum, default_value = "on", value_name = "on|off")]
     pub moments: Moments,
-    /// Which of the display's switchable sources light each set, a line of JSON as the set is handed to the display: a file, or a
-    /// pipe to what drives them
+    /// File, or pipe to the driver of the display's switchable sources. It receives a line of JSON with the sources
+    /// that light a set, when the display receives the set
     #[arg(help_heading = "Display", long, value_name = "OUT")]
     pub sources_out: Option<PathBuf>,
-    /// Speed as a factor
+    /// Speed of playback as a factor
     #[arg(help_heading = "Time", long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
     pub speed: f64,
-    /// Seconds of the sync picture before content: its first sub-frame's light goes aside along x, the others' along y
+    /// Seconds of the sync picture before content. Its first sub-frame sends light aside along x, and the others along
+    /// y
     #[arg(help_heading = "Time", long, value_name = "S", value_parser = not_negative_in(S), default_value_t = 0.0)]
     pub sync: f64,
-    /// Side of such a mark in the upper left corner of every hologram, pixels
+    /// Side of a sync mark in the upper left corner of every hologram, pixels
     #[arg(help_heading = "Time", long, value_name = "PX", value_parser = mark, default_value = "0")]
     pub mark: usize,
-    /// After a missed present, wait until sets are in phase with the first: for lasers that count video frames
+    /// Wait after a missed present until sets are in phase with the first, for lasers that count video frames
     #[arg(help_heading = "Time", long)]
     pub keep_phase: bool,
     /// Sets that are encoded ahead
     #[arg(help_heading = "Time", long, value_name = "N", default_value_t = 4)]
     pub ahead: usize,
-    /// On a simulated clock, of what is refined: what a step of one color takes, ms
+    /// Time of a step of one color on a simulated clock, ms
     #[arg(help_heading = "Eye", long, value_name = "MS", value_parser = positive_in(MS))]
     pub step_time: Option<f64>,
     /// Time of encoding a set on a simulated clock, ms
     #[arg(help_heading = "Eye", long, default_value_t = 1.0, value_name = "MS", value_parser = positive_in(MS))]
     pub encode_time: f64,
-    /// What an application is asked for
+    /// Content that is requested from an application
     #[arg(help_heading = "Display", long, value_enum, default_value = "views")]
     pub ask: Ask,
 }
 
-/// Whether sub-frames are refined for their moments.
+/// The choice to refine sub-frames for their own times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Moments {
-    /// Where something moves
+    /// Refine for own times if something moves
     On,
-    /// As if all were seen at once
+    /// Refine as if all were seen at once
     Off,
 }
 
-/// What an application is asked for.
+/// The content that is requested from an application.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Ask {
-    /// Views around the pupil; --views says how many along an axis at most [default: 5]
+    /// Views around the pupil, with at most --views along an axis [default: 5]
     Views,
     /// A picture with the depth of every pixel
     Depth,
-    /// Layers with opacity
+    /// Layers of content with opacity
     Layers,
 }

@@ -1,5 +1,7 @@
-//! `eyebox show --camera`. A camera takes pictures of the hologram on the screen now and then, the display's model follows the bench,
-//! and the scene is solved again for it.
+//! `eyebox show --camera` follows a bench with a camera while a scene is shown.
+//!
+//! The camera takes pictures of the hologram on the screen at intervals, the display's model follows the bench, and the
+//! scene is solved again for it.
 
 use super::args::{ClockName, StreamArgs};
 use super::tracked::LiveOptions;
@@ -17,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
-/// How the camera is followed.
+/// The options of the camera.
 #[derive(Args)]
 pub struct FollowArgs {
     /// Command of a camera that takes pictures of the screen. The display's model follows the bench (docs/calibrate.md)
@@ -31,7 +33,7 @@ pub struct FollowArgs {
     pub keep: Option<PathBuf>,
 }
 
-/// A scene that is shown, and how.
+/// A scene that is shown, with its options.
 #[derive(Clone, Copy)]
 pub struct SceneToShow<'a> {
     pub scene: &'a str,
@@ -52,7 +54,7 @@ pub fn show(
     if stream.clock == Some(ClockName::Simulated) || live.record.is_some() {
         return Err(Failure::Arguments(reason!(
             "camera-and-clock",
-            "--camera lives in real time: leave out --clock simulated and --record"
+            "--camera needs real time. Leave out --clock simulated and --record"
         )));
     }
     let model = follow.camera_model.as_deref();
@@ -62,7 +64,7 @@ pub fn show(
     let mut display = common::display(&subject.display)?;
     subject.eye.replace(&mut display.prescription)?;
     let [color] = common::colors(&subject.display, &display)?[..] else {
-        return Err(Failure::Arguments(reason!("camera-without-color", "--camera follows one color: give --color")));
+        return Err(Failure::Arguments(reason!("camera-without-color", "--camera follows one color. Give --color")));
     };
     let mut engine = common::engine(&subject.engine)?;
     let mut solve = |display: &Display| -> Result<_, Failure> {
@@ -102,7 +104,7 @@ fn print(event: FollowEvent, model: Option<&Path>) -> Result<(), Failure> {
         files::write_file(file, |to| to.write_all(text.as_bytes()))?;
     }
     match event {
-        FollowEvent::Discarded => eprintln!("a picture was thrown away: the screen changed during its exposure"),
+        FollowEvent::Discarded => eprintln!("a picture was discarded because the screen changed during its exposure"),
         FollowEvent::Unexplained(report) => {
             eprintln!("eyebox: the latest pictures are not explained{}; the model stays as it is", left(report));
         }

@@ -1,4 +1,4 @@
-//! `eyebox show`: holograms, sequences, scenes and live content on a display.
+//! `eyebox show` shows holograms, sequences, scenes and live content on a display.
 
 pub mod args;
 mod bench_follower;
@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tracked::LiveOptions;
 
-/// `eyebox show`
+/// The arguments of `eyebox show`.
 #[derive(Args)]
 pub struct Show {
     /// NAME.zarr (a hologram, a sequence or a far field in tiles), bare phases, scenes, or live:NAME. Scenes are
@@ -39,52 +39,47 @@ pub struct Show {
     /// application that sends frames
     #[arg(required = true, value_name = "WHAT")]
     pub what: Vec<String>,
-    /// How it is read, or solved
     #[command(flatten)]
     pub subject: SubjectOptions,
-    /// How it follows
     #[command(flatten)]
     pub live: LiveOptions,
-    /// When
     #[command(flatten)]
     pub stream: StreamArgs,
-    /// What is not finished
     #[command(flatten)]
     pub unfinished: UnfinishedArgs,
-    /// A camera that is followed
     #[command(flatten)]
     pub follow: FollowArgs,
-    /// Sub-frames of what an application shows, of scenes that follow each other, or of a scene with --camera [default: 8]
+    /// Sub-frames of live content, of scenes that follow each other, or of a scene with --camera [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
     pub frames: Option<usize>,
-    /// Of live:NAME: keep in a new folder what came and what was decided, so that it can be shown again
+    /// Keep the frames and decisions of live:NAME in a new folder, so that they can be shown again
     #[arg(help_heading = "Output", long, value_name = "OUT_DIR", conflicts_with = "replay")]
     pub journal: Option<PathBuf>,
-    /// Of live:NAME, with the other options as they were: show again what was kept, byte for byte, on a simulated clock
+    /// Show a journal of live:NAME again, byte for byte, on a simulated clock. The other options must be the same
     #[arg(help_heading = "Output", long, value_name = "DIR")]
     pub replay: Option<PathBuf>,
 }
 
 impl Show {
-    /// Returns the sub-frames of what is shown, if nothing was solved before.
+    /// Returns the number of sub-frames of content that is not solved yet.
     fn frames(&self) -> Result<usize, Failure> {
         let of_settings = self.subject.experiment.given()?.get("frames")?;
         Ok(self.frames.or(of_settings).unwrap_or(Settings::default().frames))
     }
 }
 
-/// What is to be shown.
+/// The kind of content.
 enum What {
     /// Phases that were solved before.
     Phases(PathBuf),
     Scene(String),
     /// Scenes that follow each other.
     Scenes(Vec<String>),
-    /// An application's.
+    /// Frames of an application, by its name.
     Application(String),
 }
 
-/// Shows it, and says what was shown.
+/// Shows the content and prints the statistics.
 pub fn run(args: &Show) -> Result<(), Failure> {
     let tables: [TableOf; 2] = [("show", ShowSettings::table), ("camera", CameraSettings::table)];
     if args.subject.experiment.printed(&tables)? {
@@ -139,13 +134,13 @@ pub fn run(args: &Show) -> Result<(), Failure> {
     }
 }
 
-/// What there is, by its name.
+/// Finds the kind of content by its name.
 fn what(args: &Show) -> Result<What, Failure> {
     let one = args.what.first().filter(|_| args.what.len() == 1);
     let Some(one) = one else {
         return match args.what.iter().find(|what| what.starts_with("live:") || is_phases(what)) {
             Some(what) => {
-                Err(Failure::Arguments(reason!("shown-alone", "{what} is shown alone: only scenes follow each other")))
+                Err(Failure::Arguments(reason!("shown-alone", "{what} is shown alone. Only scenes follow each other")))
             }
             None => Ok(What::Scenes(args.what.clone())),
         };
@@ -165,7 +160,7 @@ fn is_phases(what: &str) -> bool {
     !what.starts_with("builtin:") && subject::is_hologram(Path::new(what))
 }
 
-/// The display; of a file whose size nobody gave, with the size of its holograms.
+/// Loads the display. If no size is given, it has the size of the holograms in the file.
 fn display(args: &Show, file: Option<&Path>) -> Result<Display, Failure> {
     let asked = &args.subject.display;
     let sequence = file.filter(|file| !Phases::are_at(file)).map(Sequence::open).and_then(Result::ok);
@@ -181,7 +176,7 @@ fn display(args: &Show, file: Option<&Path>) -> Result<Display, Failure> {
     Ok(display)
 }
 
-/// Solves scenes that follow each other into a file, each from the one before.
+/// Solves scenes that follow each other into a file. Each solve starts from the one before.
 fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failure> {
     let display = display(args, None)?;
     let colors = common::colors(&args.subject.display, &display)?;
@@ -217,7 +212,7 @@ fn solve(args: &Show, scenes: Vec<String>, file: &Path) -> Result<Display, Failu
     Ok(display)
 }
 
-/// Without a tracker: as it was solved.
+/// Shows holograms without a tracker, as they were solved.
 fn play(args: &Show, settings: &ShowSettings, sequence: Sequence, display: Display) -> Result<(), Failure> {
     kept_of_applications(args)?;
     common::say_model_age(&display);
@@ -230,7 +225,7 @@ fn play(args: &Show, settings: &ShowSettings, sequence: Sequence, display: Displ
     if let Some((_, option)) = refused.iter().find(|(given, _)| *given) {
         return Err(Failure::Arguments(reason!(
             "without-tracker",
-            "{option} is for what is refined while it is shown: give --tracker"
+            "{option} is for content that is refined while it is shown. Give --tracker"
         )));
     }
     let mut options = args.live.shown.options();
@@ -253,15 +248,15 @@ fn play(args: &Show, settings: &ShowSettings, sequence: Sequence, display: Displ
     })
 }
 
-/// With a tracker: refined for the eye.
+/// Shows content with a tracker, refined for the eye.
 fn follow(args: &Show, settings: ShowSettings, what: &str) -> Result<(), Failure> {
     kept_of_applications(args)?;
     let cost = refined(args, &settings)?;
     if args.stream.rate.is_some() && subject::is_hologram(Path::new(what)) {
-        // What a sequence says of its time holds.
+        // A sequence keeps its own rate.
         return Err(Failure::Arguments(reason!(
             "rate-with-tracker",
-            "--rate is for what is played: with --tracker a sequence keeps its own"
+            "--rate is for playback. With --tracker a sequence keeps its own rate"
         )));
     }
     let endless = !Sequence::is_at(Path::new(what)) || args.stream.looped;
@@ -279,7 +274,7 @@ fn show(
     stage: Stage,
 ) -> Result<(), Failure> {
     common::say_model_age(steered.encoder.display());
-    // A journal has its samples in it.
+    // A journal contains the samples of the tracker.
     let tracker = if args.replay.is_some() { None } else { args.live.tracker() };
     let kept = tracked::KeptSession { journal: args.journal.clone(), replay: args.replay.clone() };
     let depths = args.subject.options.depth_before(steered.encoder.display());
@@ -292,7 +287,7 @@ fn show(
     )
 }
 
-/// What is refined while it is shown: what work takes on a simulated clock, and a line for what it does not take.
+/// Returns the cost of work on a simulated clock, and refuses options that refinement does not have.
 fn refined(args: &Show, settings: &ShowSettings) -> Result<Option<Cost>, Failure> {
     let stream = &args.stream;
     let given = [
@@ -306,7 +301,7 @@ fn refined(args: &Show, settings: &ShowSettings) -> Result<Option<Cost>, Failure
     ];
     let refuse = |reason| Err(Failure::Arguments(reason));
     if let Some((_, option)) = given.iter().find(|(given, _)| *given) {
-        return refuse(reason!("with-tracker", "{option} is for what is played: leave it out, or --tracker"));
+        return refuse(reason!("with-tracker", "{option} is for playback. Leave it out, or --tracker"));
     }
     let simulated = stream.clock == Some(ClockName::Simulated);
     if simulated && args.live.shown.output.is_shown() {
@@ -319,7 +314,7 @@ fn refined(args: &Show, settings: &ShowSettings) -> Result<Option<Cost>, Failure
             refuse(reason!("no-step-time", "a simulated clock needs the time of a step: --set show.step_time=MS"))
         }
         (false, Some(_)) => {
-            refuse(reason!("step-time", "show.step_time is for a simulated clock: add --clock simulated"))
+            refuse(reason!("step-time", "show.step_time is for a simulated clock. Add --clock simulated"))
         }
         (false, None) => Ok(None),
     }
@@ -329,7 +324,7 @@ fn kept_of_applications(args: &Show) -> Result<(), Failure> {
     match args.journal.is_some() || args.replay.is_some() {
         true => Err(Failure::Arguments(reason!(
             "journal-without-live",
-            "--journal and --replay are for live:NAME; other content is the same again by itself"
+            "--journal and --replay are for live:NAME. Other content is the same in each run"
         ))),
         false => Ok(()),
     }
@@ -337,12 +332,12 @@ fn kept_of_applications(args: &Show) -> Result<(), Failure> {
 
 fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Result<(), Failure> {
     match endless && cost.is_some() && args.live.duration.is_none() {
-        true => Err(Failure::Arguments(reason!("endless", "a simulated clock would go on for ever: give --duration"))),
+        true => Err(Failure::Arguments(reason!("endless", "a simulated clock would run forever. Give --duration"))),
         false => Ok(()),
     }
 }
 
-/// Frames of an application in another process.
+/// Shows frames of an application in another process.
 #[cfg(target_os = "linux")]
 fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Failure> {
     use args::Ask;
@@ -352,18 +347,18 @@ fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Fa
     use eyebox::low_level::session::{LiveColor, LiveInput, LiveKind, darkness};
 
     let cost = match &args.replay {
-        // Nothing is timed that was decided before.
+        // The decisions of a journal are not timed again.
         Some(_) if args.live.tracker.tracker.is_none() => Some(Cost::Measured),
         Some(_) => {
             return Err(Failure::Arguments(reason!(
                 "replay-with-tracker",
-                "--replay has its samples in it: leave out --tracker"
+                "the journal of --replay contains its samples. Leave out --tracker"
             )));
         }
         None => refined(args, &settings)?,
     };
     if cost.is_some() && args.replay.is_none() {
-        let line = "an application lives in real time: leave out --clock simulated";
+        let line = "an application needs real time. Leave out --clock simulated";
         return Err(Failure::Arguments(reason!("live", "live:{name}: {line}")));
     }
     let stage = Stage::open(&args.subject, &args.live)?;
@@ -391,7 +386,7 @@ fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Fa
     let mut steered = Steered { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None };
     if args.replay.is_none() {
         let mut input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
-        // A journal is played again to the bit, on any engine: the host decodes what is in it.
+        // A journal is shown again to the bit, on any engine. The host decodes its frames for that.
         if args.journal.is_none()
             && let Some(reason) = input.decode_with(stage.engines.backend())?
         {
@@ -399,7 +394,9 @@ fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Fa
         }
         steered.scenes = Some(Box::new(input));
         if args.live.tracker().is_none() && args.subject.options.depth.is_none() {
-            eprintln!("note: without a tracker eyes are taken to focus at 0 mm: --depth says where else content lies");
+            eprintln!(
+                "note: without a tracker, eyes are assumed to focus at 0 mm. Give --depth for content at other depths"
+            );
         }
         eprintln!("live:{name} waits for an application");
     }

@@ -1,4 +1,4 @@
-//! `eyebox show` without a tracker: holograms as they were solved.
+//! `eyebox show` without a tracker shows holograms as they were solved.
 
 use super::args::{ClockName, OutputArgs, ShowSettings, StreamArgs};
 use super::session::{attend, conclude, ended_by, keep_powers};
@@ -13,31 +13,28 @@ use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
 
-/// What is played, and how.
+/// The holograms to play, with their options.
 pub struct Playing<'a> {
-    /// The holograms.
     pub sequence: Sequence,
-    /// The display that they are encoded for.
+    /// The display that the holograms are encoded for.
     pub display: Display,
-    /// Where.
     pub shown: &'a OutputArgs,
-    /// When.
     pub stream: &'a StreamArgs,
     /// The table `show` of the settings.
     pub settings: &'a ShowSettings,
-    /// What encodes,
+    /// The engine that encodes.
     pub engine: EngineName,
-    /// and where.
+    /// The device of the engine.
     pub device: &'a DeviceArgs,
-    /// Everything else about the session.
+    /// The other options of the session.
     pub options: SessionOptions,
-    /// What was shown, as JSON.
+    /// The file of the statistics in JSON.
     pub stats: Option<&'a Path>,
-    /// The same on standard output.
+    /// True if the statistics are also printed on standard output.
     pub prints: bool,
 }
 
-/// Plays it, and says what was shown.
+/// Plays the holograms and prints the statistics.
 pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     let Playing { sequence, display, shown, stream, settings, engine, device, mut options, stats, prints } = playing;
     let mut play = session::Play::new(sequence, &display)?;
@@ -83,7 +80,7 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     conclude(ended, (stats, prints), &more)
 }
 
-/// Where it is shown; refuses what does not go together.
+/// Returns the output, and refuses options that do not fit together.
 fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, endless: bool) -> Result<Output, Failure> {
     let records = options.record.is_some();
     let simulated = match stream.clock {
@@ -94,14 +91,14 @@ fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, end
     if records && !simulated {
         return refuse(reason!(
             "record-in-real-time",
-            "--record takes longer than a video frame: leave out --clock real"
+            "--record takes longer than a video frame. Leave out --clock real"
         ));
     }
     if stream.start_at.is_some() && simulated {
         return refuse(reason!("start-at", "--start-at is a time of day, and a simulated clock has none"));
     }
     if endless && options.duration.is_none() && simulated {
-        return refuse(reason!("endless", "a simulated clock would go on for ever: give --duration"));
+        return refuse(reason!("endless", "a simulated clock would run forever. Give --duration"));
     }
     if shown.output.is_shown() && simulated {
         return refuse(reason!("without-offscreen", "--record and a simulated clock need --output offscreen"));
@@ -133,7 +130,7 @@ fn summary(statistics: &Statistics) {
     );
 }
 
-/// The line that is written over while playing.
+/// Returns the line that is updated while playing.
 fn line(now: &Status, before: &Status, seconds: f64, sub_frames: u64) -> String {
     let (a, b) = (&now.account, &before.account);
     let (fps, sets) = ((a.shown - b.shown) as f64 / seconds, (a.sets - b.sets) as f64 / seconds);

@@ -1,4 +1,4 @@
-//! What the commands that show have in common: a session is attended until it ends, and what came of it is told.
+//! Attends a session of `eyebox show` until it ends, and prints its statistics.
 
 use crate::talk::print_report;
 use crate::{Failure, common, progress};
@@ -13,11 +13,12 @@ use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// How often ctrl-C is looked for.
+/// Time between two checks for ctrl-C.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Tells what happens until a session ends or ctrl-C stops it, and what came of it. `line` is what is written over while it
-/// runs: of how it is, how it was, and the seconds between. `stats` has every second what it came to so far.
+/// Prints the notes of a session until it ends or ctrl-C stops it, and returns its end. `line` makes the line that is
+/// updated while the session runs, from the present status, the one before, and the seconds between. The file `stats`
+/// receives the statistics so far every second.
 pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &Status, f64) -> String) -> Ended {
     progress::catch_interrupt();
     let terminal = std::io::stderr().is_terminal();
@@ -27,7 +28,7 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
         }
     };
     let mut before = Status::default();
-    // To a pipe or a device they go once.
+    // A pipe or a device receives the statistics only once, at the end.
     let grows = |file: &&Path| file.metadata().map_or(true, |there| there.is_file());
     let mut stats = stats.filter(grows).map(|file| (file, Instant::now()));
     loop {
@@ -49,7 +50,7 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
                 so_far = json!({ "playback": so_far });
             }
             so_far["ended_by"] = Value::Null;
-            // Where that fails, it is said once, at the end.
+            // An error of this is reported once, at the end.
             let written = files::write_file(file, |out| writeln!(out, "{so_far:#}"));
             stats = written.ok().map(|()| (file, Instant::now()));
         }
@@ -67,13 +68,13 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
     session.stop()
 }
 
-/// What ended it, for people.
+/// Returns the reason for the end in words.
 pub fn ended_by(statistics: &Statistics) -> &'static str {
     if statistics.ended_by == Ending::Stopped { "ctrl-C" } else { statistics.ended_by.name() }
 }
 
-/// Writes the statistics to a file and to standard output as requested, with the numbers that only the command knows. Prints
-/// what was wrong.
+/// Writes the statistics to a file and to standard output as requested, with the numbers that only the command has.
+/// Prints the faults.
 pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Value) -> Result<(), Failure> {
     let Ended { statistics, result } = ended;
     let mut written = Ok(());
@@ -93,7 +94,7 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
     }
     if statistics.pictures_left_out > 0 {
         let count = statistics.pictures_left_out;
-        eprintln!("note: {count} pictures were not kept: the disk was slower than the display");
+        eprintln!("note: {count} pictures were not kept, because the disk was slower than the display");
     }
     statistics.validation.iter().for_each(|message| eprintln!("validation: {message}"));
     result.map_err(lost)?;
@@ -112,7 +113,7 @@ pub fn keep_powers(shown: &Hologram, record: Option<&Path>) -> Result<(), Failur
     Ok(())
 }
 
-/// A display that goes away while it is shown on has an exit code of its own.
+/// Returns the failure of a session. A display that goes away while it is in use has its own exit code.
 fn lost(error: SessionError) -> Failure {
     if error.is_of_display() { Failure::Lost(Reason::new("display", error)) } else { error.into() }
 }

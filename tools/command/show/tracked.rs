@@ -1,4 +1,4 @@
-//! `eyebox show --tracker`. The hologram on the display is refined for the tracked pupil while it is shown.
+//! `eyebox show --tracker` refines the hologram on the display for the tracked pupil while it is shown.
 
 use super::args::{OutputArgs, ShowSettings};
 use super::tracking::{TrackerArgs, tracking};
@@ -26,81 +26,77 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// How a hologram is shown that follows the eye.
+/// The options of a hologram that is refined for the tracked pupil.
 #[derive(Args)]
 pub struct LiveOptions {
-    /// Who looks
     #[command(flatten)]
     pub tracker: TrackerArgs,
-    /// Where
     #[command(flatten)]
     pub shown: OutputArgs,
-    /// Stop after this time, s [default: on ctrl-C, or at the end of what ends]
+    /// Stop after this time, s [default: on ctrl-C, or at the end of the content]
     #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
-    /// Show the hologram for the whole eyebox: what there is without steering
+    /// Show the hologram for the whole eyebox, without pupil steering
     #[arg(help_heading = "Steps", long)]
     pub unsteered: bool,
-    /// Show in a window what the tracked eye sees. Without --tracker the mouse in that window is the eye. The key s switches the
-    /// refinement off and on
+    /// Show in a window the image that the tracked eye sees. Without --tracker the mouse in that window is the eye.
+    /// The key s switches the refinement off and on
     #[arg(help_heading = "Window", long)]
     pub view: bool,
-    /// What was shown, and how late, as JSON
+    /// Statistics of the shown frames and their latency, as JSON
     #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub stats: Option<PathBuf>,
     /// One JSON object on standard output, as in --stats
     #[arg(help_heading = "Output", long)]
     pub json: bool,
-    /// Keep the pictures of new sets as PNG, as many as the disk takes, and when they were shown, in a new folder; on a simulated
-    /// clock, all of them
+    /// Keep the pictures of new sets as PNG, as many as the disk takes, and their times, in a new folder. On a
+    /// simulated clock, all of them are kept
     #[arg(help_heading = "Output", long, value_name = "OUT_DIR")]
     pub record: Option<PathBuf>,
-    /// What each thread did when, for chrome://tracing
+    /// Trace of the work of each thread for chrome://tracing
     #[arg(help_heading = "Output", long, value_name = "OUT.json")]
     pub trace: Option<PathBuf>,
 }
 
 impl LiveOptions {
-    /// Returns the tracker: with `--view` alone the mouse in its window.
+    /// Returns the tracker, which is the mouse in the window with `--view` alone.
     pub fn tracker(&self) -> Option<&str> {
         self.tracker.tracker.as_deref().or(self.view.then_some("mouse"))
     }
 }
 
-/// Where a session is kept, or one that was.
+/// The folder that keeps a session, or that has a session to show again.
 #[derive(Default)]
 pub struct KeptSession {
-    /// A new folder.
+    /// A new folder for this session.
     pub journal: Option<PathBuf>,
-    /// One that was kept.
+    /// The folder of an earlier session.
     pub replay: Option<PathBuf>,
 }
 
-/// How what is refined is shown, beside the options that all have.
+/// The options for showing refined content, besides the options of all content.
 pub struct ShowOptions<'a> {
-    /// How it is refined, and when it begins again.
+    /// The settings of the refinement, and the condition for its restart.
     pub policy: Policy,
-    /// Whose eye is followed, if anybody's is.
+    /// The tracker, if an eye is tracked.
     pub tracker: Option<&'a str>,
-    /// What work takes on a simulated clock; none on the system's.
+    /// The cost of work on a simulated clock, or None on the clock of the system.
     pub simulated: Option<Cost>,
-    /// Depths that eyes may focus at where nobody is tracked, meters [default: those that it was solved for].
+    /// Depths at which eyes may focus without a tracker, meters. None is the range that the hologram was solved for.
     pub depths: Option<[f64; 2]>,
-    /// What is kept of it.
     pub kept: KeptSession,
     /// The table `show` of the settings.
     pub settings: ShowSettings,
 }
 
-/// The devices that a show takes.
+/// The engines and the device of a session.
 pub struct Stage {
-    /// What computes.
     pub engines: Engines,
     gpu: Option<Gpu>,
 }
 
 impl Stage {
-    /// Opens them.
+    /// Opens the engines, and the device if the session needs one.
     pub fn open(how: &SubjectOptions, live: &LiveOptions) -> Result<Self, Failure> {
         let shows = live.view || live.shown.output.is_shown();
         let vulkan = VulkanOptions { present: shows, validation: live.shown.validation, ..VulkanOptions::default() };
@@ -113,7 +109,7 @@ impl Stage {
     }
 }
 
-/// Shows what is refined, and says how it went.
+/// Shows refined content and prints the statistics.
 pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
     let ShowOptions { policy, tracker, simulated, depths, kept, settings } = showing;
@@ -141,7 +137,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
         Some(_) if steered.field.is_some() => {
             return Err(Failure::Arguments(reason!(
                 "view-of-tiles",
-                "--view shows what is seen of whole holograms: a far field in tiles has none"
+                "--view shows whole holograms, and a far field in tiles has none"
             )));
         }
         Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
@@ -156,13 +152,13 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
     (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, settings.whole_sets);
     live.moments = settings.moments == super::args::Moments::On;
     if live.replay.is_some() {
-        // As of all whose first scene has still to come.
+        // A replay does not restart, as any session whose first scene has still to come.
         live.policy.restart = f64::INFINITY;
     }
     (live.scenes, live.field, live.cost) = (scenes, field, simulated.unwrap_or(Cost::Measured));
     let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
     live.whole.focus = depths.unwrap_or(live.whole.focus);
-    // An application's frames bring no phases.
+    // The frames of an application have no phases, so tables give the first ones.
     if live.replay.is_some() || live.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one()) {
         live = live.with_start_tables(&mut fitting())?;
     }
@@ -192,7 +188,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
     conclude(ended, (args.stats.as_deref(), args.json), &more)
 }
 
-/// Tells whoever drives a display's sources which of them light each set, by their numbers from 1.
+/// Returns a switch that writes the sources that light each set to a file, by their numbers from 1.
 fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
     let failed =
         |e: std::io::Error| Failure::Arguments(reason!("sources-out", "show.sources_out {}: {e}", file.display()));
@@ -207,18 +203,18 @@ fn switch(file: &Path, colors: &[Color]) -> Result<SourceSwitch, Failure> {
         if let Err(error) = writeln!(out, "{line}")
             && !std::mem::replace(&mut told, true)
         {
-            tracing::warn!("sources_out {name}: {error}; the display goes on");
+            tracing::warn!("sources_out {name}: {error}; the display continues");
         }
     }))
 }
 
-/// Shows how much of the tables of first phases is fitted.
+/// Returns a function that shows the share of the tables of first phases that is fitted.
 pub fn fitting() -> impl FnMut(f64) -> bool {
     let bar = JobBar::new(true);
     move |share| bar.show("fitting first phases, once for this display", share) == Flow::Continue
 }
 
-/// What a tracker's dioptres are before the hologram that is shown.
+/// Returns the eyepiece that converts a tracker's dioptres to depths before the hologram.
 fn eyepiece(steered: &Steered) -> Eyepiece {
     let hologram = &steered.hologram;
     let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
@@ -268,14 +264,14 @@ fn summary(statistics: &Statistics, focal_length: f64) {
     );
 }
 
-/// Why sets were shown again.
+/// Returns the reasons for which sets were shown again, in words.
 fn because(live: &LiveStatistics) -> String {
     let causes = RepeatReason::ALL.iter().zip(live.repeats).filter(|(_, n)| *n > 0);
     let causes: Vec<String> = causes.map(|(cause, n)| format!("{n} {}", cause.name())).collect();
     if causes.is_empty() { String::new() } else { format!(" ({})", causes.join(", ")) }
 }
 
-/// The line that is written over while it is shown.
+/// Returns the line that is updated while the content is shown.
 fn line(now: &Status, before: &Status, seconds: f64, focal_length: f64) -> String {
     let (a, b) = (now.live.unwrap_or_default(), before.live.unwrap_or_default());
     let at = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));

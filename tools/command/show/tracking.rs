@@ -1,4 +1,4 @@
-//! Which tracker is followed.
+//! Opens the tracker that a session follows.
 
 use crate::Failure;
 use crate::tracker::EyeName;
@@ -17,10 +17,9 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct TrackerArgs {
     /// Eye tracker (`eyebox tracker list`). hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://:PORT, mouse (with --view),
-    /// simulated or simulated:SEED [default: none; with --view mouse]
+    /// simulated or simulated:SEED [default: none, or mouse with --view]
     #[arg(help_heading = "Eye", long, value_name = "SOURCE")]
     pub tracker: Option<String>,
-    /// How it is opened
     #[command(flatten)]
     pub source: SourceOptions,
     /// Calibration of a user
@@ -29,13 +28,14 @@ pub struct TrackerArgs {
     /// Eye that is followed
     #[arg(help_heading = "Eye", long, value_enum, default_value = "mean")]
     pub eye: EyeName,
-    /// Where the eye focuses, where the tracker does not measure it, mm, or dioptres as in 0.5D
+    /// Focus of the eye, mm, or dioptres as in 0.5D, if the tracker does not measure it
     #[arg(help_heading = "Eye", long, value_name = "MM|D", default_value = "0", value_parser = depth)]
     pub focus: Depth,
 }
 
-/// Opens it, and says where a mouse is told, if that is the tracker; `view` says whether there is a window for one, `eyepiece`
-/// what dioptres of focus are before the display. Whose time is `real` has a simulated eye live in it; else that has its own.
+/// Opens the tracker. If the tracker is the mouse, returns a handle for its position, too. `view` is true if there is a
+/// window for a mouse. `eyepiece` converts dioptres of focus to depths before the display. If `real` is true, a
+/// simulated eye lives in real time, otherwise in its own time.
 pub fn tracking(
     tracker: &str,
     args: &TrackerArgs,
@@ -55,7 +55,7 @@ pub fn tracking(
     match spec {
         Spec::Mouse if !view => Err(TrackerError::Setting(reason!(
             "mouse-without-view",
-            "the mouse is a tracker in a window only: add --view"
+            "the mouse is a tracker in a window only. Add --view"
         ))
         .into()),
         Spec::Mouse => {

@@ -1,4 +1,4 @@
-//! `--view`: what the tracked eye sees, in a window beside the display.
+//! `--view` shows the image that the tracked eye sees, in a window next to the display.
 
 use crate::Failure;
 use crate::subject::Steered;
@@ -14,7 +14,7 @@ use eyebox::low_level::solve::Problem;
 use eyebox::low_level::trackers::pushed::MouseHandle;
 use std::sync::Arc;
 
-/// What is known before there is a window.
+/// The content and the engines for a window that is not open yet.
 pub struct Viewing {
     scene: String,
     showing: PreviewContent,
@@ -24,14 +24,14 @@ pub struct Viewing {
 }
 
 impl Viewing {
-    /// `mouse` is told where the mouse points, if that is the tracker.
+    /// Prepares a window. `mouse` receives the position of the mouse, if the mouse is the tracker.
     pub fn new(steered: &Steered, engines: Opener, mouse: Option<MouseHandle>) -> Result<Self, Failure> {
         let showing = PreviewContent::new(steered.hologram.clone(), steered.hologram.metadata.padding())?;
         let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
         Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse })
     }
 
-    /// What opens the window, on this device.
+    /// Returns a function that opens the window on this device.
     pub fn opener(self, gpu: Gpu) -> SidecarOpener {
         Box::new(move |desktop| match self.open(&gpu, desktop) {
             Ok(view) => Ok(Box::new(view)),
@@ -42,7 +42,7 @@ impl Viewing {
     fn open(self, gpu: &Gpu, desktop: &mut Desktop) -> Result<View, PreviewError> {
         let Self { scene, showing, problems, engines, mouse } = self;
         let size = showing.size();
-        // Small ones by a whole number.
+        // Small pictures are magnified by a whole number.
         let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
         let mut viewer = Viewer::start(engines, problems)?;
         let window = PreviewWindow::open(gpu, desktop, &scene, size.map(|n| n * zoom))?;
@@ -76,7 +76,7 @@ struct View {
     colors: Vec<PreviewColor>,
     mouse: Option<MouseHandle>,
     seen: Option<Picture>,
-    /// Whether it was steered when it was last compared with the photograph, and with what result, dB.
+    /// The last comparison with the target image, as the state of pupil steering and the PSNR in dB.
     compared: Option<(bool, f64)>,
     overlay: Overlay,
 }
@@ -84,7 +84,7 @@ struct View {
 const HELP: &str = "s: steering on or off   q, Esc: close";
 
 impl View {
-    /// Takes what the user did.
+    /// Handles the events of the user.
     fn asked(&mut self, now: &Now) -> UserRequest {
         let mut asked = UserRequest::Nothing;
         while let Some(event) = self.window.event() {
@@ -104,7 +104,7 @@ impl View {
         asked
     }
 
-    /// Shows what is new.
+    /// Shows the newest picture.
     fn refresh(&mut self, now: &Now) -> Result<(), PreviewError> {
         let place = places(self.window.size(), self.size, 1)[0];
         let within = [place.height, place.width];
@@ -113,13 +113,13 @@ impl View {
             let steered = if now.steered { "steered" } else { "not steered" };
             self.compared = new.psnr_db.map(|db| (now.steered, db)).or(self.compared);
             let before = if new.psnr_db.is_some() { "" } else { "last " };
-            // What was steered says nothing of what is not.
+            // A PSNR with pupil steering does not apply without it.
             let db = self.compared.filter(|(steered, _)| *steered == now.steered);
             let db = db.map_or(String::new(), |(_, db)| format!(", {before}{db:.1} dB"));
             let pupil = new.look.pupil;
             let [x, y, diameter, focus] = [pupil.x, pupil.y, pupil.diameter, pupil.depth].map(|v| v * 1e3);
             self.window.title(&format!(
-                "{steered}{db}; pupil {x:.1}, {y:.1} mm, {diameter:.1} mm wide, focused at {focus:.2} mm; {:.0} sets a second",
+                "{steered}{db}; pupil {x:.1}, {y:.1} mm, {diameter:.1} mm wide, focused at {focus:.2} mm; {:.0} sets per second",
                 now.sets_per_second
             ));
             let map = [pupil.x, pupil.y, pupil.diameter].map(|v| v / self.eyebox);

@@ -1,4 +1,4 @@
-//! The camera in a solve's last steps.
+//! Runs the last steps of a solve with a camera.
 
 use crate::Failure;
 use crate::display::patterns;
@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Duration;
 
-/// The bench, where a camera takes part.
+/// Opens the bench if a camera is given.
 pub fn open<'a>(
     request: &SolveRequest<'a>,
     output: &'a mut Option<PatternOutput>,
@@ -26,7 +26,7 @@ pub fn open<'a>(
     if !request.is_single() {
         return Err(Failure::Arguments(reason!(
             "camera-of-many",
-            "--camera is for one hologram that is solved all at once: leave it out, or give one scene and no --memory"
+            "--camera is for one hologram that is solved all at once. Leave it out, or give one scene and no --memory"
         )));
     }
     progress::catch_interrupt();
@@ -38,7 +38,7 @@ pub fn open<'a>(
     Ok(Some(CameraBench::open(display, colors, &command, steps, patterns::shows(output), say)?))
 }
 
-/// Takes the camera's steps of every color; what became better is written in the place of what was solved.
+/// Takes the camera's steps of every color. Phases that improved replace the solved ones in the file.
 pub fn run(
     report: Report<'_>,
     solved: &mut SolvedHologram,
@@ -77,7 +77,7 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// Before and after, dB, where there was a before.
+/// Returns the PSNR before and after, dB, if the one before was measured.
 fn decibels(gain: &CameraGain) -> Option<[f64; 2]> {
     (!gain.before.is_empty()).then(|| [mean(&gain.before), mean(&gain.after)])
 }
@@ -86,7 +86,7 @@ fn record(gain: &CameraGain) -> TakenWithCamera {
     TakenWithCamera { color: gain.color, steps: gain.kept, pictures: gain.pictures, psnr_db: decibels(gain) }
 }
 
-/// For `--json`.
+/// Returns the gain as an entry of the JSON report.
 pub fn as_json(gain: &CameraGain) -> Value {
     json!({
         "color": gain.color, "steps": gain.taken, "kept_steps": gain.kept, "pictures": gain.pictures,
@@ -95,14 +95,14 @@ pub fn as_json(gain: &CameraGain) -> Value {
     })
 }
 
-/// For people.
+/// Returns the gain in words.
 pub fn in_words(gain: &CameraGain) -> String {
     let (color, pictures) = (gain.color, gain.pictures);
     let about = format!("{color:6} {} camera steps, {pictures} pictures", gain.taken);
     match decibels(gain) {
-        None => format!("{about}: the hologram is the solved one"),
+        None => format!("{about}, the hologram stays as it was solved"),
         Some([before, _]) if gain.kept == 0 => format!(
-            "{about}: pictures that no step used do not show a gain (they are at {before:.2} dB): the hologram is the solved one"
+            "{about}: pictures that no step used show no gain (they are at {before:.2} dB). The hologram stays as it was solved"
         ),
         Some([before, after]) => {
             format!("{about}: pictures that no step used went from {before:.2} to {after:.2} dB")
@@ -110,7 +110,7 @@ pub fn in_words(gain: &CameraGain) -> String {
     }
 }
 
-/// What ended the steps, once the hologram is written.
+/// Returns the error that ended the steps, after the hologram is written.
 pub fn trouble(out: &Path, gains: Vec<CameraGain>) -> Result<(), Failure> {
     match gains.into_iter().find_map(|g| g.trouble) {
         None => Ok(()),

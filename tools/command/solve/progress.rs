@@ -1,4 +1,4 @@
-//! What a user sees of a solve while it runs.
+//! Shows the progress of a solve while it runs.
 
 use crate::eval::score::decibels;
 use crate::failure::in_options;
@@ -8,47 +8,47 @@ use eyebox::low_level::produce::{SceneEvent, SceneJob, TilesPlan};
 use eyebox::low_level::solve::{Flow, Solution};
 use serde_json::{Value, json};
 
-/// Says what is decided, shows bars, and asks to stop on ctrl-C.
+/// Prints the choices of a solve, shows bars, and requests a stop on ctrl-C.
 pub struct SolveProgress<'a> {
-    /// The job, where there is one: without, bars are all there is to see.
+    /// The job, if there is one. Without a job only bars are shown.
     about: Option<About<'a>>,
     quiet: bool,
     bar: Option<Bar>,
-    /// Whose bar it is.
+    /// The hologram and the color of the bar.
     shown: Option<(usize, Color)>,
     tiles: Option<TilesPlan>,
     frames: Vec<Value>,
 }
 
-/// What a job is about.
+/// A job with its engine and a note on its settings.
 struct About<'a> {
     job: &'a SceneJob<'a>,
     engine: String,
-    /// What there is to say of the settings.
+    /// The origin of the settings, in words.
     chosen: Option<String>,
 }
 
 impl<'a> SolveProgress<'a> {
-    /// Of colors that are solved one after the other; where `quiet`, nothing is said.
+    /// Shows colors that are solved one after the other. Nothing is printed if `quiet` is set.
     pub fn new(quiet: bool) -> Self {
         Self { about: None, quiet, bar: None, shown: None, tiles: None, frames: Vec::new() }
     }
 
-    /// Of a job on an engine, with what there is to say of its settings.
+    /// Shows a job on an engine, with a note on its settings.
     pub fn of_job(job: &'a SceneJob<'a>, engine: String, chosen: Option<String>, quiet: bool) -> Self {
         Self { about: Some(About { job, engine, chosen }), ..Self::new(quiet) }
     }
 
-    /// Reports of a sequence's holograms.
+    /// Returns the reports of a sequence's holograms.
     pub fn frames(&self) -> &[Value] {
         &self.frames
     }
 
-    /// Something happened.
+    /// Shows an event of the solve.
     pub fn see(&mut self, event: &SceneEvent) -> Flow {
         match event {
             SceneEvent::Planned { .. } | SceneEvent::Sequence { .. } | SceneEvent::Tiles(_) => {
-                // Who reads what is begun knows that it can be stopped.
+                // From here on the output shows that the solve has begun, so ctrl-C stops it cleanly.
                 progress::catch_interrupt();
                 self.begin(event);
             }
@@ -80,7 +80,7 @@ impl<'a> SolveProgress<'a> {
         if progress::interrupted() { Flow::Stop } else { Flow::Continue }
     }
 
-    /// The bar of this color; another's stays as it was left.
+    /// Returns the bar of this color. The bar of another color stays on the terminal.
     fn bar(&mut self, whose: (usize, Color), about: impl FnOnce() -> (String, usize, u64, &'static str)) -> &Bar {
         if self.shown != Some(whose) {
             self.shown = Some(whose);
@@ -154,7 +154,7 @@ fn begin_tiles(job: &SceneJob, plan: &TilesPlan) {
     );
     let [memory, _] = plan.memory;
     eprintln!(
-        "out of core: {} visits a color to regions of {}x{}, {} steps each; about {} MiB of {} MiB",
+        "out of core, {} visits per color to regions of {}x{}, {} steps each; about {} MiB of {} MiB",
         plan.visits,
         plan.region.rows,
         plan.region.columns,

@@ -1,4 +1,4 @@
-//! `eyebox tracker calibrate`: a user looks at targets, one after another.
+//! `eyebox tracker calibrate` fits a user's calibration from looks at targets, one after another.
 
 use super::source::SourceArgs;
 use crate::Failure;
@@ -13,21 +13,20 @@ use std::io::{self, BufRead};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// The eye gets there, and the reading of the prompt is over.
+/// Time until the eye reaches the target after the prompt was read.
 const SETTLE: Duration = Duration::from_millis(300);
-/// Samples of a fixation are taken for so long.
+/// Time in which the samples of a fixation are taken.
 const FIXATION: Duration = Duration::from_millis(600);
-/// A tracker that says nothing for so long is not going to.
+/// Time without a sample after which the tracker has failed.
 const TRACKER_TIMEOUT: Duration = Duration::from_secs(5);
 const MOST_SAMPLES: usize = 10_000;
 
-/// `eyebox tracker calibrate`
+/// The arguments of `eyebox tracker calibrate`.
 #[derive(Args)]
 pub struct Calibrate {
-    /// Source
     #[command(flatten)]
     pub source: SourceArgs,
-    /// Output: the user's calibration
+    /// Output file of the user's calibration
     #[arg(help_heading = "Output", short, long, value_name = "OUT.toml")]
     pub out: PathBuf,
     /// Directions of the targets, degrees to the right and down
@@ -35,7 +34,7 @@ pub struct Calibrate {
     pub targets: Targets,
 }
 
-/// Asks the user to look at each target, takes samples, fits, and writes the user's file.
+/// Prompts the user to look at each target, takes samples, fits, and writes the user's file.
 pub fn run(args: &Calibrate) -> Result<(), Failure> {
     let file = &args.out;
     let spec: Spec = args.source.source.parse()?;
@@ -53,7 +52,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
         if read == 0 || progress::interrupted() {
             return Err(Failure::Arguments(reason!(
                 "broken-off",
-                "the calibration was broken off: nothing is written"
+                "the calibration was interrupted: nothing is written"
             )));
         }
         let samples = fixation(&stream)?;
@@ -88,7 +87,7 @@ pub fn run(args: &Calibrate) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the tracker says while the eye rests.
+/// Returns the valid samples of the tracker while the eye rests.
 fn fixation(stream: &Stream) -> Result<Vec<Sample>, Failure> {
     let asked = Instant::now();
     while asked.elapsed() < SETTLE {
@@ -119,7 +118,7 @@ fn fixation(stream: &Stream) -> Result<Vec<Sample>, Failure> {
     }
 }
 
-/// The median of an eye's valid readings.
+/// Returns the median of an eye's valid readings, and their unit.
 fn middle(samples: &[Sample], eye: fn(&Sample) -> Option<Reading>) -> Option<(Unit, [f64; 2])> {
     let readings: Vec<Reading> = samples.iter().filter_map(eye).filter(|r| r.valid).collect();
     let unit = readings.first()?.unit;

@@ -1,15 +1,15 @@
-//! The eye that is followed.
+//! The names of the tracked eye.
 
 use clap::ValueEnum;
 
-/// Whose pupil.
+/// The eye whose pupil is tracked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum EyeName {
-    /// The left eye's
+    /// Pupil of the left eye
     Left,
-    /// The right eye's
+    /// Pupil of the right eye
     Right,
-    /// The mean of both, or what the tracker has
+    /// Mean of both pupils, or the one that the tracker has
     Mean,
 }
 

@@ -1,4 +1,4 @@
-//! `eyebox tracker list` and `eyebox tracker describe`: trackers of this machine, and report descriptors.
+//! `eyebox tracker list` lists trackers, and `eyebox tracker describe` explains report descriptors.
 
 use super::watch::{said, say};
 use crate::Failure;
@@ -12,10 +12,10 @@ use std::fmt::Write as _;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// `eyebox tracker list`
+/// The arguments of `eyebox tracker list`.
 #[derive(Args)]
 pub struct List {
-    /// A HID device with a layout of its own, described in a TOML file
+    /// TOML file that describes a HID device with a layout of its own
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
     /// One JSON object on standard output
@@ -23,10 +23,10 @@ pub struct List {
     pub json: bool,
 }
 
-/// `eyebox tracker describe`
+/// The arguments of `eyebox tracker describe`.
 #[derive(Args)]
 pub struct Describe {
-    /// A HID report descriptor: binary, text in hexadecimal, or the first of a recording of hid-recorder
+    /// A HID report descriptor (binary, text in hexadecimal, or the first of a recording of hid-recorder)
     pub file: PathBuf,
     /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
@@ -46,10 +46,10 @@ pub fn describe(Describe { file, json }: &Describe) -> Result<(), Failure> {
     said(say(&text))
 }
 
-/// The bytes of a descriptor: of a recording, of text in hexadecimal, or the file's own.
+/// Returns the bytes of a descriptor from a recording, from text in hexadecimal, or from a binary file.
 fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
     let wrong = |reason: String| Failure::from(TrackerError::file(file, reason));
-    // Enough to tell what it is: a recording may be long.
+    // The beginning is enough to find the format, and a recording may be long.
     let mut start = Vec::new();
     let open = eyebox::low_level::files::read::open(file).map_err(|e| wrong(e.to_string()))?;
     open.take(256 << 10).read_to_end(&mut start).map_err(|e| wrong(e.to_string()))?;
@@ -59,7 +59,7 @@ fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
         let first = recording.devices.into_iter().map(|d| d.descriptor).find(|d| !d.is_empty());
         return first.ok_or_else(|| wrong("the recording has no descriptor".into()));
     }
-    // Listings have remarks behind the bytes.
+    // Listings have comments after the bytes.
     let code = |line| -> &str { str::split(line, '#').next().and_then(|l| l.split("//").next()).unwrap_or_default() };
     let words = || text.lines().map(code).flat_map(|l| l.split([' ', '\t', ','])).filter(|w| !w.is_empty());
     let digits = |w: &str| w.trim_start_matches("0x").trim_start_matches("0X").to_owned();
@@ -77,7 +77,7 @@ fn descriptor_of(file: &Path) -> Result<Vec<u8>, Failure> {
 pub fn list(args: &List) -> Result<(), Failure> {
     let file = args.device_file.as_deref().map(DeviceFile::load).transpose()?;
     let listed = hid::system_bus().and_then(|mut bus| hid::list(bus.as_mut(), file.as_ref()));
-    // No HID is no mistake: the other sources are there all the same.
+    // Missing HID is no error, because the other sources exist all the same.
     let (found, problem) = match listed {
         Ok(found) => (found, None),
         Err(e) => (Vec::new(), Some(e.to_string())),
@@ -127,7 +127,7 @@ const SOURCES: [(&str, &str); 6] = [
     ("hid", "HID devices of usage page 0x12"),
     ("FILE.hid", "a recording of hid-recorder"),
     ("FILE.jsonl", "recorded samples"),
-    ("pupil://", "Pupil Core's network interface: pupil://HOST[:50020]"),
-    ("udp://", "lines of JSON in datagrams: udp://:PORT, loopback; udp://HOST:PORT elsewhere"),
-    ("simulated", "a simulated eye before a simulated tracker: simulated[:SEED]"),
+    ("pupil://", "Pupil Core's network interface, pupil://HOST[:50020]"),
+    ("udp://", "lines of JSON in datagrams, udp://:PORT for loopback, otherwise udp://HOST:PORT"),
+    ("simulated", "a simulated eye before a simulated tracker, simulated[:SEED]"),
 ];

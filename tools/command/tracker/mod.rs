@@ -1,4 +1,4 @@
-//! `eyebox tracker`: eye trackers, their samples, and a user's calibration.
+//! `eyebox tracker` has commands for eye trackers, their samples, and a user's calibration.
 
 mod calibrate;
 mod eye;
@@ -11,7 +11,7 @@ pub use eye::EyeName;
 use crate::Failure;
 use clap::Subcommand;
 
-/// `eyebox tracker`
+/// The commands of `eyebox tracker`.
 #[derive(Subcommand)]
 pub enum Tracker {
     /// List the eye trackers of this machine and the other sources

@@ -1,4 +1,4 @@
-//! The source of samples, and how it is opened.
+//! Options of a source of tracker samples.
 
 use crate::values::{HZ, MS, not_negative_in, positive_in};
 use clap::Args;
@@ -9,18 +9,18 @@ use std::time::Duration;
 /// A source, in the commands of trackers.
 #[derive(Args)]
 pub struct SourceArgs {
-    /// Source: hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://HOST:PORT, udp://:PORT, simulated or simulated:SEED
+    /// Source of samples (hid, FILE.hid, FILE.jsonl, pupil://HOST, udp://HOST:PORT, udp://:PORT, simulated or
+    /// simulated:SEED)
     #[arg(value_name = "SOURCE", default_value = "hid")]
     pub source: String,
-    /// How it is opened
     #[command(flatten)]
     pub how: SourceOptions,
 }
 
-/// How a source is opened, in every command that reads one.
+/// The options that open a source, in every command that reads one.
 #[derive(Args)]
 pub struct SourceOptions {
-    /// A HID device with a layout of its own, described in a TOML file
+    /// TOML file that describes a HID device with a layout of its own
     #[arg(help_heading = "Eye", long, value_name = "FILE.toml")]
     pub device_file: Option<PathBuf>,
     /// Time between the eye and the arrival of its sample, ms

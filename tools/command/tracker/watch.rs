@@ -1,4 +1,4 @@
-//! `eyebox tracker watch` and `eyebox tracker record`: the samples of a tracker.
+//! `eyebox tracker watch` prints the samples of a tracker, and `eyebox tracker record` writes them.
 
 use super::eye::EyeName;
 use super::source::SourceArgs;
@@ -20,23 +20,22 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// `eyebox tracker watch`
+/// The arguments of `eyebox tracker watch`.
 #[derive(Args)]
 pub struct Watch {
-    /// Source
     #[command(flatten)]
     pub source: SourceArgs,
     /// Stop after this time, s [default: at the end of the recording, or on ctrl-C]
     #[arg(help_heading = "Samples", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
-    /// Clock of recordings and of the simulated tracker: real, or simulated (as fast as they are read) [default: simulated; real for the
-    /// simulated tracker without --duration]
+    /// Clock of recordings and of the simulated tracker, which is real, or simulated (as fast as they are read)
+    /// [default: simulated, or real for the simulated tracker without --duration]
     #[arg(help_heading = "Samples", long, value_enum, hide_possible_values = true)]
     pub clock: Option<ClockName>,
     /// Print for each sample its place in the pupil plane, the filter, and the pupil predicted after this time, ms
     #[arg(help_heading = "Samples", long, value_name = "MS", num_args = 0..=1, default_missing_value = "20", value_parser = not_negative_in(MS))]
     pub predict: Option<f64>,
-    /// Focal length, mm, with --predict: of the display's eyepiece, which makes depths of a focus in dioptres
+    /// Focal length of the display's eyepiece, mm, with --predict. It converts a focus in dioptres to a depth
     #[arg(help_heading = "Samples", long, value_name = "MM", value_parser = positive_in(MM), requires = "predict")]
     pub focal_length: Option<f64>,
     /// Calibration of a user, with --predict
@@ -50,18 +49,17 @@ pub struct Watch {
     pub json: bool,
 }
 
-/// `eyebox tracker record`
+/// The arguments of `eyebox tracker record`.
 #[derive(Args)]
 pub struct Record {
-    /// Output: FILE.hid (reports of HID sources), or FILE.jsonl (samples)
+    /// Output file FILE.hid (reports of HID sources) or FILE.jsonl (samples)
     #[arg(help_heading = "Output", short, long, value_name = "OUT")]
     pub out: PathBuf,
-    /// What is watched
     #[command(flatten)]
     pub watch: Watch,
 }
 
-/// Standard output, of which nobody may be left: `| head` is no mistake.
+/// Prints a line on standard output, and returns its error, because a closed pipe such as `| head` is no failure.
 pub fn say(line: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
     out.write_all(line.as_bytes())?;
@@ -77,11 +75,10 @@ pub fn said(result: io::Result<()>) -> Result<(), Failure> {
     }
 }
 
-/// A source, on a thread of its own where it goes on by itself.
+/// A source of samples. A live source has a thread of its own.
 enum Feed {
-    /// As fast as it is read; nothing may be dropped.
+    /// A stored source, which is read as fast as possible and drops nothing.
     Direct(Box<dyn Source>),
-    /// Live.
     Thread(Stream),
 }
 
@@ -94,7 +91,7 @@ impl Feed {
         if let Some(note) = stream.note() {
             return Ok(Event::Note(note));
         }
-        // Asked before the channel is looked at: what came before the end is still shown.
+        // The status is read before the channel, so that samples from before the end are still shown.
         let status = stream.status();
         match stream.next_with_report(if status.ended { Duration::ZERO } else { timeout }) {
             Some((sample, report)) => Ok(Event::Sample(sample, report)),
@@ -128,7 +125,7 @@ impl Feed {
     }
 }
 
-/// What a recording becomes.
+/// The format of a recording.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Form {
     Hid,
@@ -139,7 +136,7 @@ enum Form {
 struct Recorder {
     out: GrowingFile,
     form: Form,
-    /// When the first report came.
+    /// The time of the first report.
     first_ns: Option<u64>,
 }
 
@@ -168,7 +165,7 @@ impl Recorder {
     }
 }
 
-/// Prints samples.
+/// Prints samples of a tracker.
 pub fn watch(args: &Watch) -> Result<(), Failure> {
     run(args, None)
 }
@@ -182,7 +179,7 @@ fn run(args: &Watch, record: Option<&Path>) -> Result<(), Failure> {
     let spec: Spec = args.source.source.parse()?;
     let real_time = match args.clock {
         Some(clock) => clock == ClockName::Real,
-        // For a while that is asked for, a simulated eye need not be waited for.
+        // With a duration, a simulated eye does not need to run in real time.
         None => matches!(spec, Spec::Simulated(_)) && args.duration.is_none(),
     };
     let options = args.source.how.options(real_time);
@@ -192,7 +189,7 @@ fn run(args: &Watch, record: Option<&Path>) -> Result<(), Failure> {
         source.about().notes.iter().for_each(|note| eprintln!("note: {note}"));
     }
     let stored = matches!(spec, Spec::Recording(_) | Spec::Lines(_) | Spec::Simulated(_)) && !options.real_time;
-    // Says no before a recording begins.
+    // The estimator is checked before a recording begins.
     let _ = args.predict.map(|_| estimator(args)).transpose()?;
     let mut feed = if stored { Feed::Direct(source) } else { Feed::Thread(Stream::start(source)?) };
     progress::catch_interrupt();
@@ -209,15 +206,15 @@ fn run(args: &Watch, record: Option<&Path>) -> Result<(), Failure> {
     }
 }
 
-/// What cannot be recorded is said, and everything else goes on.
+/// Prints an error of the recording. The rest of the command continues.
 fn lost(recorded: Result<(), FileError>) {
     if let Err(error) = recorded {
-        let message = format!("{error}; what was recorded until then is kept");
+        let message = format!("{error}; the recording until then is kept");
         talk::lose(&message, &ErrorData::of(&Failure::from(error)));
     }
 }
 
-/// The way from sample to pupil.
+/// Returns the estimator from samples to a pupil.
 fn estimator(args: &Watch) -> Result<Estimator, Failure> {
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
     let depths = [f64::NEG_INFINITY, f64::INFINITY];
@@ -225,7 +222,7 @@ fn estimator(args: &Watch) -> Result<Estimator, Failure> {
     Ok(Estimator::new(Settings { eye: args.eye.into(), eyepiece, ..Settings::default() }, calibration)?)
 }
 
-/// What became of a sample, and the pupil so many milliseconds after its arrival.
+/// Returns the stages of a sample, and the pupil `ms` milliseconds after its arrival.
 fn stages(estimator: &mut Estimator, sample: &Sample, ms: f64, as_json: bool) -> String {
     let stages = estimator.update(sample);
     let light_ns = sample.received_ns.saturating_add((ms * 1e6) as u64);
@@ -240,7 +237,7 @@ fn stages(estimator: &mut Estimator, sample: &Sample, ms: f64, as_json: bool) ->
     }
 }
 
-/// The samples that were refused and dropped, by reason; none if all of them were used.
+/// Returns the counts of refused and dropped samples by reason, or None if all samples were used.
 fn summary(dropped: Dropped, counts: Option<Counts>) -> Option<String> {
     let mut parts = Vec::new();
     for (reason, count) in counts.iter().flat_map(Counts::reasons) {
@@ -255,13 +252,13 @@ fn summary(dropped: Dropped, counts: Option<Counts>) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join("; "))
 }
 
-/// The form that a recording's name asks for; says no before anything is opened.
+/// Returns the format of a recording from the ending of its name, before anything is opened.
 fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
     match file.extension().and_then(|e| e.to_str()) {
         Some("hid") if matches!(spec, Spec::Hid | Spec::Recording(_)) => Ok(Form::Hid),
         Some("hid") => Err(Failure::Arguments(reason!(
             "not-hid",
-            "{}: only HID sources have reports to record: record this one as .jsonl",
+            "{}: only HID sources have reports to record. Record this one as .jsonl",
             file.display()
         ))),
         Some("jsonl") => Ok(Form::Lines),
@@ -269,7 +266,7 @@ fn form(file: &Path, spec: &Spec) -> Result<Form, Failure> {
     }
 }
 
-/// Shows samples until the source or the time ends, someone presses ctrl-C, or nobody reads any more.
+/// Prints samples until the source or the time ends, ctrl-C is pressed, or standard output is closed.
 fn show(args: &Watch, feed: &mut Feed, stored: bool, mut recorder: Option<&mut Recorder>) -> Result<(), Failure> {
     let mut estimator = args.predict.map(|ms| Ok::<_, Failure>((estimator(args)?, ms))).transpose()?;
     let start = Instant::now();
@@ -287,7 +284,7 @@ fn show(args: &Watch, feed: &mut Feed, stored: bool, mut recorder: Option<&mut R
                 {
                     eprintln!("note: {note} (eyebox tracker calibrate)");
                 }
-                // What is not waited for lasts as long as its own times say.
+                // The duration of a stored source is measured by the times of its samples.
                 let passed = sample.received_ns.saturating_sub(*first_ns.get_or_insert(sample.received_ns));
                 if stored && duration.is_some_and(|d| u128::from(passed) >= d.as_nanos()) {
                     break;

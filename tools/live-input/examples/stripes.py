@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Stripes that move, as two layers: examples/stripes.py NAME [FRAMES]"""
+"""Sends stripes that move, as two layers (run examples/stripes.py NAME [FRAMES])."""
 
 import os, sys
 
@@ -8,7 +8,7 @@ import eyebox_live
 
 
 def picture(live, seconds):
-    """The far layer is grey and opaque; the near one has bright stripes with nothing between."""
+    """Returns an opaque gray layer and a near layer of bright stripes, which is clear between them."""
     far = bytes([64] * live.channels + [255]) * (live.rows * live.columns)
     row = b"".join(bytes([255] * (live.channels + 1)) if (column + int(20 * seconds)) // 8 % 2 else bytes(live.channels + 1) for column in range(live.columns))
     return far + row * live.rows
@@ -17,7 +17,7 @@ def picture(live, seconds):
 def main():
     left = int(sys.argv[2]) if len(sys.argv) > 2 else -1
     with eyebox_live.Live(sys.argv[1]) as live:
-        # The near one moves by 4 pixels before the far one, seen from one side of the eyebox and from the other.
+        # The near layer moves by 4 pixels against the far one between the two sides of the eyebox.
         near = 4 * live.pixel_angle / (live.eyebox_mm[0] * 1e-3)
         while left:
             if request := live.wait(1.0):

@@ -1,4 +1,4 @@
-//! The examples in C and in Python, run against the display: taken, refused, killed and started again.
+//! Runs the examples in C and Python against the display. They are accepted, refused, killed and started again.
 #![cfg(target_os = "linux")]
 
 use eyebox_live_input::{Content, Display, Frame, Kind, Latest, Offer, Pupil, Request, Wanted};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Dioptres of what is near in the examples: 4 pixels of movement across the eyebox of `Runtime::display`.
+/// The dioptres of near content in the examples, which is 4 pixels of movement across the eyebox of `Runtime::display`.
 const NEAR: f32 = 4e-3;
 
 /// A runtime folder that ends with the test.
@@ -50,7 +50,7 @@ fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Asks for a set at each call, and looks for frames until one comes or the program ends.
+/// Requests a set at each call, and looks for frames until one arrives or the program ends.
 fn next(display: &mut Display, frame: &mut Frame, program: &mut Child) -> Latest {
     loop {
         let lit_ns = 500_000_000 + 1_000_000 * i64::try_from(display.counts().frames).unwrap();
@@ -78,7 +78,7 @@ fn ended(program: Child) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stderr).unwrap())
 }
 
-/// The example in C, built as its first line says, and with every warning.
+/// Builds the example in C with the command of its first line and with all warnings.
 fn ball(runtime: &Runtime) -> PathBuf {
     let program = runtime.0.join("ball");
     for standard in ["c99", "gnu17"] {
@@ -105,7 +105,7 @@ fn the_ball_in_c() {
         taken += 1;
         let info = frame.info();
         assert!(info.content == Content::ColorAndDepth && info.request > 0 && info.content_time_ns >= 500_000_000);
-        // The ball is bright and near, what is behind it dark and far, and the picture's last row is there.
+        // The ball is bright and near. The background is dark and far, and the picture's last row is there.
         let x = (info.content_time_ns / 1_000_000) as f32 / 2000.0 * 32.0;
         for (i, dioptres) in frame.dioptres().iter().enumerate() {
             let (dx, dy) = ((i % 32) as f32 - x, (i / 32) as f32 - 12.0);
@@ -114,18 +114,18 @@ fn the_ball_in_c() {
             assert!(*dioptres == near && same, "pixel {i}: {dioptres} D, {}", frame.channel(0)[i]);
         }
     }
-    // Fewer where several came between two looks.
+    // There are fewer frames if several arrived between two looks.
     assert!((1..=4).contains(&taken) && frame.number() == 4 && display.counts().refused == 0);
     assert_eq!(ended(running), (Some(0), String::new()));
 
-    // Two, of which one is refused; the other is killed in the middle, and a third takes its place.
+    // The second application is refused. The first is killed in the middle, and a third takes its place.
     let mut first = runtime.start(&program, &["demo"]);
     assert_eq!(next(&mut display, &mut frame, &mut first), Latest::New);
     let mut second = runtime.start(&program, &["demo"]);
     while second.try_wait().unwrap().is_none() {
         next(&mut display, &mut frame, &mut first);
     }
-    let refused = "ball: the display refused: it has an application already: one at a time\n";
+    let refused = "ball: the display refused: it already has an application, and accepts one at a time\n";
     assert_eq!(ended(second), (Some(2), refused.into()));
     first.kill().unwrap();
     first.wait().unwrap();
@@ -137,7 +137,7 @@ fn the_ball_in_c() {
     while next(&mut display, &mut frame, &mut third) == Latest::New {}
     assert_eq!((frame.number(), ended(third)), (2, (Some(0), String::new())));
 
-    // The display goes.
+    // The display ends first.
     let mut left = runtime.start(&program, &["demo"]);
     assert_eq!(next(&mut display, &mut frame, &mut left), Latest::New);
     drop(display);
@@ -147,7 +147,7 @@ fn the_ball_in_c() {
 #[test]
 fn the_stripes_in_python() {
     if Command::new("python3").arg("--version").output().is_err() {
-        return eprintln!("no python3: the example was not run");
+        return eprintln!("no python3, so the example is not run");
     }
     let runtime = Runtime::new("python");
     let program = here("examples/stripes.py");
@@ -179,13 +179,13 @@ fn the_stripes_in_python() {
     while !refused.is_finished() {
         next(&mut display, &mut frame, &mut left);
     }
-    let line = "stripes: the display refused: it has an application already: one at a time\n";
+    let line = "stripes: the display refused: it already has an application, and accepts one at a time\n";
     assert_eq!(refused.join().unwrap(), (Some(1), line.into()));
     drop(display);
     assert_eq!(ended(left), (Some(1), "stripes: the display is gone\n".into()));
 }
 
-/// A wait lasts as long as it says, however often the other side says 'look' without news.
+/// A wait lasts as long as requested, even if the other side often sends bytes without news.
 #[test]
 fn waits_end_in_their_time_in_c() {
     let runtime = Runtime::new("waits");
@@ -200,7 +200,7 @@ fn waits_end_in_their_time_in_c() {
 #[test]
 fn waits_end_in_their_time_in_python() {
     if Command::new("python3").arg("--version").output().is_err() {
-        return eprintln!("no python3: the waits were not run");
+        return eprintln!("no python3, so the waits are not run");
     }
     let code = r#"
 import mmap, socket, sys, threading, time

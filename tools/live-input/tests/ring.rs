@@ -1,4 +1,4 @@
-//! An application and a display that keep to the rules.
+//! Tests an application and a display that follow the rules.
 #![cfg(target_os = "linux")]
 
 use eyebox_live_input::{
@@ -36,7 +36,7 @@ impl Drop for Folder {
     }
 }
 
-/// A display and the application that it took.
+/// Opens a display and connects an application to it.
 fn pair(folder: &Path) -> (Display, Application) {
     let mut display = Display::open_in(folder, "x", offer()).unwrap();
     let mut frame = display.frame();
@@ -71,7 +71,7 @@ fn requests_go_one_way_and_frames_of_each_kind_the_other() {
     assert!(application.wait(Duration::from_secs(10)).unwrap() && !application.wait(Duration::ZERO).unwrap());
     assert_eq!(application.request(), Some(Request { number: 2, ..request(2.0) }));
 
-    // Views: sample s of the whole frame has the value s, as a whole number and as light.
+    // For views, sample s of the whole frame has the value s, as an integer and as light.
     let views = Content::Views { grid: [3, 2], pitch_mm: 1.5 };
     let info = FrameInfo {
         request: 2,
@@ -90,7 +90,7 @@ fn requests_go_one_way_and_frames_of_each_kind_the_other() {
     assert!(frame.channel(3).is_empty());
     assert_eq!(display.latest(&mut frame), Latest::Late);
 
-    // Colour and depth: 60 bytes of colour, and depth at byte 64.
+    // Color and depth have 60 bytes of color, and depth begins at byte 64.
     let info = FrameInfo::new(Content::ColorAndDepth, Sample::U8, Transfer::Srgb);
     let dioptres: Vec<f32> = (0..20).map(|i| i as f32 / 10.0 - 0.5).collect();
     assert_eq!(application.send(&info, &[188; 60], &dioptres).unwrap(), 2);
@@ -98,7 +98,7 @@ fn requests_go_one_way_and_frames_of_each_kind_the_other() {
     assert!(frame.channel(2).iter().all(|v| (v - 0.502_886).abs() < 1e-5), "{:?}", frame.channel(2));
     assert_eq!(frame.dioptres(), dioptres);
 
-    // Layers: opacity is linear and behind the colours.
+    // For layers, opacity is linear and follows the colors.
     let content = Content::Layers(Dioptres::new(&[0.0, 2.0]));
     let info = FrameInfo::new(content, Sample::F16, Transfer::Linear);
     let pixel = [0x3c00u16, 0x3800, 0x4000, 0x3400].map(u16::to_le_bytes).concat();
@@ -123,14 +123,14 @@ fn the_newest_wins_and_what_was_given_before_the_end_is_taken() {
     for value in 0..100u8 {
         application.send(&info, &[value; 60], &[0.0; 20]).unwrap();
     }
-    // What is begun and never given takes nothing away.
+    // A frame that was begun and never published does no harm.
     let mut slot = application.begin(&info).unwrap();
     slot.write(0, &[255; 60]);
     drop(application);
-    // The next one knocks at once, and comes in when what this one left is taken.
+    // The next application connects at once, and is accepted after the last frame of this one is used.
     let there = folder.0.clone();
     let next = std::thread::spawn(move || Application::connect_in(&there, "x").unwrap());
-    // So that it has knocked before the display looks: only the clock can say when.
+    // It must have connected before the display looks, and only a delay can ensure this.
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!((display.latest(&mut frame), frame.number(), frame.channel(0)[7]), (Latest::New, 100, 99.0 / 255.0));
     while !next.is_finished() {
@@ -158,17 +158,17 @@ fn what_the_display_would_refuse_is_refused_where_it_is_made() {
     };
     let views = Content::Views { grid: [4, 1], pitch_mm: 1.0 };
     let lines = [
-        (refused(views, Sample::U8, Transfer::Linear, 240), "rows of views 4; it must be 1 to 3"),
+        (refused(views, Sample::U8, Transfer::Linear, 240), "rows of views 4, but it must be 1 to 3"),
         (
             refused(Content::Views { grid: [1, 1], pitch_mm: 1.0 }, Sample::F32, Transfer::Srgb, 240),
-            "transfer 2; it must be 1, linear, for floats",
+            "transfer 2, but it must be 1, linear, for floats",
         ),
         (
             refused(Content::Layers(Dioptres::new(&[2.0, 1.0])), Sample::U8, Transfer::Linear, 160),
-            "a layer's dioptres 1; it must be -100 to 100, and more than that of the layer behind",
+            "a layer's dioptres 1, but it must be -100 to 100, and more than the layer behind",
         ),
-        (refused(Content::ColorAndDepth, Sample::U8, Transfer::Linear, 61), "bytes 61; it must be 60"),
-        (refused(Content::ColorAndDepth, Sample::U8, Transfer::Linear, 60), "depths 0; it must be 20"),
+        (refused(Content::ColorAndDepth, Sample::U8, Transfer::Linear, 61), "bytes 61, but it must be 60"),
+        (refused(Content::ColorAndDepth, Sample::U8, Transfer::Linear, 60), "depths 0, but it must be 20"),
     ];
     for (found, expected) in lines {
         assert_eq!(found, format!("the application's frame is refused: {expected}"));
@@ -201,7 +201,8 @@ fn nothing_is_allocated_once_an_application_is_there() {
     assert_eq!(allocated.count_total, 0, "{allocated:?}");
 }
 
-/// An application and a display at full speed, each on a thread: every frame that is taken is whole and newer than the last.
+/// An application and a display run at full speed, each on its thread. Each accepted frame is complete and newer than
+/// the last.
 #[test]
 fn frames_are_whole_and_in_order_at_full_speed() {
     let folder = Folder::new("speed");

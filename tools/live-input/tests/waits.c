@@ -1,4 +1,4 @@
-/* Waits of eyebox_live.h while the other side says 'look' every 10 ms and has nothing new: each must end in its own time. */
+/* Tests the waits of eyebox_live.h while the other side sends bytes every 10 ms without news. Each must end in time. */
 #include "eyebox_live.h"
 #include <sys/types.h>
 #include <sys/wait.h>
@@ -12,7 +12,7 @@ int main(void) {
     live.socket = ends[0], live.newest = live.writing = -1, live.slots = 3, live.length = 8192;
     live.region = (uint8_t *)calloc(1, (size_t)live.length);
     if (!live.region) return 11;
-    /* It has memory of a device to share, and gives none. */
+    /* The display offers memory of a device, and gives none. */
     *eyebox_live_word(&live, 104) = 1;
     pid_t other = fork();
     if (other == 0) {
@@ -29,7 +29,7 @@ int main(void) {
     if (eyebox_live_wait(&live, 0) != 0) return 15;
     if (eyebox_live_share(&live, &memory, 300) != -1) return 16;
     if (waitpid(other, &status, WNOHANG) != 0) return 17;
-    /* Something new ends the wait at once. */
+    /* News ends the wait immediately. */
     *eyebox_live_word(&live, 200) = 7, *eyebox_live_word(&live, 192) = 2;
     if (eyebox_live_wait(&live, -1) != 1) return 18;
     close(ends[0]);

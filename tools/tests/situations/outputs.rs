@@ -224,7 +224,7 @@ fn displays() -> Vec<Situation> {
         encode("A hologram of 8 bits is encoded for 8 bit-planes.", "--display planes8 --size 24x32 -o frames")
             .refused(
                 "encode/mismatch/sub-frames",
-                mended("8 sub-frames would be right", |at| {
+                mended("use 8 sub-frames", |at| {
                     run(at, &format!("{} -o h.zarr", SOLVE.replace("--frames 1", "--frames 8")));
                 }),
                 FRAMES,

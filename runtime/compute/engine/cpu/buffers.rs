@@ -1,12 +1,12 @@
-//! The CPU engine's buffers.
+//! Holds the buffers of the CPU engine.
 
 use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit};
 use eyebox_kernels::{Complex32, binary_angle, fft::Store, half};
 
-/// Windows with fewer values in all than this are not worth splitting over threads.
+/// Smallest number of values of all windows that is worth splitting over threads.
 pub(super) const SPLIT: usize = 1 << 15;
 
-/// Buffers of one pupil, grown to the largest that it has held. Complex values are pairs of numbers.
+/// Buffers of one pupil, which grow to the largest pupil that they held. Complex values are pairs of numbers.
 #[derive(Default)]
 pub(super) struct Slot {
     pub(super) transfer: Vec<f32>,
@@ -19,7 +19,7 @@ pub(super) struct Slot {
     pub(super) loss: f64,
 }
 
-/// All buffers; complex values are pairs of numbers.
+/// All buffers. Complex values are pairs of numbers.
 #[derive(Default)]
 pub(super) struct Buffers {
     pub(super) phases: Vec<f32>,
@@ -41,25 +41,25 @@ pub(super) struct Buffers {
     pub(super) mask: Vec<f32>,
     pub(super) mask_transfer: Vec<f32>,
     pub(super) slots: Vec<Slot>,
-    /// Phases that are kept; none if it is empty.
+    /// Kept phases, empty if there are none.
     pub(super) kept: Vec<f32>,
 }
 
-/// A display's model, as the tables that these kernels read.
+/// The tables of a display's model that kernels over sub-frames read.
 #[derive(Clone, Copy)]
 pub(super) struct ModelView<'a> {
-    /// Of the pixels.
+    /// Table of the pixels.
     pub(super) pixels: &'a [f32],
-    /// Of crosstalk, along y and along x.
+    /// Weights of crosstalk, along y and along x.
     pub(super) weights: [&'a [f32]; 2],
-    /// Of the sub-pixels, along y and along x.
+    /// Offsets of the sub-pixels, along y and along x.
     pub(super) offsets: [&'a [Complex32]; 2],
-    /// The static mask, and propagation to it.
+    /// The static mask, and the propagation to it.
     pub(super) mask: [&'a [Complex32]; 2],
 }
 
 impl<'a> ModelView<'a> {
-    /// Of buffers of this shape.
+    /// Makes a view of buffers of this shape.
     pub(super) fn new(
         shape: &Shape,
         pixels: &'a [f32],
@@ -75,7 +75,7 @@ impl<'a> ModelView<'a> {
 }
 
 impl Slot {
-    /// Makes room for what a kernel reads and writes here.
+    /// Makes room for the buffers that a kernel reads and writes here.
     pub(super) fn fit(&mut self, kernel: Kernel, pass: &PupilPass, shape: &Shape) {
         for (_, resource) in kernel.binds().iter().filter(|(_, resource)| Resource::OF_SLOT.contains(resource)) {
             if let Some(values) = self.values(*resource) {
@@ -84,7 +84,7 @@ impl Slot {
         }
     }
 
-    /// Makes room for all that a pupil pass has here, and keeps what is there.
+    /// Makes room for all buffers of a pupil pass here, and keeps their content.
     pub(super) fn reserve(&mut self, pass: &PupilPass, shape: &Shape) {
         for resource in Resource::OF_SLOT.into_iter().filter(|resource| *resource != Resource::Sums) {
             if let Some(values) = self.values(resource) {
@@ -107,7 +107,7 @@ impl Slot {
 }
 
 impl Buffers {
-    /// Makes those of this shape, all zero.
+    /// Makes the buffers of this shape, all zero.
     pub(super) fn load(&mut self, shape: &Shape) -> Result<(), EngineError> {
         self.slots.clear();
         self.kept = Vec::new();
@@ -119,7 +119,7 @@ impl Buffers {
         Ok(())
     }
 
-    /// Fills a buffer with values, which become what the shape stores of them.
+    /// Fills a buffer with values, rounded as the shape stores them.
     pub(super) fn write(&mut self, buffer: Buffer, data: &[f32], shape: &Shape) -> Result<(), EngineError> {
         let (resource, slot) = buffer.resource();
         if let Some(slot) = slot.filter(|slot| *slot >= self.slots.len()) {
@@ -129,7 +129,7 @@ impl Buffers {
         if (slot.is_none() && to.len() != data.len()) || (resource.is_complex() && !data.len().is_multiple_of(2)) {
             return Err(misfit(buffer, to.len(), data.len()));
         }
-        // In place: writing a large buffer again and again touches no new memory.
+        // The memory is reused, so that writing a large buffer repeatedly touches no new memory.
         to.clear();
         to.extend_from_slice(data);
         match resource {
@@ -141,7 +141,7 @@ impl Buffers {
         Ok(())
     }
 
-    /// What a buffer holds.
+    /// Returns the content of a buffer.
     pub(super) fn read(&mut self, buffer: Buffer) -> Result<&[f32], EngineError> {
         let (resource, slot) = buffer.resource();
         self.values(resource, slot).map(|values| &values[..]).ok_or_else(|| never_written(buffer))
@@ -176,17 +176,17 @@ fn never_written(buffer: Buffer) -> EngineError {
     EngineError::mismatch(format!("{buffer:?} was never written"))
 }
 
-/// Numbers as complex values.
+/// Views numbers as complex values.
 pub(super) fn complex(numbers: &[f32]) -> &[Complex32] {
     bytemuck::cast_slice(numbers)
 }
 
-/// The same, to be changed.
+/// Views numbers as mutable complex values.
 pub(super) fn complex_mut(numbers: &mut [f32]) -> &mut [Complex32] {
     bytemuck::cast_slice_mut(numbers)
 }
 
-/// What happens to complex values when they are stored.
+/// Returns the rounding of complex values in this storage.
 pub(super) fn storing(storage: Storage) -> Store {
     match storage {
         Storage::F32 => |_| {},
@@ -194,7 +194,7 @@ pub(super) fn storing(storage: Storage) -> Store {
     }
 }
 
-/// And to drives.
+/// Returns the rounding of drives in this storage.
 pub(super) fn storing_drives(storage: Storage) -> fn(&mut [f32]) {
     match storage {
         Storage::F32 => |_| {},
@@ -202,8 +202,8 @@ pub(super) fn storing_drives(storage: Storage) -> fn(&mut [f32]) {
     }
 }
 
-/// Makes room for `length` values. What was there is gone where it has to grow: the old room is given back first, so that
-/// pupils of growing size leave no trail of blocks behind.
+/// Makes room for `length` values. The content is lost if the buffer has to grow. The old memory is released first,
+/// so that pupils of growing size leave no trail of blocks.
 fn grow(buffer: &mut Vec<f32>, length: usize) {
     if length > buffer.capacity() {
         *buffer = Vec::new();

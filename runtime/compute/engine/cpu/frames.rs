@@ -1,4 +1,4 @@
-//! What kernels over sub-frames see, and those that run once for all of them.
+//! Defines the data of kernels over sub-frames, and of kernels that run once for all sub-frames.
 
 use super::buffers::{ModelView, Slot, complex};
 use crate::engine::{PupilPass, Shape, Step};
@@ -14,12 +14,12 @@ use rayon::prelude::*;
 /// Values that a thread takes at once.
 const PART: usize = 1 << 16;
 
-/// One sub-frame. Buffers that the purpose lacks are empty.
+/// One sub-frame. Buffers that the purpose does not need are empty.
 pub(super) struct Frame<'a> {
     pub(super) index: usize,
     pub(super) step: &'a Step,
     pub(super) shape: &'a Shape,
-    /// Of the dispatch that runs.
+    /// The pupil passes of the current dispatch.
     pub(super) passes: &'a [PupilPass],
     pub(super) slots: &'a [Slot],
     pub(super) phases: &'a mut [f32],
@@ -38,12 +38,12 @@ pub(super) struct Frame<'a> {
     pub(super) energy: &'a [f32],
     pub(super) fft: FrameFft<'a>,
     pub(super) store: Store,
-    /// What happens to drives when they are stored.
+    /// Rounds drives when they are stored.
     pub(super) store_drives: fn(&mut [f32]),
 }
 
 impl Frame<'_> {
-    /// Pupil by pupil, each adding to what is stored.
+    /// Adds each pupil to the stored change, one after the other.
     pub(super) fn pupil_adjoints(&mut self) {
         for (pass, slot) in self.passes.iter().zip(self.slots) {
             let (count, frames) = (pass.count(), self.shape.frames);
@@ -64,14 +64,14 @@ pub(super) struct FrameFft<'a> {
     /// Rows and columns of the grid.
     pub(super) size: [usize; 2],
     pub(super) columns: Columns,
-    /// Whether one frame is spread over all threads, and what that needs.
+    /// True if one frame is spread over all threads. The scratch is for that.
     pub(super) wide: bool,
     pub(super) scratch: Vec<Complex32>,
     pub(super) store: Store,
 }
 
 impl FrameFft<'_> {
-    /// Of all columns, whichever a step's pupils pass.
+    /// Transforms all columns, not only the ones that a step's pupils pass.
     pub(super) fn whole(&mut self, frame: &mut [Complex32], direction: Direction) {
         let used = std::mem::replace(&mut self.columns, Columns::all(self.size[1]));
         self.run(frame, direction);
@@ -98,7 +98,7 @@ pub(super) struct Whole<'a> {
     pub(super) wave: &'a mut [f32],
     pub(super) hits: &'a mut [f32],
     pub(super) energy: &'a mut [f32],
-    /// What `check_finite` found.
+    /// False if `check_finite` found a value that is not finite.
     pub(super) finite: bool,
 }
 

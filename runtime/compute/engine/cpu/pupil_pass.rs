@@ -1,4 +1,4 @@
-//! What kernels over pupil passes see: a pupil with all its sub-frames, or with one of them.
+//! Defines the data of kernels over pupil passes, for all sub-frames or for one of them.
 
 use super::buffers::{SPLIT, Slot, complex, complex_mut};
 use crate::engine::{PupilPass, Shape};
@@ -13,18 +13,18 @@ use eyebox_kernels::{
 };
 use rayon::prelude::*;
 
-/// One pupil, all sub-frames.
+/// One pupil with all its sub-frames.
 pub(super) struct Pass<'a> {
     pub(super) pass: &'a PupilPass,
     pub(super) slot: &'a mut Slot,
     pub(super) shape: &'a Shape,
     pub(super) views: Option<&'a Pyramid>,
-    /// What the relay does to each bin.
+    /// Factors of the relay for each bin.
     pub(super) relay: &'a [Complex32],
 }
 
 impl Pass<'_> {
-    /// Mode by mode of the source: which, its pass, and its K.
+    /// Runs `work` on each mode of the source, with its index, its pass and its transfer function K.
     pub(super) fn each_mode(&mut self, mut work: impl FnMut(usize, &PupilPass, &mut [Complex32])) {
         let transfers = complex_mut(&mut self.slot.transfer).chunks_exact_mut(self.pass.count().max(1));
         self.pass.each_mode().zip(transfers).enumerate().for_each(|(i, (pass, transfer))| work(i, pass, transfer));
@@ -56,7 +56,7 @@ impl Pass<'_> {
             args.frames *= modes as u32;
             return intensity(&args, window, image);
         }
-        // Bands of pixels, each over all sub-frames: the sum's order does not depend on the threads.
+        // Each band of pixels runs over all sub-frames, so that the order of the sum does not depend on the threads.
         let band = count.div_ceil(16);
         image.par_chunks_mut(band).enumerate().for_each(|(i, image)| {
             let mut args = self.pass.intensity;

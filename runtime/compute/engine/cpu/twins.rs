@@ -1,10 +1,10 @@
-//! The twins by kernel, from the table.
+//! Maps each kernel to its CPU twin, from the table.
 
 use super::frames::{Frame, Whole};
 use super::pupil_pass::{Pass, WindowFrame};
 use crate::engine::Kernel;
 
-/// How a twin is called.
+/// The signature of a twin, by scope.
 #[derive(Clone, Copy)]
 pub(super) enum Twin {
     Frames(fn(&mut Frame<'_>)),
@@ -31,7 +31,7 @@ macro_rules! twins {
 }
 eyebox_kernels::kernels!(twins);
 
-/// That of a kernel, of the kind that its scope says.
+/// Returns the twin of a kernel, of the kind that its scope requires.
 pub(super) fn twin(kernel: Kernel) -> Twin {
     TWINS[kernel as usize]
 }

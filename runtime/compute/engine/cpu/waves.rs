@@ -1,4 +1,4 @@
-//! What stands between phases and field where the display is more than its phases.
+//! Runs the kernels between phases and field, for displays whose model goes beyond phases.
 
 use super::buffers::storing_drives;
 use super::frames::{Frame, Whole};
@@ -17,11 +17,11 @@ use eyebox_kernels::{
 };
 use rayon::prelude::*;
 
-/// Pixels that a thread settles at once.
+/// Pixels that a thread takes at once.
 const PART: usize = 1 << 13;
 
 impl Frame<'_> {
-    /// Whether a pixel is one sub-pixel.
+    /// Returns true if a pixel is one sub-pixel.
     fn is_whole(&self) -> bool {
         self.shape.subpixels() == 1
     }
@@ -58,7 +58,7 @@ impl Frame<'_> {
         (self.store_drives)(self.wave);
     }
 
-    /// From the SLM to a mask at a distance and through it, or back.
+    /// Propagates from the SLM to a mask at a distance and through it, or back.
     pub(super) fn through_mask(&mut self, back: bool) {
         let ([mask, transfer], store) = (self.tables.mask, self.store);
         let [through, reach] = self.shape.mask_factors(back);
@@ -89,7 +89,7 @@ impl Frame<'_> {
         });
     }
 
-    /// Along columns, or rows.
+    /// Applies crosstalk along columns or rows.
     pub(super) fn crosstalk(&mut self, columns: bool) {
         let (args, [down, along]) = (&self.crosstalk, self.tables.weights);
         if columns {
@@ -101,7 +101,7 @@ impl Frame<'_> {
         }
     }
 
-    /// The same transposed.
+    /// Applies the transposed crosstalk along columns or rows.
     pub(super) fn crosstalk_back(&mut self, columns: bool) {
         let (args, [down, along]) = (&self.crosstalk, self.tables.weights);
         if columns {
@@ -119,7 +119,7 @@ impl Frame<'_> {
         (self.store)(self.change);
     }
 
-    /// Rows of all sub-pixels, and columns of the first of each row of them.
+    /// Transforms the rows of all sub-pixels, and the columns of the first of each row of sub-pixels.
     pub(super) fn subpixels_forward(&mut self) {
         let [height, width] = self.fft.size;
         let (plans, columns, store, [down, along]) =
@@ -138,7 +138,7 @@ impl Frame<'_> {
         store(self.field);
     }
 
-    /// The same transposed.
+    /// Applies the transposed operation.
     pub(super) fn subpixels_inverse(&mut self) {
         let [height, width] = self.fft.size;
         let (plans, columns, store, [down, along]) =

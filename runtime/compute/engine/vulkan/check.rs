@@ -1,28 +1,28 @@
-//! Whether a step fits what was loaded: a shader that is given wrong sizes would read and write anywhere.
+//! Checks if a step fits the loaded shape, because a shader with wrong sizes would read and write anywhere.
 
 use super::super::{EngineError, Kernel, PupilPass, Resource, Shape, Step, other_source};
 use super::views::Views;
 use std::ops::Range;
 
-/// The dispatches `part` of `step` on buffers of this shape.
+/// Checks the dispatches `part` of `step` on buffers of this shape.
 pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Option<&Views>) -> Result<(), EngineError> {
     let mismatch = |reason: String| Err(EngineError::Mismatch { reason });
     let Some(list) = step.list.get(part.clone()) else {
-        return mismatch(format!("dispatches {part:?} of {} are asked for", step.list.len()));
+        return mismatch(format!("dispatches {part:?} do not fit a list of {}", step.list.len()));
     };
-    // Neighbours in the list run over the same pupil passes.
+    // Neighbors in the list run over the same pupil passes.
     let mut checked = 0..0;
     for dispatch in list {
         let name = dispatch.kernel.name();
         let Some(pupil_passes) = step.pupil_passes.get(dispatch.pupil_passes.clone()) else {
             return mismatch(format!(
-                "{name} runs over pupil_passes {:?} of {}",
+                "{name} runs over pupil passes {:?} of {}",
                 dispatch.pupil_passes,
                 step.pupil_passes.len()
             ));
         };
         if !dispatch.kernel.binds().iter().all(|(_, resource)| shape.provides(*resource)) {
-            return mismatch(format!("{name} has no buffers when the purpose is {:?}", shape.purpose));
+            return mismatch(format!("{name} needs buffers that the purpose {:?} does not have", shape.purpose));
         }
         if !dispatch.kernel.fits(step, shape) {
             let (h, w) = (shape.place.height, shape.place.width);
@@ -32,7 +32,7 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
             if checked != dispatch.pupil_passes
                 && let Err(reason) = check_modes(pupil_pass, shape)
             {
-                return mismatch(format!("a pupil_pass of {name}: {reason}"));
+                return mismatch(format!("a pupil pass of {name} does not fit, because {reason}"));
             }
             if dispatch.kernel == Kernel::Relay && pupil_pass.last_source_mode() >= shape.model.relay {
                 return Err(other_source(pupil_pass.last_source_mode() + 1, shape.model.relay));
@@ -50,13 +50,13 @@ pub(super) fn check(step: &Step, part: &Range<usize>, shape: &Shape, views: Opti
     Ok(())
 }
 
-/// A pupil pass and its further modes, whose windows are of one size.
+/// Checks a pupil pass and its further modes, whose windows must have one size.
 fn check_modes(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String> {
     let size = |pass: &PupilPass| (pass.window.rows, pass.window.columns);
     for (i, mode) in pupil_pass.modes.iter().enumerate() {
         check_pupil_pass(mode, shape).map_err(|reason| format!("in mode {}: {reason}", i + 2))?;
         if size(mode) != size(pupil_pass) || !mode.modes.is_empty() || mode.shot.is_some() {
-            return Err(format!("its mode {} has another window, modes or a photograph of its own", i + 2));
+            return Err(format!("its mode {} has another window, further modes or a target image", i + 2));
         }
     }
     check_pupil_pass(pupil_pass, shape)
@@ -70,7 +70,7 @@ fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String>
         if (pass.grid_height, pass.grid_width) != (place.grid_height, place.grid_width) {
             return Err(format!("its grid is {} x {}", pass.grid_height, pass.grid_width));
         }
-        // The far field's windows are square, even where the SLM is not, and may hang over on all sides.
+        // The far field's windows are square, even if the SLM is not, and may extend over all sides.
         let most = 4 * pass.grid_height.max(pass.grid_width).max(16);
         if !sized(pass.rows, pass.columns) || pass.rows > most || pass.columns > most {
             return Err(format!("its window is {} x {}", pass.rows, pass.columns));
@@ -101,13 +101,13 @@ fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String>
     let count = pupil_pass.count();
     if pupil_pass.intensity.count as usize != count || pupil_pass.compare.count as usize != count {
         return Err(format!(
-            "it has {count} pixels, its arguments say {} and {}",
+            "it has {count} pixels, but its arguments have {} and {}",
             pupil_pass.intensity.count, pupil_pass.compare.count
         ));
     }
     if pupil_pass.intensity.frames as usize != shape.frames {
         return Err(format!(
-            "{} sub-frames are loaded, its arguments say {}",
+            "{} sub-frames are loaded, but its arguments have {}",
             shape.frames, pupil_pass.intensity.frames
         ));
     }
@@ -123,20 +123,20 @@ fn check_pupil_pass(pupil_pass: &PupilPass, shape: &Shape) -> Result<(), String>
         && (r.in_height, r.in_width) == (shot.args.height, shot.args.width)
         && table(&shot.rows, rows, r.row_taps, r.in_height)
         && table(&shot.columns, columns, r.column_taps, r.in_width);
-    if fits { Ok(()) } else { Err("its photograph's tables do not fit its window".into()) }
+    if fits { Ok(()) } else { Err("the tables of its target image do not fit its window".into()) }
 }
 
 fn check_views(pupil_pass: &PupilPass, views: Option<&Views>) -> Result<(), String> {
     let Some(shot) = &pupil_pass.shot else { return Ok(()) };
-    let Some(views) = views else { return Err("a photograph is asked for and no views were loaded".into()) };
+    let Some(views) = views else { return Err("a step needs target images, but no views were loaded".into()) };
     let Some(level) = views.levels.get(shot.level) else {
-        return Err(format!("level {} of {} is asked for", shot.level, views.levels.len()));
+        return Err(format!("level {} of {} does not exist", shot.level, views.levels.len()));
     };
     if (level.height, level.width) != (shot.args.height as usize, shot.args.width as usize) {
         return Err(format!("level {} is {} x {}", shot.level, level.height, level.width));
     }
     match shot.taps.iter().find(|t| t.view as usize >= views.count) {
-        Some(tap) => Err(format!("view {} of {} is asked for", tap.view, views.count)),
+        Some(tap) => Err(format!("view {} of {} does not exist", tap.view, views.count)),
         None => Ok(()),
     }
 }

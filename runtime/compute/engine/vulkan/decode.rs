@@ -1,7 +1,8 @@
-//! Views that an application gives, from samples as it stores them to the pyramids that photographs are computed from, on the
-//! device: by the kernels `decode_views` and `halve_views`, beside the lists of kernels.
+//! Decodes an application's views to pyramids on the device, from its stored samples.
 //!
-//! The host sees sums of the light alone, and a small copy of the middle view, by which it is told how content moves.
+//! The kernels are `decode_views` and `halve_views`, which are not part of lists. Target images are computed from the
+//! pyramids. The host reads only sums of the light, and a small copy of the middle view, from which it determines how
+//! content moves.
 
 use super::super::EngineError;
 use super::views::{DeviceViews, Level, Views};
@@ -16,18 +17,18 @@ use eyebox_spirv as spirv;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Most workgroups of a view, and words that one of their invocations takes before there are more of them.
+/// Most workgroups of a view, and words per invocation before another workgroup is added.
 const PARTS: u32 = 64;
 const WORDS: u32 = 32;
 
-/// Views as an application stores them: (view, row, column, colour), without gaps.
+/// Views in an application's format, (view, row, column, color), without gaps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StoredViews {
     /// Rows and columns of views.
     pub grid: [usize; 2],
-    /// [`decode_views::U8`] to [`decode_views::F32`].
+    /// Type of the samples, [`decode_views::U8`] to [`decode_views::F32`].
     pub sample: u32,
-    /// Whether whole numbers are coded in sRGB; else they are linear.
+    /// True if integers are coded in sRGB, false if they are linear.
     pub coded: bool,
 }
 
@@ -45,52 +46,52 @@ impl StoredViews {
     }
 }
 
-/// Light of the views of one colour.
+/// Light of the views of one color.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewsLight {
-    /// The brightest.
+    /// Largest light of a pixel.
     pub brightest: f32,
     /// Mean over all views.
     pub mean: f64,
-    /// Means of the light, its square and its cube over the view in the middle of all.
+    /// Means of the light, its square and its cube, over the middle view.
     pub middle: [f64; 3],
 }
 
-/// A sample that is no light: not finite, below 0 or above 65504.
+/// A sample that is not valid light, because it is not finite, below 0 or above 65504.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoLight {
-    /// Which colour of those that are stored.
+    /// Index of its color among the stored colors.
     pub channel: usize,
-    /// Which of its samples: (view, row, column).
+    /// Index of its sample in (view, row, column).
     pub index: usize,
-    /// What it is.
+    /// Value of the sample.
     pub found: f32,
 }
 
 /// Makes pyramids of views on a Vulkan device.
 pub struct ViewDecoder {
-    // Dropped in this order: the device last.
-    /// What was made so far: used again when nobody looks at it any more.
+    // Fields are dropped in this order, the device last.
+    /// Memory of earlier views, which is reused when nobody uses it any more.
     made: Vec<Arc<Views>>,
     samples: Block,
     curve: Block,
     tables: Block,
     sums: Option<Block>,
-    /// Each level but the first, from the one before.
+    /// Arguments of each level but the first, from the level before.
     halvings: Vec<halve_views::Args>,
     sizes: Vec<(usize, usize)>,
-    /// Colours of a sample, and those that are looked at.
+    /// Number of colors of a sample, and the colors that are used.
     stored: usize,
     channels: Vec<usize>,
     gpu: Commands,
 }
 
 impl ViewDecoder {
-    /// For views of `size` rows and columns with so many colours `stored`, of which `channels` are wanted; all views of a frame
-    /// take `bytes` at most.
+    /// Makes a decoder for views of `size` rows and columns with `stored` colors, of which `channels` are wanted. All
+    /// views of a frame take at most `bytes` bytes.
     ///
     /// # Errors
-    /// [`EngineError::Unsuitable`] for views that a kernel of this device cannot see at once; out of memory.
+    /// [`EngineError::Unsuitable`] if a kernel of this device cannot bind the views at once, and lack of memory.
     pub fn new(
         gpu: &Gpu,
         size: [usize; 2],
@@ -102,7 +103,7 @@ impl ViewDecoder {
         let limit = gpu.limits.storage_range.min(gpu.limits.allocation);
         // Samples are counted by 32 bits.
         if bytes > limit || bytes > u64::from(u32::MAX) {
-            return Err(gpu.unsuitable(format!("all views of a frame take {bytes} bytes, a kernel may see {limit}")));
+            return Err(gpu.unsuitable(format!("all views of a frame take {bytes} bytes, but a kernel binds {limit}")));
         }
         let sizes = Pyramid::sizes(size[0], size[1]);
         let (mut halvings, mut words) = (Vec::new(), Vec::new());
@@ -127,37 +128,38 @@ impl ViewDecoder {
         })
     }
 
-    /// The device.
+    /// Returns the device of the decoder.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu.shared
     }
 
-    /// Uploads samples, filled to whole words of 4 bytes.
+    /// Uploads samples, padded to whole words of 4 bytes.
     ///
     /// # Errors
-    /// More than it was made for; a lost device.
+    /// [`EngineError`] if there are more than the decoder was made for, or the device is lost.
     pub fn upload(&mut self, samples: &[u8]) -> Result<(), EngineError> {
         let bytes = samples.len() as u64;
         if bytes > self.samples.size || !bytes.is_multiple_of(4) {
             return Err(EngineError::mismatch(format!(
-                "{bytes} bytes of views, where {} in words of 4 fit",
+                "{bytes} bytes of views, but at most {} in words of 4 bytes fit",
                 self.samples.size
             )));
         }
         self.gpu.put(&mut self.samples, samples, [(0, 0, bytes)])
     }
 
-    /// Takes so many bytes of samples that another process left in memory of this device, from `at` on: both multiples of 4.
+    /// Copies `bytes` bytes of samples that another process left in memory of this device, from `at` on. Both are
+    /// multiples of 4.
     ///
     /// # Errors
-    /// More than there are, or than it was made for; a lost device.
+    /// [`EngineError`] if they exceed the shared memory or this decoder, or the device is lost.
     #[cfg(target_os = "linux")]
     pub fn copy(&mut self, from: &SharedMemory, at: u64, bytes: u64) -> Result<(), EngineError> {
         let ends = at.checked_add(bytes).is_some_and(|end| end <= from.block.size);
         if !ends || bytes > self.samples.size || !(at | bytes).is_multiple_of(4) || !from.block.is_on(&self.gpu.device)
         {
             return Err(EngineError::mismatch(format!(
-                "{bytes} bytes of views at {at}, where {} are shared",
+                "{bytes} bytes of views at {at}, but only {} are shared",
                 from.block.size
             )));
         }
@@ -189,16 +191,16 @@ impl ViewDecoder {
         }
     }
 
-    /// What light there is in the views whose samples are on the device, colour by colour; or what is none.
+    /// Returns the light in the views whose samples are on the device, color by color, or an invalid sample.
     ///
     /// # Errors
-    /// More views than it was made for; a lost device.
+    /// [`EngineError`] if there are more views than the decoder was made for, or the device is lost.
     pub fn measure(&mut self, views: &StoredViews) -> Result<Result<Vec<ViewsLight>, NoLight>, EngineError> {
         let (count, pixels, parts) = (views.count(), self.pixels(), self.parts());
         let bytes = views.sample_bytes() * (count * pixels * self.stored) as u64;
         if count == 0 || bytes > self.samples.size {
             return Err(EngineError::mismatch(format!(
-                "{count} views take {bytes} bytes, where {} fit",
+                "{count} views take {bytes} bytes, but {} fit",
                 self.samples.size
             )));
         }
@@ -213,7 +215,7 @@ impl ViewDecoder {
         self.gpu.recorder.barrier();
         for (i, channel) in self.channels.iter().enumerate() {
             let to = sums.range(i as u64 * step, step);
-            // Nothing is stored: what would be is bound to anything.
+            // This run stores nothing, so the output may be bound to anything.
             let buffers = [self.samples.all(), self.curve.all(), to, to];
             let args = self.args(views, *channel);
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), [parts, count as u32, 1])?;
@@ -233,7 +235,7 @@ impl ViewDecoder {
         Ok(Ok(lights))
     }
 
-    /// Reads what is no light.
+    /// Reads the invalid sample.
     fn no_light(
         &mut self,
         views: &StoredViews,
@@ -253,11 +255,11 @@ impl ViewDecoder {
         Ok(NoLight { channel, index, found })
     }
 
-    /// The pyramids of the views that were [measured](Self::measure) last, colour by colour. Their light stays on the device, but
-    /// for the middle view of the first colour at the [level that is compared](Pyramid::compared).
+    /// Returns the pyramids of the views that were [measured](Self::measure) last, color by color. Their light stays
+    /// on the device, except for the middle view of the first color at the [level for comparison](Pyramid::compared).
     ///
     /// # Errors
-    /// Out of memory; a lost device.
+    /// [`EngineError`] if memory runs out or the device is lost.
     pub fn decode(&mut self, views: &StoredViews, lights: &[ViewsLight]) -> Result<Vec<Arc<Pyramid>>, EngineError> {
         let count = views.count();
         self.made.retain(|made| made.count == count);
@@ -270,7 +272,7 @@ impl ViewDecoder {
             };
             rooms.push(room);
         }
-        // Kept whatever comes of this.
+        // The memory is kept even if decoding fails.
         self.made.extend(rooms.iter().cloned());
         let scales: Vec<f32> = lights.iter().map(|l| if l.brightest > 0.0 { l.brightest } else { 1.0 }).collect();
         self.gpu.recorder.begin(0)?;
@@ -310,7 +312,7 @@ impl ViewDecoder {
         for piece in &level.pieces {
             let (first, stride) = (piece.views.start as u32, level.stride as u32);
             let args = decode_views::Args { first, stride, scale, ..self.args(views, channel) };
-            // Sums that nobody looks at any more.
+            // These sums are not read any more.
             let to = level.range(&room.blocks, piece, &piece.views);
             let buffers = [self.samples.all(), self.curve.all(), to, sums.all()];
             let groups = [self.parts(), piece.views.len() as u32, 1];
@@ -337,7 +339,7 @@ impl ViewDecoder {
         Ok(())
     }
 
-    /// A level whose middle view was read, and whose others are zero.
+    /// Returns a level with the middle view read and all other views zero.
     fn middle_of(&mut self, room: &Views, at: usize, grid: [usize; 2]) -> Result<Vec<u16>, EngineError> {
         let (level, middle) = (&room.levels[at], grid[0] / 2 * grid[1] + grid[1] / 2);
         let values = level.height * level.width;
@@ -353,7 +355,7 @@ impl ViewDecoder {
     }
 }
 
-/// All light of `count` views by the sums of their parts, in order.
+/// Returns the light of `count` views from the sums of their parts, in order.
 fn light_of(parts: &[&[u32]], count: usize, pixels: usize) -> ViewsLight {
     let each = parts.len() / count;
     let sums_of = |parts: &[&[u32]]| {

@@ -1,9 +1,9 @@
-//! Phases to video frames on a device, by the kernel `encode`: beside the lists of kernels, for a display that is
-//! driven from the device.
+//! Converts phases to video frames on a device with the kernel `encode`, for displays that are driven from it.
 //!
-//! Buffers are made once, for a [`Plan`]. A run covers one colour of one video frame, and as many of its sub-frames as
-//! a kernel may see at once; runs of a frame follow each other, for they OR into it. What a run puts where are constants of
-//! its pipeline. Rows of frames on the device are padded to whole words, four pixels of the SLM each.
+//! The kernel is not part of lists. Buffers are made once, for a [`Plan`]. A run covers one color of one video frame,
+//! and as many of its sub-frames as a kernel may bind at once. Runs of a frame follow each other, because they
+//! combine their bits with OR. The bits and places of a run are constants of its pipeline. Rows of frames on the
+//! device are padded to whole words, with four pixels of the SLM each.
 
 use super::super::EngineError;
 use super::layout::{Layout, Value};
@@ -12,70 +12,70 @@ use eyebox_kernels::encode::{self, Args, Levels, Part, Plan};
 use eyebox_kernels::{WIDTH, pixels};
 use eyebox_spirv as spirv;
 
-/// Sub-frames that an entry can tell apart.
+/// Sub-frames that an entry can distinguish.
 const MOST: usize = 256;
 /// Most workgroups down the rows, and across.
 const ROWS: u32 = 4096;
 const ACROSS: u32 = 65535;
 
-/// One colour's buffers.
+/// The buffers of one color.
 struct Ink {
-    /// Those that the host uploads, once it did.
+    /// Phases that the host uploaded, if any.
     phases: Option<Block>,
-    /// A block of nothing where there are none.
+    /// A dummy block if there are none.
     offsets: Block,
     table: Block,
-    /// Specialisation constants, but those of a run.
+    /// Specialization constants that all runs share.
     constants: [u32; 6],
     /// The highest level, or memory code.
     highest: u32,
 }
 
-/// Slots of one colour in one video frame that a kernel sees at once.
+/// Slots of one color in one video frame that a kernel binds at once.
 struct Run {
     video_frame: usize,
     color: usize,
-    /// Sub-frames that are seen.
+    /// First sub-frame and number of sub-frames.
     first: usize,
     count: usize,
     entries: Vec<u32>,
     flat: Flat,
     constants: [u32; CONSTANTS],
-    /// For phases as float32, made ahead, and as binary angles, once such are given.
+    /// Pipelines for float32 phases, made in advance, and for binary angles, made on first use.
     pipelines: [Option<Pipeline>; 2],
 }
 
-/// Of the shader.
+/// Number of the shader's constants.
 const CONSTANTS: usize = 13 + encode::ENTRIES;
-/// Which of them says how many values there are from one sub-frame to the next, and which that phases are binary angles.
+/// Index of the constant with the number of values between sub-frames, and of the flag for binary angles.
 const STRIDE_AT: usize = 10;
 const ANGLES_AT: usize = 12 + encode::ENTRIES;
 
-/// How the shader goes over the picture.
+/// The way in which the shader iterates over the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 enum Flat {
-    /// Row by row.
+    /// By rows, one after the other.
     Rows = encode::ROWS,
-    /// Fours of pixels: rows follow each other on both sides.
+    /// By groups of four pixels, with contiguous rows on both sides.
     Fours = encode::FOURS,
-    /// Fours of such fours, which one entry fills.
+    /// By four such groups, which one entry fills.
     Wide = encode::WIDE,
 }
 
-/// Encodes on a Vulkan device.
+/// Encodes video frames on a Vulkan device.
 pub struct VulkanEncoder {
-    // Dropped in this order: the device last.
+    // Fields are dropped in this order, the device last.
     inks: Vec<Ink>,
     frames: Block,
     runs: Vec<Run>,
-    /// Sub-frames of a colour on the device, and video frames.
+    /// Sub-frames of a color on the device, and video frames.
     input: Layout,
     output: Layout,
     args: Args,
-    /// The bit of a code that each cell holds, 4 bits each.
+    /// The bit of a code that each cell holds, 4 bits per cell.
     cells: u32,
-    /// Video frames with padded rows, as they come from the device.
+    /// Video frames with padded rows, as read from the device.
     padded: Vec<u8>,
     seconds: f64,
     gpu: Commands,
@@ -85,12 +85,12 @@ impl VulkanEncoder {
     /// Makes the buffers and pipelines for sets of this plan on a device.
     ///
     /// # Errors
-    /// A device whose kernels cannot see a whole sub-frame or video frame; out of memory.
+    /// [`EngineError`] if the kernels cannot bind a whole sub-frame or video frame, or memory runs out.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self, EngineError> {
         Self::on(Commands::new(gpu)?, plan)
     }
 
-    /// The same on a device that can do less.
+    /// Makes the encoder on a device with lower limits.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn on_lesser(gpu: &Gpu, plan: &Plan, lesser: &super::LesserDevice) -> Result<Self, EngineError> {
         Self::on(lesser.commands(gpu)?, plan)
@@ -107,7 +107,7 @@ impl VulkanEncoder {
         for (layout, what) in [(&input, "sub-frame"), (&output, "video frame")] {
             if layout.at_once(limit) == 0 {
                 let bytes = 4 * layout.values;
-                return Err(gpu.unsuitable(format!("one {what} takes {bytes} bytes, a kernel may see {limit}")));
+                return Err(gpu.unsuitable(format!("one {what} takes {bytes} bytes, but a kernel binds {limit}")));
             }
         }
         let mut inks = Vec::with_capacity(plan.colors.len());
@@ -154,39 +154,36 @@ impl VulkanEncoder {
         Ok(Self { inks, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
     }
 
-    /// The driver says that the device was lost from its so many-th submission from now on.
+    /// Makes the driver report a lost device after `submissions` more submissions.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pretend_lost_after(&mut self, submissions: u64) {
         self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
     }
 
-    /// The same, of the device's memory, which nothing is done about.
+    /// Makes the driver report a lack of device memory after `submissions` more submissions, which has no remedy.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pretend_full_after(&mut self, submissions: u64) {
         self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);
     }
 
-    /// The device.
+    /// Returns the device of the encoder.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu.shared
     }
 
-    /// Seconds that the kernel took over the last set, without transfers; 0 where the device tells no time.
+    /// Returns the seconds of the kernel for the last set, without transfers, or 0 if the device has no timestamps.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// Uploads a set, (sub-frame, row, column) per colour, as [`encode_uploaded`](Self::encode_uploaded) takes it.
+    /// Uploads a set, (sub-frame, row, column) per color, for [`encode_uploaded`](Self::encode_uploaded).
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`]; a lost device.
+    /// [`EngineError::Mismatch`] if the shape differs, and a lost device.
     pub fn upload(&mut self, phases: &[&[f32]]) -> Result<(), EngineError> {
         let wanted = self.input.floats();
         if phases.len() != self.inks.len() || phases.iter().any(|p| p.len() != wanted) {
-            return Err(EngineError::mismatch(format!(
-                "a set has {} colours of {wanted} phases each",
-                self.inks.len()
-            )));
+            return Err(EngineError::mismatch(format!("a set has {} colors of {wanted} phases each", self.inks.len())));
         }
         for (ink, phases) in self.inks.iter_mut().zip(phases) {
             if ink.phases.is_none() {
@@ -198,31 +195,31 @@ impl VulkanEncoder {
         Ok(())
     }
 
-    /// Encodes the set that was uploaded last; the video frames stay on the device.
+    /// Encodes the set that was uploaded last. The video frames stay on the device.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`] where none was uploaded; a lost device.
+    /// [`EngineError::Mismatch`] if no set was uploaded, and a lost device.
     pub fn encode_uploaded(&mut self) -> Result<(), EngineError> {
         self.run(None)
     }
 
-    /// Encodes phases that are on this device, colour by colour; the video frames stay there too.
+    /// Encodes phases that are on this device, color by color. The video frames stay there too.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`] for phases of another shape or another device; a lost device.
+    /// [`EngineError::Mismatch`] if the phases have another shape or device, and a lost device.
     pub fn encode_on_device(&mut self, phases: &[PhasesOnDevice<'_>]) -> Result<(), EngineError> {
         let Layout { frames, values, .. } = self.input;
         let fits = |p: &PhasesOnDevice<'_>| (p.frames, p.values) == (frames, values) && p.block.is_on(&self.gpu.device);
         if phases.len() != self.inks.len() || !phases.iter().all(fits) {
             return Err(EngineError::mismatch(format!(
-                "a set has {} colours of {frames} x {values} phases on one device",
+                "a set has {} colors of {frames} x {values} phases on one device",
                 self.inks.len()
             )));
         }
         self.run(Some(phases))
     }
 
-    /// `given`: phases on the device; those that were uploaded if there are none.
+    /// Encodes phases `given` on the device, or the uploaded ones if none are given.
     fn run(&mut self, given: Option<&[PhasesOnDevice<'_>]>) -> Result<(), EngineError> {
         let Self { inks, frames, runs, input, output, args, cells, gpu, .. } = self;
         let angles_of = |color: usize| given.is_some_and(|given| given[color].binary_angles);
@@ -233,7 +230,7 @@ impl VulkanEncoder {
             run.pipelines[1] = Some(gpu.pipeline(&spirv::ENCODE, 4, &run.constants)?);
         }
         gpu.recorder.begin(1)?;
-        // A frame that nothing is put into.
+        // These frames receive no slots.
         for frame in (0..output.frames).filter(|f| !runs.iter().any(|run| run.video_frame == *f)) {
             gpu.recorder.clear(output.range(frames, frame, 1));
         }
@@ -245,7 +242,7 @@ impl VulkanEncoder {
                 let angles = angles_of(run.color);
                 let (ink, Some(pipeline)) = (&inks[run.color], run.pipelines[usize::from(angles)]) else { continue };
                 let groups = match run.flat {
-                    // Where there is little to do for a pixel, an invocation takes a few rows.
+                    // With little work per pixel, an invocation takes a few rows.
                     Flat::Rows => {
                         let rows = args.height.div_ceil(if run.entries.len() == 1 { 4 } else { 1 });
                         [groups_of(fours), rows.min(ROWS), 1]
@@ -276,25 +273,25 @@ impl VulkanEncoder {
         Ok(())
     }
 
-    /// Room on the device for the video frames of a set as pixels, for its swapchains.
+    /// Makes room on the device for the video frames of a set as pixels, for its swapchains.
     ///
     /// # Errors
-    /// A video frame that is larger than a kernel may see; out of memory.
+    /// [`EngineError`] if a video frame exceeds the range of a kernel, or memory runs out.
     pub fn pictures(&self, order: PixelOrder) -> Result<Pictures, EngineError> {
         let size = [self.args.video_height(), self.args.video_width()];
         Pictures::new(&self.gpu, self.output.frames, size, order)
     }
 
-    /// Makes pixels of the video frames that were encoded last, on the device.
+    /// Converts the video frames that were encoded last to pixels, on the device.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`] for pictures of another encoder, or that are still read; a lost device.
+    /// [`EngineError::Mismatch`] if the pictures are another encoder's or still being read, and a lost device.
     pub fn draw(&mut self, pictures: &mut Pictures) -> Result<(), EngineError> {
         let Self { frames, output, args, gpu, .. } = self;
         let [height, width] = [args.video_height(), args.video_width()];
         let fits = (pictures.count(), pictures.size()) == (output.frames, [height, width]);
         if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
-            return Err(EngineError::mismatch("these pictures are another encoder's, or still shown"));
+            return Err(EngineError::mismatch("the pictures belong to another encoder or are still shown"));
         }
         let pipeline = gpu.pipeline(&spirv::PIXELS, 2, &[])?;
         let push = pixels::Args {
@@ -321,16 +318,16 @@ impl VulkanEncoder {
         Ok(())
     }
 
-    /// Fetches the video frames that were encoded last: (frame, row, column, channel), as long as all of them are.
+    /// Reads the video frames that were encoded last (frame, row, column, channel), all of them.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`]; a lost device.
+    /// [`EngineError::Mismatch`] if the length differs, and a lost device.
     pub fn download(&mut self, bytes: &mut [u8]) -> Result<(), EngineError> {
         let row = self.args.video_width() * self.args.channels as usize;
         let rows = self.args.video_height() * self.output.frames;
         if bytes.len() != row * rows {
             return Err(EngineError::mismatch(format!(
-                "the video frames have {} bytes, {} were given",
+                "the video frames have {} bytes, but {} were given",
                 row * rows,
                 bytes.len()
             )));
@@ -347,10 +344,10 @@ impl VulkanEncoder {
         Ok(())
     }
 
-    /// Uploads a set, encodes it, and fetches its video frames.
+    /// Uploads a set, encodes it, and reads its video frames.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`]; a lost device.
+    /// [`EngineError::Mismatch`] if a shape or length differs, and a lost device.
     pub fn encode(&mut self, phases: &[&[f32]], bytes: &mut [u8]) -> Result<(), EngineError> {
         self.upload(phases)?;
         self.encode_uploaded()?;
@@ -358,7 +355,7 @@ impl VulkanEncoder {
     }
 }
 
-/// The runs. `at_once`: sub-frames that a kernel may see.
+/// Returns the runs, in which a kernel may bind `at_once` sub-frames.
 fn runs(plan: &Plan, at_once: usize) -> Vec<Run> {
     let mut runs = Vec::<Run>::new();
     for (video_frame, slots) in plan.video_frames.iter().enumerate() {
@@ -366,7 +363,7 @@ fn runs(plan: &Plan, at_once: usize) -> Vec<Run> {
         sorted.sort_by_key(|s| (s.color, s.sub_frame));
         let start = runs.len();
         for slot in sorted {
-            // Of cells, the first: their bits go with the push constants.
+            // Only the first of several cells has entries, because their bits are push constants.
             let cells = slot.parts.iter().any(|p| p.cell > 0);
             for part in &slot.parts[..if cells { 1 } else { slot.parts.len() }] {
                 match runs[start..].last_mut() {
@@ -395,7 +392,7 @@ fn runs(plan: &Plan, at_once: usize) -> Vec<Run> {
     runs
 }
 
-/// How the shader may go over the picture. `fills`: one entry, and the first of its frame.
+/// Returns the shader's iteration over the picture. `fills` is true for one entry that is the first of its frame.
 fn flat(args: &Args, aligned: bool, fills: bool) -> Flat {
     let places = [args.first, args.shift_x, args.shift_y, args.flips];
     let cells = args.cell_rows * args.cell_columns;
@@ -406,25 +403,26 @@ fn flat(args: &Args, aligned: bool, fills: bool) -> Flat {
     if fills && args.channels == 1 && fours.is_multiple_of(4) { Flat::Wide } else { Flat::Fours }
 }
 
-/// An entry; `sub_frame` from the run's first.
+/// Packs an entry. `sub_frame` counts from the run's first.
 fn entry(sub_frame: usize, part: &Part) -> u32 {
     (sub_frame as u32) << 24 | part.mask << 16 | part.from << 8 | part.to << 4 | part.channel
 }
 
-/// Whether an entry takes all bits of levels up to the highest.
+/// Returns true if an entry takes all bits of levels up to the highest.
 fn takes_all(entry: u32, highest: u32) -> bool {
     let (mask, from) = ((entry >> 16) & 255, (entry >> 8) & 15);
     from == 0 && highest & !mask == 0
 }
 
-/// Whether four pixels of the SLM, from a multiple of four on, always take phases that lie side by side, from a multiple
-/// of four on. `stride`: values from one sub-frame to the next.
+/// Returns true if each four pixels of the SLM, from a multiple of four on, take four contiguous phases, from a
+/// multiple of four on. `stride` is the number of values between sub-frames.
 fn are_aligned(args: &Args, stride: usize) -> bool {
     let sides = [args.width, args.first, args.step_y, args.shift_x];
     args.step_x == 1 && args.flips & 1 == 0 && sides.iter().all(|n| n.is_multiple_of(4)) && stride.is_multiple_of(4)
 }
 
-/// Runs of different video frames may run side by side, those of one frame follow each other: the n-th of every frame.
+/// Returns the n-th runs of every frame together, because runs of different video frames may run at the same time.
+/// The runs of one frame follow each other.
 fn rounds(runs: &[Run]) -> impl Iterator<Item = impl Iterator<Item = &Run>> {
     let rank = |i: usize| runs[..i].iter().rev().take_while(|r| r.video_frame == runs[i].video_frame).count();
     let most = (0..runs.len()).map(rank).max().map_or(0, |n| n + 1);

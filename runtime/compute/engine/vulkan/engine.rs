@@ -1,4 +1,4 @@
-//! The engine: buffers, one recording per part of a list, losses and times back.
+//! Implements the engine with its buffers, one recording per part of a list, and the return of losses and times.
 
 use super::super::{
     Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, Memory, PendingStep, Purpose, Resource, Shape, State, Step,
@@ -23,17 +23,17 @@ use std::time::Instant;
 
 /// Runs lists of kernels on a Vulkan device.
 pub struct VulkanEngine {
-    // Dropped in this order: the device last.
+    // Fields are dropped in this order, the device last.
     stacks: Stacks,
-    /// Phases that are kept.
+    /// The phases that are kept.
     kept: Option<Stack>,
-    /// Of the first phases that were looked up last.
+    /// Tables of the last look-up of first phases.
     tables: Option<Tables>,
     pub(super) arenas: Arenas,
-    /// Lists in flight, in turn, and the last of them.
+    /// Lists in flight, used in turn. `at` is the index of the last one.
     pub(super) flights: [Flight; IN_FLIGHT],
     pub(super) at: usize,
-    /// Steps that were begun.
+    /// Number of steps that were begun.
     begun: u64,
     pub(super) views: Option<Arc<Views>>,
     /// Sums of the loss on the device.
@@ -41,9 +41,9 @@ pub struct VulkanEngine {
     pub(super) verdict: Option<Verdict>,
     transforms: Fft,
     pub(super) shape: Shape,
-    /// Where the pupil pass buffers of the last step lie.
+    /// Places of the pupil pass buffers of the last step.
     slots: Vec<Slot>,
-    /// Pupil pass buffers that were written since: they find their place when a step says where.
+    /// Pupil pass buffers that were written since. The next step determines their place.
     written: HashMap<Buffer, Vec<f32>>,
     clock: [(u64, f64); Kernel::ALL.len()],
     is_timed: bool,
@@ -51,7 +51,7 @@ pub struct VulkanEngine {
 }
 
 impl VulkanEngine {
-    /// On a device whose results are nobody's yet.
+    /// Makes an engine on a device that has not been tested.
     pub(super) fn untested(gpu: &Gpu) -> Result<Self, EngineError> {
         let gpu = Commands::new(gpu)?;
         Ok(Self {
@@ -75,7 +75,7 @@ impl VulkanEngine {
         })
     }
 
-    /// The device.
+    /// Returns the device of the engine.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu.shared
     }
@@ -87,7 +87,7 @@ impl VulkanEngine {
         let limit = self.gpu.limits.storage_range;
         if layout.at_once(limit) == 0 {
             let bytes = layout.frame_bytes();
-            let reason = format!("one frame of the {what} takes {bytes} bytes, a kernel may see {limit}");
+            let reason = format!("one frame of the {what} takes {bytes} bytes, but a kernel binds {limit}");
             return Err(self.gpu.unsuitable(reason));
         }
         Ok(Some(Stack { layout, block: self.gpu.block(layout.bytes(), what)? }))
@@ -101,12 +101,12 @@ impl VulkanEngine {
         }
     }
 
-    /// Puts the pupil pass buffers that were written by hand into the slots of `group`.
+    /// Copies the pupil pass buffers that were written by hand into the slots of `group`.
     fn place_written(&mut self, group: &[Slot]) -> Result<(), EngineError> {
         for (buffer, data) in std::mem::take(&mut self.written) {
             let Some((resource, at, index)) = pupil_pass_buffer(buffer) else { continue };
             let Some(layout) = group.get(index).map(|slot| slot[at]) else {
-                return Err(EngineError::mismatch(format!("{buffer:?} was written, and no pupil_pass uses it")));
+                return Err(EngineError::mismatch(format!("{buffer:?} was written, but no pupil pass uses it")));
             };
             if layout.floats() != data.len() {
                 return Err(misfit(buffer, layout.floats(), data.len()));
@@ -118,8 +118,8 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Runs these parts of a step's list behind what is under way; `judged`: phases change only where all losses are finite.
-    /// What comes of it is in the flight that is last then.
+    /// Runs these parts of a step's list after the work in flight. With `judged`, phases change only if all losses
+    /// are finite. The result is in the flight that is then the last one.
     fn launch(&mut self, step: &Step, parts: &[Range<usize>], judged: bool) -> Result<(), EngineError> {
         for part in parts {
             check(step, part, &self.shape, self.views.as_deref())?;
@@ -196,7 +196,7 @@ impl VulkanEngine {
         let marks = if *is_timed { list.len() } else { 1 };
         work.gpu.recorder.is_cut = runs && work.gpu.device.planned_as != DeviceKind::Cpu;
         work.gpu.recorder.begin(marks)?;
-        // What was submitted before may still be at work.
+        // Earlier submissions may still be running.
         work.gpu.recorder.barrier();
         flight.tables.record(work.gpu);
         work.prepare_verdict(flight.end, verdict.is_some_and(|v| v.is_bad));
@@ -219,7 +219,7 @@ impl VulkanEngine {
         let compared = list.iter().filter(|d| d.kernel.writes().any(|r| r == Resource::Losses));
         let parts = |i: usize| step.pupil_passes[i].loss_parts();
         let places = &flight.offsets;
-        // Of this recording alone: a step that is only prepared has answers as well.
+        // The answers are of this recording alone, because a step that is only prepared has answers as well.
         flight.answers.clear();
         flight.answers.extend(compared.flat_map(|d| d.pupil_passes.clone()).map(|i| (i, places[i], parts(i))));
         flight.is_checked = list.iter().any(|d| d.kernel.writes().any(|r| r == Resource::NotFinite));
@@ -252,7 +252,7 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Takes over what the recorder knows of times.
+    /// Takes over the recorder's times.
     fn absorb(&mut self) {
         for time in self.gpu.recorder.times.drain(..) {
             if let Some((calls, seconds)) = self.clock.get_mut(time.label) {
@@ -265,7 +265,7 @@ impl VulkanEngine {
         }
     }
 
-    /// What came of a flight, when it is over, for a step of `count` pupil passes.
+    /// Waits for a flight and returns its result, for a step of `count` pupil passes.
     fn finish_steps(&mut self, at: usize, count: usize) -> Result<StepResult, EngineError> {
         let Flight { submission, during, .. } = &self.flights[at];
         if let Some(submission) = *submission {
@@ -293,7 +293,7 @@ impl VulkanEngine {
 
 impl Drop for VulkanEngine {
     fn drop(&mut self) {
-        // What is under way reads and writes what is given back now.
+        // Work in flight reads and writes the buffers that are freed now.
         let _ = self.gpu.recorder.idle();
     }
 }
@@ -306,8 +306,8 @@ impl Engine for VulkanEngine {
 
     fn lists(&self) -> &'static str {
         match self.gpu.device.planned_as {
-            DeviceKind::Cpu => "kernel by kernel", // Its shared memory is memory like any other.
-            _ => "fused, transforms with what stands before and behind them",
+            DeviceKind::Cpu => "kernel by kernel", // A CPU has no special shared memory.
+            _ => "with kernels fused to the transforms next to them",
         }
     }
 
@@ -323,7 +323,7 @@ impl Engine for VulkanEngine {
         if self.memory() != Memory::Device {
             check_shape(shape, shape.storage.bytes() as u64)?;
         }
-        // What was there goes first: both may not fit.
+        // The old buffers are freed first, because both may not fit.
         self.gpu.recorder.idle()?;
         (self.stacks, self.kept, self.tables) = (Stacks::default(), None, None);
         (self.arenas, self.views) = (Arenas::default(), None);

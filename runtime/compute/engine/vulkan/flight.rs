@@ -1,4 +1,4 @@
-//! What a list in flight has for itself while the next is recorded: its tables, and where the host sees its losses.
+//! Holds the resources of a list in flight while the next one is recorded, such as its tables and losses.
 
 use super::super::{EngineError, PupilPass, Shape, Step};
 use super::layout::all_slots;
@@ -8,22 +8,22 @@ use crate::gpu::{Block, Commands, Groups, Piece, Range};
 use gpu_allocator::MemoryLocation;
 use std::time::Instant;
 
-/// Bytes from one place in the losses to the next: any device's alignment.
+/// Bytes from one place in the losses to the next, which suit any device's alignment.
 pub(super) const PLACE: u64 = 256;
 
-/// Bytes of the verdict, and of what is copied to the host beside the losses.
+/// Bytes of the verdict, which are copied to the host with the losses.
 const VERDICT: u64 = 4;
 
-/// Whether losses were finite, on the device, and how many workgroups then change phases.
+/// The verdict on the device, which states if losses were finite and how many workgroups then change phases.
 pub(super) struct Verdict {
-    /// The verdict; behind a place, workgroups: three numbers for each dispatch.
+    /// The verdict in the first place, followed by the workgroups, three numbers for each dispatch.
     pub(super) block: Block,
-    /// A loss was not finite: to be cleared before the next step.
+    /// True if a loss was not finite. The verdict must be cleared before the next step.
     pub(super) is_bad: bool,
 }
 
 impl Verdict {
-    /// For steps in which phases are changed by `dispatches` at most.
+    /// Makes the verdict of steps in which at most `dispatches` dispatches change phases.
     pub(super) fn new(gpu: &Commands, dispatches: usize) -> Result<Self, EngineError> {
         let block = gpu.block(PLACE + 12 * dispatches as u64, "the verdict over losses")?;
         Ok(Self { block, is_bad: true })
@@ -41,16 +41,17 @@ impl Verdict {
 /// Dispatches that depend on the verdict, while they are recorded.
 pub(super) struct Guarded<'a> {
     pub(super) verdict: &'a Verdict,
-    /// Where the host writes their workgroups.
+    /// Memory in which the host writes their workgroups.
     pub(super) groups: &'a mut Block,
     pub(super) count: usize,
-    /// Whether the judgement was recorded, and in which part of the list the workgroups were copied last.
+    /// True if the judgment was recorded. `part` is the part of the list in which the workgroups were copied last.
     pub(super) is_judged: bool,
     pub(super) part: usize,
 }
 
 impl<'a> Guarded<'a> {
-    /// These workgroups, or none; `None` where nothing was judged yet, or there is no place for more dispatches.
+    /// Returns these workgroups, or none after a bad verdict. Returns `None` before the judgment, or without room for
+    /// more dispatches.
     pub(super) fn groups(&mut self, groups: [u32; 3]) -> Option<Groups<'a>> {
         if !self.is_judged {
             return None;
@@ -63,30 +64,30 @@ impl<'a> Guarded<'a> {
     }
 }
 
-/// Losses of a pupil pass: which, where its sums start, and how many there are.
+/// Index of a pupil pass, start of the sums of its loss, and their number.
 pub(super) type Answer = (usize, u64, usize);
 
 /// One list in flight.
 #[derive(Default)]
 pub(super) struct Flight {
     pub(super) tables: Tables,
-    /// Where the host reads: the verdict at the end, losses before it.
+    /// Memory that the host reads, with the losses and then the verdict.
     losses: Option<Block>,
-    /// And where it writes workgroups.
+    /// Memory in which the host writes workgroups.
     pub(super) groups: Option<Block>,
-    /// Where the losses of each pupil pass of the step start, bytes.
+    /// Start of the losses of each pupil pass of the step, bytes.
     pub(super) offsets: Vec<u64>,
-    /// Where the last of them end.
+    /// End of the last losses.
     pub(super) end: u64,
     pub(super) answers: Vec<Answer>,
     pub(super) is_checked: bool,
     pub(super) is_judged: bool,
-    /// The number of the step, until it is ended, and its pupil passes.
+    /// Number of the step until it is ended, or 0, and its number of pupil passes.
     pub(super) number: u64,
     pub(super) pupil_passes: usize,
-    /// Its losses, where they are known already.
+    /// Losses of the step, if they were already read.
     pub(super) known: Option<Vec<f64>>,
-    /// The submission, and what an error names; none where nothing had to be run.
+    /// The submission, with its name for errors. There is none if nothing had to run.
     pub(super) submission: Option<u64>,
     pub(super) during: String,
     /// Seconds by the device's clock.
@@ -95,13 +96,13 @@ pub(super) struct Flight {
 }
 
 impl Flight {
-    /// Finds places for the sums of each pupil pass's loss, behind one for what `check_finite` finds, as far apart as the
-    /// device wants.
+    /// Assigns a place to the sums of each pupil pass's loss, after one place for the result of `check_finite`.
+    /// Places are as far apart as the device requires.
     fn place(&mut self, pupil_passes: &[PupilPass], order: &[usize]) {
         self.end = PLACE;
         self.offsets.clear();
         self.offsets.resize(pupil_passes.len(), PLACE);
-        // What belongs to no group has a place as well.
+        // Pupil passes without a group have a place as well.
         let rest = order.len()..pupil_passes.len();
         for at in order.iter().copied().chain(rest) {
             self.offsets[at] = self.end;
@@ -109,20 +110,20 @@ impl Flight {
         }
     }
 
-    /// Finds these places, and packs the tables.
+    /// Assigns these places, and packs the tables.
     pub(super) fn lay_out(&mut self, step: &Step, shape: &Shape, views: Option<&Views>) {
         let (slots, order) = all_slots(step, shape);
         self.place(&step.pupil_passes, &order);
         self.tables.pack(&step.pupil_passes, (slots, order), &self.offsets, views);
     }
 
-    /// Whether what the host sees is large enough.
+    /// Returns true if the memory for the host is large enough.
     pub(super) fn fits(&self, losses: u64, groups: u64, tables: u64) -> bool {
         let size = |block: &Option<Block>| block.as_ref().map_or(0, |b| b.size);
         size(&self.losses) >= losses + PLACE && size(&self.groups) >= groups && self.tables.room() >= tables
     }
 
-    /// Makes what the host sees large enough; what it was for is over.
+    /// Makes the memory for the host large enough. Its former use is over.
     pub(super) fn fit(&mut self, gpu: &Commands, losses: u64, groups: u64, tables: u64) -> Result<(), EngineError> {
         self.tables.fit(gpu, tables)?;
         if self.number > 0 && self.known.is_none() {
@@ -140,7 +141,7 @@ impl Flight {
         Ok(())
     }
 
-    /// Records what the host reads at the end.
+    /// Records the copies that the host reads at the end.
     pub(super) fn copy_back(&self, gpu: &mut Commands, losses: &Block, verdict: Option<&Verdict>) {
         let Some(host) = &self.losses else { return };
         let checked: Option<Piece> = self.is_checked.then_some((0, 0, 4));
@@ -154,8 +155,8 @@ impl Flight {
         }
     }
 
-    /// The losses of `count` pupil passes, when it is over; all NaN where the device found what is not finite, or left the
-    /// phases alone.
+    /// Returns the losses of `count` pupil passes of a finished list. All are NaN if the device found a value that is
+    /// not finite, or left the phases unchanged.
     pub(super) fn losses(&self, count: usize) -> Vec<f64> {
         let mut result = vec![0.0; count];
         let Some(host) = &self.losses else { return result };

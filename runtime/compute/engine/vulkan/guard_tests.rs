@@ -1,4 +1,4 @@
-//! Kernels keep to what they are bound to, and say where bindings may be the same memory; halves are read exactly.
+//! Tests that kernels stay in their bound ranges and declare aliased bindings, and that halves are read exactly.
 
 use super::engine::VulkanEngine;
 use crate::engine::{Buffer, Engine, Purpose, Step, Storage};
@@ -19,7 +19,7 @@ fn open(plan_as: DeviceKind) -> Gpu {
     Gpu::open(&options).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A step over three pupils, of which one's window wraps, in two groups.
+/// A step over three pupils in two groups. The window of one pupil wraps.
 struct Case {
     planner: Planner,
     pyramid: Arc<Pyramid>,
@@ -61,7 +61,7 @@ fn case(
     Case { planner, pyramid, purpose, step }
 }
 
-/// Losses, phases and moments of two steps, and a look, by their bits.
+/// Returns the bits of losses, phases and moments of two steps, and of a view.
 fn run(engine: &mut VulkanEngine, case: &Case) -> Vec<u64> {
     let shape = case.planner.shape(case.purpose);
     engine.load(&shape, Some(Arc::clone(&case.pyramid))).unwrap();
@@ -79,7 +79,7 @@ fn run(engine: &mut VulkanEngine, case: &Case) -> Vec<u64> {
     bits
 }
 
-/// With NaN on both sides of every range of every dispatch the results are the same, and the NaN stays.
+/// With NaN on both sides of every range of every dispatch, the results are equal and the NaN stays.
 #[test]
 fn every_kernel_keeps_to_its_ranges() {
     use Purpose::{Adam, Project};
@@ -89,14 +89,14 @@ fn every_kernel_keeps_to_its_ranges() {
         let mut guarded = VulkanEngine::new(&open(plan_as)).unwrap();
         guarded.guard();
         for storage in [Storage::F32, Storage::F16] {
-            // An even and an odd number of columns.
+            // These have an even and an odd number of columns.
             let ideal = DisplayModel::default;
             let mut cases = vec![
                 case([44, 64, 0], 3, 0, Project, storage, ideal()),
                 case([30, 31, 2], 1, 0, Adam, storage, ideal()),
             ];
             if plan_as == DeviceKind::Discrete {
-                // Sizes that are convolutions.
+                // These sizes are convolutions.
                 cases.push(case([31, 38, 0], 2, 11, Project, storage, ideal()));
                 cases.push(case([40, 36, 4], 2, 0, Adam, storage, ideal()));
                 let model = DisplayModel { lag: 0.1, undiffracted: vec![[0.2; 5]], ..ideal() };
@@ -117,7 +117,7 @@ fn every_kernel_keeps_to_its_ranges() {
         drop((plain, guarded));
         assert!(messages.iter().all(|m| m.lock().unwrap().is_empty()), "{messages:?}");
     }
-    // Of what lay in the same memory, something was written: the modules know.
+    // Written ranges overlapped in memory, and the modules must declare that.
     let met: BTreeSet<&str> = aliased.iter().map(|(module, ..)| *module).collect();
     for module in ["project", "adam", "project_rows", "adam_rows", "fft_pass", "fft_chirp", "compare_rows"] {
         assert!(met.contains(module), "nothing of {module} met: {met:?}");
@@ -130,7 +130,7 @@ fn every_kernel_keeps_to_its_ranges() {
     }
 }
 
-/// A list in as many submissions as it has dispatches is the list: results, and times of all of it.
+/// A list in as many submissions as dispatches gives the same results, and the times of all of it.
 #[test]
 fn a_list_in_parts_is_the_list() {
     let case = case([44, 64, 0], 3, 0, Purpose::Project, Storage::F16, DisplayModel::default());
@@ -139,7 +139,7 @@ fn a_list_in_parts_is_the_list() {
     let mut cut = VulkanEngine::new(&open(DeviceKind::Discrete)).unwrap();
     cut.pretend_slow();
     cut.time_kernels(true);
-    // Whatever is cut once is cut again in the same command buffers.
+    // A list that is cut again reuses the same command buffers.
     for _ in 0..2 {
         let before = cut.gpu().counts();
         assert!(run(&mut cut, &case) == want);
@@ -151,7 +151,7 @@ fn a_list_in_parts_is_the_list() {
     assert_eq!(*messages.lock().unwrap(), Vec::<String>::new());
 }
 
-/// One binding that is seen as two kinds of values is two buffers that are one.
+/// A binding that is declared with two value types is two buffers in one memory.
 #[test]
 fn bindings_with_two_names_are_known_to_be_one() {
     for module in spirv::ALL {
@@ -163,7 +163,7 @@ fn bindings_with_two_names_are_known_to_be_one() {
     }
 }
 
-/// What the guards are for: ranges that are too short by a value, in front or behind.
+/// The guards find accesses to ranges that are too short by a value, before or after.
 #[test]
 fn what_leaves_its_range_is_found() {
     let mut gpu = Commands::new(&open(DeviceKind::Cpu)).unwrap();
@@ -187,14 +187,14 @@ fn what_leaves_its_range_is_found() {
     assert_eq!(behind[0].matches("504").count(), 2, "{behind:?}");
 }
 
-/// Of all 65,536 halves each is read as what it is, and stored as what it was.
+/// Each of the 65,536 halves is read as its value and stored unchanged.
 #[test]
 fn all_halves_are_read_exactly() {
     let mut gpu = Commands::new(&open(DeviceKind::Cpu)).unwrap();
     let all: Vec<u16> = (0..=u16::MAX).collect();
     let block = gpu.filled(bytemuck::cast_slice(&all), "halves").unwrap();
     let count = all.len() / 2;
-    // Times one: |z|^2 alone would hide what small ones are read as.
+    // The factor is one, because |z|^2 alone would hide errors in small values.
     let ones = gpu.filled(bytemuck::cast_slice(&vec![1.0f32; count]), "ones").unwrap();
     let pipeline = gpu.pipeline(spirv::APPLY_FACTOR.stored(true), 2, &[]).unwrap();
     let push = [count as u32, count as u32];
@@ -204,7 +204,7 @@ fn all_halves_are_read_exactly() {
     gpu.recorder.submit("halves").unwrap();
     let mut got = vec![0u16; all.len()];
     gpu.download(&block, bytemuck::cast_slice_mut(&mut got), [(0, 0, 2 * all.len() as u64)]).unwrap();
-    // Which NaN it is nobody asks.
+    // The kind of NaN does not matter.
     let value = |bits: u16| if bits & 0x7fff > 0x7c00 { 0x7e00 } else { bits };
     let want = half::pack(&half::unpack(&all));
     let wrong = got.iter().zip(&want).enumerate().find(|(_, (got, want))| value(**got) != value(**want));

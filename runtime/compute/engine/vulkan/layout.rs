@@ -1,4 +1,4 @@
-//! Where values lie: frames at a stride inside a block, and the buffers of pupil passes inside arenas.
+//! Places frames at a stride inside a block, and the buffers of pupil passes inside arenas.
 
 use super::super::{Buffer, EngineError, PupilPass, Resource, Shape, Step, Storage};
 use crate::gpu::{Block, Commands, Piece, Range};
@@ -6,35 +6,36 @@ use crate::plan::BufferSize;
 use eyebox_kernels::{binary_angle, half};
 use std::ops::Range as PupilPasses;
 
-/// Frames start at multiples of so many bytes, the largest alignment that a device may ask for, and of 64 values.
+/// Frames start at multiples of this number of bytes, the largest alignment that a device may require, and of 64
+/// values.
 const ALIGNMENT: usize = 256;
 
-/// Equal frames in a block.
+/// Frames of one size in a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Layout {
-    /// Bytes, a multiple of 256.
+    /// Offset in bytes, a multiple of 256.
     pub(super) offset: u64,
     pub(super) frames: usize,
-    /// Values in a frame.
+    /// Number of values in a frame.
     pub(super) values: usize,
     pub(super) value: Value,
 }
 
-/// What a value is.
+/// The type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Value {
-    /// A float32.
+    /// A number stored as float32.
     Real,
-    /// A phase as a binary angle.
+    /// A phase, as a binary angle.
     Angle,
-    /// A half.
+    /// A number stored as a half.
     Half,
-    /// Two numbers.
+    /// A complex number in this storage.
     Complex(Storage),
 }
 
 impl Value {
-    /// Bytes.
+    /// Returns the size in bytes.
     pub(super) fn size(self) -> usize {
         match self {
             Self::Real => 4,
@@ -45,38 +46,38 @@ impl Value {
 }
 
 impl Layout {
-    /// Values from one frame to the next.
+    /// Returns the number of values from one frame to the next.
     pub(super) fn stride(&self) -> usize {
         self.values.next_multiple_of((ALIGNMENT / self.value.size()).max(64))
     }
 
-    /// Bytes from one frame to the next.
+    /// Returns the bytes from one frame to the next.
     pub(super) fn step(&self) -> u64 {
         (self.stride() * self.value.size()) as u64
     }
 
-    /// Bytes of all frames, the rest of the last stride included.
+    /// Returns the bytes of all frames, including the rest of the last stride.
     pub(super) fn bytes(&self) -> u64 {
         self.step() * self.frames as u64
     }
 
-    /// Values of float32 that the host sees.
+    /// Returns the number of float32 values for the host.
     pub(super) fn floats(&self) -> usize {
         self.frames * self.values * if matches!(self.value, Value::Complex(_)) { 2 } else { 1 }
     }
 
-    /// Bytes of a frame that hold something.
+    /// Returns the bytes of a frame without the rest of its stride.
     pub(super) fn frame_bytes(&self) -> usize {
-        // Copies go by four bytes.
+        // Copies have a granularity of four bytes.
         (self.values * self.value.size()).next_multiple_of(4)
     }
 
-    /// Whether a frame of 16-bit numbers is copied with one more.
+    /// Returns true if a frame of 16-bit numbers is copied with one more.
     fn is_padded(&self) -> bool {
         self.values * self.value.size() != self.frame_bytes()
     }
 
-    /// Frames of 16-bit values as they are copied.
+    /// Pads frames of 16-bit values for the copy.
     fn padded(&self, values: Vec<u16>) -> Vec<u16> {
         if !self.is_padded() {
             return values;
@@ -84,7 +85,7 @@ impl Layout {
         values.chunks(self.values).flat_map(|frame| frame.iter().copied().chain([0])).collect()
     }
 
-    /// The same without what was added to them.
+    /// Removes the padding from frames of 16-bit values.
     fn unpadded(&self, values: Vec<u16>) -> Vec<u16> {
         if !self.is_padded() {
             return values;
@@ -92,28 +93,28 @@ impl Layout {
         values.chunks(self.values + 1).flat_map(|frame| &frame[..self.values]).copied().collect()
     }
 
-    /// Frames `first .. first + count`.
+    /// Returns the range of frames `first .. first + count`.
     pub(super) fn range<'a>(&self, block: &'a Block, first: usize, count: usize) -> Range<'a> {
         block.range(self.offset + first as u64 * self.step(), count as u64 * self.step())
     }
 
-    /// How many frames a kernel may see at once.
+    /// Returns the number of frames that a kernel may bind at once.
     pub(super) fn at_once(&self, largest: u64) -> usize {
         (largest / self.step().max(1)) as usize
     }
 
-    /// Frames in so many bytes.
+    /// Returns the number of frames in `bytes` bytes.
     pub(super) fn frames_in(&self, bytes: u64) -> usize {
         (bytes / self.step().max(1)) as usize
     }
 
-    /// Pieces from the packed data to the block.
+    /// Returns the pieces to copy from the packed data to the block.
     pub(super) fn pieces(&self) -> impl Iterator<Item = Piece> + use<> {
         let (layout, bytes) = (*self, self.frame_bytes() as u64);
         (0..layout.frames as u64).map(move |f| (f * bytes, layout.offset + f * layout.step(), bytes))
     }
 
-    /// Pieces from the block to the packed data.
+    /// Returns the pieces to copy from the block to the packed data.
     pub(super) fn pieces_back(&self) -> impl Iterator<Item = Piece> + use<> {
         self.pieces().map(|(host, device, bytes)| (device, host, bytes))
     }
@@ -130,7 +131,7 @@ impl Layout {
         gpu.upload(block, bytemuck::cast_slice(&self.padded(bits)), self.pieces())
     }
 
-    /// The frames, packed.
+    /// Reads the frames as packed data.
     pub(super) fn read(&self, gpu: &mut Commands, block: &Block) -> Result<Vec<f32>, EngineError> {
         if matches!(self.value, Value::Real | Value::Complex(Storage::F32)) {
             let mut data = vec![0.0f32; self.floats()];
@@ -144,25 +145,25 @@ impl Layout {
     }
 }
 
-/// Kinds of pupil pass buffers, each with its arena.
+/// The kinds of pupil pass buffers, each with its arena.
 const KINDS: usize = Resource::OF_SLOT.len();
 
-/// The place of a pupil pass buffer in a [`Slot`], if it is one.
+/// Returns the index of a pupil pass buffer in a [`Slot`], if it is one.
 pub(super) fn slot_layout(resource: Resource) -> Option<usize> {
     Resource::OF_SLOT.iter().position(|r| *r == resource)
 }
 
-/// Place in a slot, and slot, of a pupil pass buffer.
+/// Returns the index in a slot, and the slot, of a pupil pass buffer.
 pub(super) fn pupil_pass_buffer(buffer: Buffer) -> Option<(Resource, usize, usize)> {
     let (resource, slot) = buffer.resource();
     Some((resource, slot_layout(resource)?, slot?))
 }
 
-/// Where one pupil pass's buffers lie, by kind.
+/// Places of the buffers of one pupil pass, by kind.
 pub(super) type Slot = [Layout; KINDS];
 
-/// Pupil passes by the size of their windows, by rows first or by columns, whichever leaves more neighbours that have as many
-/// of one: their places in memory.
+/// Returns the order of pupil passes in memory. They are sorted by the rows of their windows or by the columns first,
+/// whichever gives more neighbors with equal sizes.
 fn order(pupil_passes: &[PupilPass]) -> Vec<usize> {
     let size = |at: usize| [pupil_passes[at].window.rows, pupil_passes[at].window.columns];
     let mut orders = [0, 1].map(|first| {
@@ -178,8 +179,8 @@ fn order(pupil_passes: &[PupilPass]) -> Vec<usize> {
     std::mem::take(&mut orders[usize::from(by_columns)])
 }
 
-/// The slots of neighbouring pupil passes, one behind the other in each arena, in their [`order`]. The same pupil passes always
-/// lie at the same places.
+/// Returns the slots of neighboring pupil passes, one after the other in each arena, in their [`order`]. The same
+/// pupil passes always have the same places.
 pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     let mut ends = [0u64; KINDS];
     let mut slots = vec![[Layout { offset: 0, frames: 0, values: 0, value: Value::Real }; KINDS]; pupil_passes.len()];
@@ -194,7 +195,7 @@ pub(super) fn slots(pupil_passes: &[PupilPass], shape: &Shape) -> Vec<Slot> {
     slots
 }
 
-/// Those of all pupil passes of a step, group by group, and their order in memory.
+/// Returns the slots of all pupil passes of a step, group by group, and their order in memory.
 pub(super) fn all_slots(step: &Step, shape: &Shape) -> (Vec<Slot>, Vec<usize>) {
     let mut all = Vec::with_capacity(step.pupil_passes.len());
     let mut in_order = Vec::with_capacity(step.pupil_passes.len());
@@ -207,14 +208,15 @@ pub(super) fn all_slots(step: &Step, shape: &Shape) -> (Vec<Slot>, Vec<usize>) {
     (all, in_order)
 }
 
-/// The blocks in which the buffers of pupil passes lie: they only grow.
+/// The blocks with the buffers of pupil passes. They only grow.
 #[derive(Default)]
 pub(super) struct Arenas {
     blocks: [Option<Block>; KINDS],
 }
 
 impl Arenas {
-    /// Makes room for the largest group of pupil passes of the whole step. What a block held is lost when it grows.
+    /// Makes room for the largest group of pupil passes of the whole step. The content of a block is lost when it
+    /// grows.
     pub(super) fn fit(&mut self, gpu: &mut Commands, step: &Step, shape: &Shape) -> Result<(), EngineError> {
         let mut needs = [0u64; KINDS];
         let mut groups: Vec<PupilPasses<usize>> =
@@ -250,7 +252,7 @@ impl Arenas {
     fn grow(&mut self, gpu: &mut Commands, needs: [u64; KINDS]) -> Result<(), EngineError> {
         for ((need, block), resource) in needs.into_iter().zip(&mut self.blocks).zip(Resource::OF_SLOT) {
             if need > block.as_ref().map_or(0, |b| b.size) {
-                // The old one goes first: both may not fit.
+                // The old block is freed first, because both may not fit.
                 gpu.recorder.idle()?;
                 *block = None;
                 *block = Some(gpu.block(need, &resource.name())?);

@@ -1,5 +1,6 @@
-//! First phases by a table, on the device: by the kernels `pupil_light` and `table_start`, beside the lists of kernels. The host gives the
-//! table once, and of each picture nothing but which views are seen.
+//! Looks up first phases in a table on the device, with the kernels `pupil_light` and `table_start` outside of lists.
+//!
+//! The host passes the table once, and for each picture only the visible views.
 
 use super::super::{EngineError, LookUp};
 use super::layout::Value;
@@ -14,7 +15,7 @@ use std::sync::Arc;
 /// Most workgroups along an axis.
 const GROUPS: u32 = 65_535;
 
-/// What a table and a picture's place need on the device.
+/// Device copies of a table and of a picture's data.
 pub(super) struct Tables {
     table: (Arc<[u16]>, Block),
     needs: Option<(Arc<[u32]>, Block)>,
@@ -22,7 +23,7 @@ pub(super) struct Tables {
     light: Block,
 }
 
-/// Whether both are the same memory.
+/// Returns true if both are the same memory.
 fn is_same<T>(a: Option<&Arc<[T]>>, b: Option<&Arc<[T]>>) -> bool {
     match (a, b) {
         (Some(a), Some(b)) => Arc::ptr_eq(a, b),
@@ -41,7 +42,7 @@ impl Tables {
     fn new(gpu: &mut Commands, of: &LookUp) -> Result<Self, EngineError> {
         let pixels = u64::from(of.args.height * of.args.width);
         let table: &[u8] = bytemuck::cast_slice(&of.table);
-        // Words of two angles.
+        // The table is padded to words of two angles.
         let padded = [table, &[0; 2][..table.len() % 4]].concat();
         let needs = match &of.needs {
             Some(needs) => Some((Arc::clone(needs), gpu.filled(bytemuck::cast_slice(needs), "light of pixels")?)),
@@ -56,13 +57,13 @@ impl Tables {
     }
 }
 
-/// The shares that lie in a piece of views, from the first of its views on: `shares` are in order.
+/// Returns the range of the shares for a piece of views. `shares` are in the order of views.
 fn within(shares: &[Share], views: &std::ops::Range<usize>) -> std::ops::Range<u32> {
     let at = |view: usize| shares.partition_point(|share| (share.view as usize) < view) as u32;
     at(views.start)..at(views.end)
 }
 
-/// Fills `phases` by a table, from `views`. What both need on the device stays in `kept`.
+/// Fills `phases` by a table, from `views`. `kept` keeps the device copies.
 pub(super) fn look_up(
     gpu: &mut Commands,
     kept: &mut Option<Tables>,
@@ -72,7 +73,7 @@ pub(super) fn look_up(
 ) -> Result<(), EngineError> {
     let wanted = (of.args.frames as usize, (of.args.height * of.args.width) as usize);
     if (phases.layout.frames, phases.layout.values) != wanted {
-        return Err(EngineError::mismatch(format!("{} sub-frames of {} phases are looked up", wanted.0, wanted.1)));
+        return Err(EngineError::mismatch(format!("the table is for {} sub-frames of {} phases", wanted.0, wanted.1)));
     }
     let tables = match kept.take() {
         Some(tables) if tables.fits(of) => kept.insert(tables),
@@ -106,7 +107,7 @@ pub(super) fn look_up(
     gpu.recorder.submit("table_start").map(drop)
 }
 
-/// What the pupil sees, piece by piece of the views.
+/// Records the light that the pupil sees, one piece of views after the other.
 fn record_light(gpu: &mut Commands, of: &LookUp, tables: &Tables, views: &Views) -> Result<(), EngineError> {
     let Some(level) = views.levels.first() else { return Ok(()) };
     let pipeline = gpu.pipeline(&spirv::PUPIL_LIGHT, 3, &[])?;
@@ -121,7 +122,7 @@ fn record_light(gpu: &mut Commands, of: &LookUp, tables: &Tables, views: &Views)
         }
         let args = pupil_light::Args {
             stride: level.stride as u32,
-            // Shares count views from the first of all.
+            // Shares count views from the first view of all.
             from: piece.views.start as u32,
             begin: shares.start,
             end: shares.end,

@@ -1,4 +1,4 @@
-//! First phases on the device against those of the host.
+//! Compares first phases on the device with the host's.
 
 use super::engine::VulkanEngine;
 use crate::engine::{Buffer, Engine, EngineError, LookUp};
@@ -23,7 +23,7 @@ fn planner([height, width]: [usize; 2]) -> (Planner, Arc<Pyramid>) {
     (Planner { views, ..Planner::new(slm, FRAMES, WindowFactor::Two) }, pyramid)
 }
 
-/// A table of no display, of an odd size.
+/// Returns an arbitrary table of odd size.
 fn of([height, width]: [usize; 2], views: &Arc<Pyramid>, bright: f64, shaded: bool) -> LookUp {
     let [rows, columns, pixels] = [height, width, height * width].map(|n| n as u32);
     let parts = [(0, 0.1), (2, 0.25), (4, 0.3), (5, 0.05), (8, 0.3)];
@@ -63,8 +63,9 @@ fn of([height, width]: [usize; 2], views: &Arc<Pyramid>, bright: f64, shaded: bo
     }
 }
 
-/// The device looks up what the host does, to the bit: phases and binary angles, pixels in odd numbers, dark, bright and unevenly
-/// lit, other tables and pictures after it, and where kernels see few views and sub-frames at a time.
+/// The device looks up the same bits as the host. The cases are phases and binary angles, and pixels in odd numbers,
+/// dark, bright and unevenly lit. They include other tables and pictures afterwards, and kernels that bind few views
+/// and sub-frames at a time.
 #[test]
 fn the_device_looks_up_what_the_host_does() {
     let gpu = Gpu::open(&watched()).unwrap();

@@ -1,14 +1,15 @@
-//! The Vulkan engine.
+//! Runs lists of kernels on a Vulkan device.
 //!
-//! Design: a [`Gpu`](crate::gpu::Gpu) that others may share, one recording per [`run_part`](super::Engine::run_part). A
-//! kernel runs over all its pupil passes and frames, then one barrier; pupil passes of one kernel may run side by side.
-//! Buffers of the shape are blocks of their own, frames at a stride that suits the device's alignment; buffers of pupil
-//! passes are pieces of arenas that only grow; a kernel sees ranges no larger than the device's largest, so frames and
-//! views come in chunks. Pipelines, descriptor pools, staging and queries are kept: nothing is made once all sizes have
-//! been seen. Nothing is assumed of the size of subgroups; shaders synchronise through shared memory only.
+//! A [`Gpu`](crate::gpu::Gpu) may have other users. Each [`run_part`](super::Engine::run_part) is one recording. A
+//! kernel runs over all its pupil passes and frames, then one barrier follows, and pupil passes of one kernel may run
+//! at the same time. Buffers of the shape are separate blocks, with frames at a stride that suits the device's
+//! alignment. Buffers of pupil passes are pieces of arenas that only grow. A kernel binds ranges no larger than the
+//! device's largest, so frames and views come in chunks. Pipelines, descriptor pools, staging and queries are kept,
+//! and nothing is allocated once all sizes have occurred. Shaders assume no subgroup size and synchronize through
+//! shared memory only.
 //!
-//! `engine` runs lists of kernels, `self_test` tries a device that was never met, `encode` makes video frames of phases, `decode` views
-//! of an application's samples, `fft` plans and records transforms.
+//! Module `engine` runs lists of kernels, and `self_test` tests a device at first use. Module `encode` makes video
+//! frames of phases, `decode` makes views from an application's samples, and `fft` plans and records transforms.
 
 #![allow(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What steps will need, made before the first of them.
+//! Makes the resources of steps before the first of them.
 
 use super::check::check;
 use super::engine::VulkanEngine;
@@ -6,8 +6,8 @@ use crate::engine::{EngineError, Step};
 use std::collections::HashSet;
 
 impl VulkanEngine {
-    /// Makes the losses on the device, what the host sees of them, and the tables large enough for the list that is next; for
-    /// those in flight as well, whose turn comes.
+    /// Makes the losses on the device, their copy for the host, and the tables large enough for the next list. The
+    /// lists in flight get them as well, because their slots are used next.
     pub(super) fn fit_flights(&mut self) -> Result<(), EngineError> {
         let end = self.flights[self.at].end;
         if end > self.losses.as_ref().map_or(0, |l| l.size) {
@@ -25,14 +25,14 @@ impl VulkanEngine {
         Ok(())
     }
 
-    /// Makes memory, pipelines and tables of these steps: see [`Engine::prepare`](crate::engine::Engine::prepare).
+    /// Makes memory, pipelines and tables of these steps, see [`Engine::prepare`](crate::engine::Engine::prepare).
     pub(super) fn prepare_steps(
         &mut self,
         steps: &mut dyn Iterator<Item = Step>,
         at_once: Option<usize>,
     ) -> Result<(), EngineError> {
         self.gpu.recorder.idle()?;
-        // Recorded and thrown away: whatever that asks for is made.
+        // The steps are recorded and discarded, and all resources that the recordings request are made.
         self.gpu.want();
         let mut seen = HashSet::new();
         let mut recorded = Ok(());
@@ -42,7 +42,7 @@ impl VulkanEngine {
         self.gpu.compile().and(recorded)
     }
 
-    /// Makes room for a step, and records it if it has windows that were not seen.
+    /// Makes room for a step, and records it if it has new window sizes.
     fn prepare_step(
         &mut self,
         step: &Step,
@@ -57,7 +57,7 @@ impl VulkanEngine {
             None => self.arenas.fit(&mut self.gpu, step, &self.shape)?,
         }
         let windows = step.pupil_passes.iter().map(|pass| [pass.window.rows, pass.window.columns]);
-        // All of them, not up to the first that is new.
+        // This visits all windows, not only those up to the first new one.
         if windows.filter(|window| seen.insert(*window)).count() == 0 {
             return Ok(());
         }

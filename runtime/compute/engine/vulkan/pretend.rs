@@ -1,18 +1,18 @@
-//! What tests have a device pretend.
+//! Makes a device behave like a lesser or faulty one, for tests.
 
 use super::engine::VulkanEngine;
 #[cfg(test)]
 use crate::gpu::guards::Guards;
 use crate::gpu::{Commands, EngineError, Gpu};
 
-/// What a device cannot do that the tests' device can.
+/// The abilities that a lesser device lacks.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LesserDevice {
-    /// Transfers are staged, as where the device has its memory for itself.
+    /// True if transfers are staged, as on a device with its own memory.
     pub staged: bool,
-    /// Bytes that a kernel may see.
+    /// Bytes that a kernel may bind.
     pub storage_range: Option<u64>,
-    /// Only the barriers of Vulkan 1.0.
+    /// True if only the barriers of Vulkan 1.0 exist.
     pub old_barriers: bool,
 }
 
@@ -29,7 +29,7 @@ impl LesserDevice {
 }
 
 impl VulkanEngine {
-    /// From now on the driver refuses every submission because the device was lost.
+    /// Makes the driver refuse every submission because the device was lost.
     pub fn pretend_lost(&mut self) {
         unsafe extern "system" fn lost(
             _: ash::vk::Queue,
@@ -43,7 +43,7 @@ impl VulkanEngine {
     }
 }
 
-/// From now on the driver takes every submission and does nothing with it, and patience is short.
+/// Makes the driver accept every submission and run nothing, with a short time limit.
 #[cfg(test)]
 pub(super) fn pretend_stuck(commands: &mut Commands) {
     unsafe extern "system" fn nothing(
@@ -59,17 +59,17 @@ pub(super) fn pretend_stuck(commands: &mut Commands) {
 
 #[cfg(test)]
 impl VulkanEngine {
-    /// Makes the largest range that a kernel may see smaller than it is.
+    /// Lowers the largest range that a kernel may bind.
     pub(super) fn pretend_range(&mut self, bytes: u64) {
         self.gpu.limits.storage_range = bytes;
     }
 
-    /// Number of allocations alive, and of descriptor pools.
+    /// Returns the number of live allocations, and of descriptor pools.
     pub(super) fn held(&self) -> (usize, usize) {
         (self.gpu.device.allocations(), self.gpu.recorder.pools())
     }
 
-    /// From now on dispatches run between guard bands.
+    /// Runs dispatches between guard bands from now on.
     pub(super) fn guard(&mut self) {
         self.gpu.device.pipelines().maker.is_guarded = true;
         self.gpu.recorder.guards = Some(Guards::default());
@@ -79,17 +79,17 @@ impl VulkanEngine {
         self.gpu.recorder.guards.as_mut().expect("guards")
     }
 
-    /// From now on kernels see half of what they are bound to: results are wrong, and nothing says so.
+    /// Binds half of each range from now on, so that results are silently wrong.
     pub(super) fn pretend_wrong(&mut self) {
         self.gpu.recorder.shows_half = true;
     }
 
-    /// From now on lists are cut before every dispatch.
+    /// Cuts lists before every dispatch from now on.
     pub(super) fn pretend_slow(&mut self) {
         self.gpu.recorder.most_moved = 0;
     }
 
-    /// Sets barriers as a device without synchronization2 does.
+    /// Sets barriers like a device without synchronization2.
     pub(super) fn pretend_old(&mut self) {
         self.gpu.recorder.modern = None;
     }

@@ -1,4 +1,4 @@
-//! From an entry of the list to dispatches.
+//! Records an entry of the list as dispatches.
 
 mod batches;
 mod call;
@@ -47,7 +47,7 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    /// Records one entry of the list, and what is fused with it, behind the barriers that it needs.
+    /// Records one entry of the list and the entries fused with it, after the barriers that it needs.
     pub(super) fn record(&mut self, dispatch: &Dispatch, way: Fusion, slots: &[Slot]) -> Result<(), EngineError> {
         let (step, shape, kernel) = (self.step, self.shape, dispatch.kernel);
         let (shader, module) = shader(kernel);
@@ -68,7 +68,7 @@ impl<'a> Work<'a> {
         for (at, pass) in step.pupil_passes[dispatch.pupil_passes.clone()].iter().enumerate() {
             let modes = if all_modes { pass.mode_count() } else { 1 };
             for mode in 0..modes {
-                // What modes add to is the pupil's: its image.
+                // All modes of a pupil add to its image.
                 let adds = kernel.accumulates_over_pupils() || (mode > 0 && kernel == Kernel::Intensity);
                 if at + mode > 0 && adds {
                     call.work.gpu.recorder.barrier();
@@ -80,10 +80,11 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    /// Records what losses, which end at `end`, and the verdict over them start from; `clear`: one that was bad is forgotten.
+    /// Records the initial state of the losses, which end at `end`, and of the verdict. With `clear`, a bad verdict
+    /// is deleted.
     pub(super) fn prepare_verdict(&mut self, end: u64, clear: bool) {
         let Some((losses, _)) = self.losses else { return };
-        // What a kernel leaves no loss in adds none.
+        // The sums of a kernel that leaves no loss are zero.
         self.gpu.recorder.clear(losses.range(0, end));
         let Some(guarded) = &self.guarded else { return };
         let to = guarded.verdict.groups();
@@ -93,20 +94,20 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Judges the losses, once, if phases depend on it. Whatever changes phases comes behind it.
+    /// Judges the losses once, if phases depend on it. All changes of phases follow it.
     pub(super) fn judge(&mut self, end: u64) -> Result<(), EngineError> {
         let (Some(guarded), Some(_)) = (&mut self.guarded, self.losses) else { return Ok(()) };
         if std::mem::replace(&mut guarded.is_judged, true) {
             return Ok(());
         }
         self.copy_groups()?;
-        // The verdict goes with the losses: who waits for the one waits for the other.
+        // The verdict counts as part of the losses, so that a wait for the losses is also a wait for the verdict.
         self.before(&[(Access::Update, Resource::Losses), (Access::Read, Resource::NotFinite)]);
         self.judge_groups(end)
     }
 
-    /// Copies the workgroups again, which the host writes while it records, in another part of a list than that in which they were
-    /// copied last; whether that is so. The next dispatch is of this part.
+    /// Copies the workgroups again if this is another part of the list than at the last copy, and returns true if it
+    /// is. The host writes the workgroups while it records. The next dispatch is in this part.
     fn copy_groups(&mut self) -> Result<bool, EngineError> {
         let part = self.gpu.recorder.hold_part()?;
         let Some(guarded) = &mut self.guarded else { return Ok(false) };
@@ -131,18 +132,18 @@ impl<'a> Work<'a> {
         Ok(())
     }
 
-    /// These workgroups; of what changes phases, none where losses are not finite.
+    /// Returns these workgroups. A dispatch that changes phases has none if losses are not finite.
     pub(super) fn guarded(&mut self, groups: [u32; 3], changes_phases: bool) -> Result<Groups<'a>, EngineError> {
         if !changes_phases || self.guarded.is_none() {
             return Ok(Groups::These(groups));
         }
         if self.copy_groups()? {
-            // The verdict was reached in a part before this one: it holds for these, too.
+            // The verdict of an earlier part also holds for these workgroups.
             self.judge_groups(PLACE)?;
             self.gpu.recorder.barrier();
             self.gpu.recorder.is_held = true;
         }
-        let full = || EngineError::mismatch("phases change before losses are judged, or too often");
+        let full = || EngineError::mismatch("phases change before losses are judged, or in too many dispatches");
         self.guarded.as_mut().and_then(|guarded| guarded.groups(groups)).ok_or_else(full)
     }
 }

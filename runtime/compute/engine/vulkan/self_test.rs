@@ -1,7 +1,7 @@
-//! Whether a device computes what it should: tried when it is first met, against float64, and remembered.
+//! Tests a device against float64 at first use, and stores the result.
 //!
-//! What rests on the rounding of float32 most, and what all else goes through: the propagation kernel, whose phase runs to
-//! thousands of turns, and a transform along rows and columns.
+//! The tests are the propagation kernel, whose phase runs to thousands of turns, and a transform along rows and
+//! columns. The first depends most on the rounding of float32, and everything else passes through the second.
 
 use super::engine::VulkanEngine;
 use crate::engine::{Buffer, Dispatch, Engine, EngineError, Kernel, Purpose};
@@ -13,27 +13,27 @@ use eyebox_kernels::{Complex64, half};
 use std::sync::PoisonError;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Error power over signal power that is right; what is right leaves 1e-13, what is wrong most of 1.
+/// Largest error power over signal power that passes. Correct results leave 1e-13, and wrong ones most of 1.
 const ALLOWED: f64 = 1e-10;
 
 impl VulkanEngine {
-    /// On a device. [`load`](Engine::load) makes the buffers.
+    /// Makes an engine on a device. [`load`](Engine::load) makes the buffers.
     ///
     /// # Errors
-    /// The device's; [`EngineError::WrongResults`] where one that was never met does not compute what it should.
+    /// The errors of the device, and [`EngineError::WrongResults`] if an untested device computes wrong results.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
         check(gpu)?;
         Self::untested(gpu)
     }
 }
 
-/// Tries the device, unless this was done before, with this driver and these kernels.
+/// Tests the device, unless it was tested before with this driver and these kernels.
 ///
 /// # Errors
-/// [`EngineError::WrongResults`]; those of the device.
+/// [`EngineError::WrongResults`], and the errors of the device.
 pub(crate) fn check(gpu: &Gpu) -> Result<(), EngineError> {
     let device = &gpu.device;
-    // Who comes second waits for the first.
+    // A second caller waits for the first.
     let mut is_tested = device.is_tested.lock().unwrap_or_else(PoisonError::into_inner);
     if *is_tested || device.record_only {
         return Ok(());
@@ -54,7 +54,7 @@ pub(crate) fn check(gpu: &Gpu) -> Result<(), EngineError> {
     judge(&device.report, "a transform", transform)?;
     let at_unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let tested = Tested { at_unix_s, transfer, transform, halves };
-    tracing::debug!("{}: tried, error power {transfer:.1e} and {transform:.1e}", device.report.name);
+    tracing::debug!("{}: tested, error power {transfer:.1e} and {transform:.1e}", device.report.name);
     if let Some(record) = &device.record {
         record.write(tested);
     }
@@ -62,7 +62,8 @@ pub(crate) fn check(gpu: &Gpu) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// Whether all halves, what lies between them and beyond them is packed as [`half::pack`] does, on either side of zero.
+/// Returns true if the device packs all halves, and the values between and beyond them, like [`half::pack`], on both
+/// sides of zero.
 fn packs_halves(gpu: &mut Commands) -> Result<bool, EngineError> {
     const LARGEST: u16 = 0x7bff;
     let about = |bits: u16| {
@@ -94,7 +95,7 @@ fn judge(report: &DeviceReport, what: &'static str, error: f64) -> Result<(), En
     Err(EngineError::WrongResults { device, driver, what, error, allowed: ALLOWED })
 }
 
-/// Error power over signal power of the propagation kernel, and of a transform.
+/// Returns error power over signal power of the propagation kernel and of a transform.
 fn errors(mut engine: VulkanEngine) -> Result<[f64; 2], EngineError> {
     const SIZE: [usize; 2] = [60, 120];
     let [height, width] = SIZE;
@@ -133,7 +134,7 @@ fn errors(mut engine: VulkanEngine) -> Result<[f64; 2], EngineError> {
     Ok([distance(&got[0], &propagation), distance(&got[1], &spectrum)])
 }
 
-/// Error power over signal power; infinite where something is no number.
+/// Returns error power over signal power, infinite if a value is not a number.
 fn distance(got: &[f32], want: &[Complex64]) -> f64 {
     let (mut error, mut power) = (0f64, 0f64);
     for (got, want) in got.chunks_exact(2).zip(want) {
@@ -165,13 +166,13 @@ mod tests {
             tested.halves && tested.transfer < 1e-12 && tested.transform < 1e-12 && tested.at_unix_s > 1_700_000_000,
             "{tested:?}"
         );
-        // Neither this process nor the next one tries it again.
+        // Neither this process nor the next one tests it again.
         for gpu in [gpu.clone(), open(folder.path())] {
             let before = gpu.counts();
             drop(VulkanEngine::new(&gpu).unwrap());
             assert_eq!(gpu.counts().since(before).submissions, 0);
         }
-        // A record that is another device's, cut or no record at all is no record.
+        // A record of another device, a truncated one or one of another form counts as none.
         for file in std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()) {
             if file.extension().is_some_and(|e| e == "json") {
                 let text = std::fs::read_to_string(&file).unwrap();
@@ -184,7 +185,7 @@ mod tests {
         assert!(devices().unwrap().iter().all(|d| d.usable.is_ok() || d.tested.is_none()));
     }
 
-    /// Halves are made as the device does it, and by their bits if it does not do what it promises.
+    /// Halves are packed by the device, or by their bits if the device does not pack them correctly.
     #[test]
     fn halves_are_packed_either_way() {
         let folder = tempfile::tempdir().unwrap();
@@ -192,7 +193,7 @@ mod tests {
         assert!(packs_halves(&mut Commands::new(&gpu).unwrap()).unwrap());
         gpu.device.pipelines().make_halves();
         assert!(packs_halves(&mut Commands::new(&gpu).unwrap()).unwrap());
-        // Of a record that says so no device is asked again.
+        // A device with a record of that is not tested again.
         let record = gpu.device.record.as_ref().unwrap();
         record.write(Tested { at_unix_s: 1, transfer: 0.0, transform: 0.0, halves: false });
         let next = open(folder.path());

@@ -1,5 +1,6 @@
-//! The small tables of a step's pupil passes (spans, taps, weights, arguments), packed into one block that is copied at the
-//! start of each recording.
+//! Packs the small tables of a step's pupil passes into one block.
+//!
+//! The tables are spans, taps, weights and arguments. The block is copied at the start of each recording.
 
 use super::super::{EngineError, PupilPass, Resource};
 use super::fft::in_use;
@@ -18,7 +19,7 @@ pub(super) struct Place {
     size: u64,
 }
 
-/// What kernels over several pupils know of one: as `pupils.glsl` has it.
+/// The data of one pupil for kernels over several pupils, in the layout of `pupils.glsl`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Pupil {
@@ -43,7 +44,7 @@ struct Pupil {
     bins: [i32; 2],
 }
 
-/// What a pupil has of one block of views: as `photograph.comp` has it.
+/// The data of one pupil and one block of views, in the layout of `photograph.comp`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Shot {
@@ -56,18 +57,18 @@ struct Shot {
     accumulator: u32,
 }
 
-/// Of which block of views and of which pupil pass a shot is.
+/// The block of views and the pupil pass of a shot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ShotOf {
     block: usize,
     pupil_pass: usize,
-    /// Taps.
+    /// Number of taps in it.
     pub(super) count: u32,
-    /// Whether it adds to what other blocks gave.
+    /// True if it adds to the result of other blocks.
     pub(super) adds: bool,
 }
 
-/// Where one pupil pass's own tables lie.
+/// Places of the tables of one pupil pass.
 #[derive(Debug, Clone, Copy, Default)]
 struct PupilPassTables {
     spans: Place,
@@ -78,21 +79,21 @@ struct PupilPassTables {
     columns: Place,
 }
 
-/// The block and its stage; both only grow.
+/// The block and its stage, which only grow.
 #[derive(Default)]
 pub(super) struct Tables {
     packed: Vec<u8>,
-    /// Of all pupil passes, then of their further modes.
+    /// Tables of all pupil passes, then of their further modes.
     pupil_passes: Vec<PupilPassTables>,
-    /// Where the further modes of each begin.
+    /// Index of the first further mode of each pupil pass.
     modes: Vec<usize>,
     taps: Vec<Tap>,
     shots: Vec<Shot>,
     shots_of: Vec<ShotOf>,
-    /// All pupil passes, those of a group as they lie in memory.
+    /// All pupil passes, with each group in the order of memory.
     order: Vec<usize>,
     pupils: Vec<Pupil>,
-    /// Of all pupil passes.
+    /// Places of the tables for all pupil passes.
     taps_at: Place,
     shots_at: Place,
     pupils_at: Place,
@@ -100,13 +101,14 @@ pub(super) struct Tables {
     block: Option<Block>,
 }
 
-/// Where a buffer starts, in its values; those of steps that are too large for that wrap, as differences of them do.
+/// Returns the start of a buffer in its values. For very large steps it wraps, and so do differences.
 fn start(layout: &Layout) -> u32 {
     (layout.offset / layout.value.size() as u64) as u32
 }
 
 impl Tables {
-    /// Packs the tables of these pupil passes, whose buffers lie in these slots, and whose losses at these bytes.
+    /// Packs the tables of these pupil passes, whose buffers are in these slots and whose losses start at these
+    /// bytes.
     pub(super) fn pack(
         &mut self,
         pupil_passes: &[PupilPass],
@@ -142,7 +144,7 @@ impl Tables {
         );
     }
 
-    /// One, or one of its further modes, in this slot.
+    /// Packs a pupil pass, or one of its further modes, in this slot.
     fn pack_one(&mut self, pass: &PupilPass, slot: Option<Slot>, losses: Option<&u64>) {
         let mut tables = PupilPassTables { spans: self.add(&pass.spans), ..Default::default() };
         tables.eye = pass.eye.as_ref().map(|terms| self.add(&terms.pairs()));
@@ -158,7 +160,7 @@ impl Tables {
         }
     }
 
-    /// Where a pupil pass, or one of its further modes, stands among the tables.
+    /// Returns the index of a pupil pass, or of one of its further modes, among the tables.
     pub(super) fn place(&self, pupil_pass: usize, mode: usize) -> usize {
         match mode {
             0 => pupil_pass,
@@ -166,7 +168,8 @@ impl Tables {
         }
     }
 
-    /// Block by block of views what each pupil pass has of it; those that have nothing of any have nothing of the first.
+    /// Gathers the taps of each pupil pass, block by block of views. A pupil pass without taps gets an empty entry of
+    /// the first block.
     fn gather_shots(&mut self, pupil_passes: &[PupilPass], slots: &[Slot], views: Option<&Views>) {
         self.taps.clear();
         self.shots.clear();
@@ -205,17 +208,17 @@ impl Tables {
         }
     }
 
-    /// Bytes that were packed.
+    /// Returns the number of packed bytes.
     pub(super) fn need(&self) -> u64 {
         self.packed.len() as u64
     }
 
-    /// Bytes that there is room for.
+    /// Returns the bytes of available room.
     pub(super) fn room(&self) -> u64 {
         self.block.as_ref().map_or(0, |b| b.size)
     }
 
-    /// Makes room for so many bytes; nothing of it is in use.
+    /// Makes room for `need` bytes. The block is not in use.
     pub(super) fn fit(&mut self, gpu: &Commands, need: u64) -> Result<(), EngineError> {
         for (block, location) in
             [(&mut self.stage, MemoryLocation::CpuToGpu), (&mut self.block, MemoryLocation::GpuOnly)]
@@ -228,7 +231,8 @@ impl Tables {
         Ok(())
     }
 
-    /// Puts what was packed where the device fetches it from; there is room for it, and nothing of it is in use.
+    /// Copies the packed bytes to the stage, from which the device copies them. There is room, and the stage is not
+    /// in use.
     pub(super) fn stage(&mut self) {
         if let Some(stage) = &mut self.stage {
             stage.bytes_mut()[..self.packed.len()].copy_from_slice(&self.packed);
@@ -246,14 +250,14 @@ impl Tables {
         Place { offset: offset as u64, size: weights.offset - offset as u64 + weights.size }
     }
 
-    /// Records the copy to the device; a barrier must follow.
+    /// Records the copy to the device. A barrier must follow.
     pub(super) fn record(&self, gpu: &mut Commands) {
         if let (Some(stage), Some(block)) = (&self.stage, &self.block) {
             gpu.recorder.copy(stage, block, [(0, 0, self.packed.len() as u64)]);
         }
     }
 
-    /// What a pupil pass's own tables are bound to.
+    /// Returns the binding of a table of one pupil pass.
     pub(super) fn bound(&self, pupil_pass: usize, resource: Resource) -> Option<Result<Range<'_>, EngineError>> {
         let tables = self.pupil_passes.get(pupil_pass)?;
         let place = match resource {
@@ -266,28 +270,29 @@ impl Tables {
         Some(self.range(place))
     }
 
-    /// All tables, of whatever kind.
+    /// Returns the range of all tables, of every kind.
     pub(super) fn all(&self) -> Result<Range<'_>, EngineError> {
         self.range(Place { offset: 0, size: self.packed.len() as u64 })
     }
 
-    /// The arguments of all pupil passes.
+    /// Returns the arguments of all pupil passes.
     pub(super) fn pupils(&self) -> Result<Range<'_>, EngineError> {
         self.range(self.pupils_at)
     }
 
-    /// Taps and shots of all pupil passes.
+    /// Returns the taps and shots of all pupil passes.
     pub(super) fn shots(&self) -> Result<[Range<'_>; 2], EngineError> {
         Ok([self.range(self.taps_at)?, self.range(self.shots_at)?])
     }
 
-    /// What a pupil pass has of a block of views, and where in the table: one behind the other as they lie in memory.
+    /// Returns the data of a pupil pass and a block of views, with its index in the table. Entries are in the order
+    /// of memory.
     pub(super) fn shot(&self, block: usize, pupil_pass: usize) -> Option<(usize, ShotOf)> {
         let at = self.shots_of.iter().position(|of| (of.block, of.pupil_pass) == (block, pupil_pass))?;
         Some((at, self.shots_of[at]))
     }
 
-    /// A group of pupil passes as they lie in memory; none where the tables were not made for it.
+    /// Returns a group of pupil passes in the order of memory, or none if the tables were not made for it.
     pub(super) fn order(&self, group: &std::ops::Range<usize>, slots: &[Slot]) -> Option<&[usize]> {
         let image = slot_layout(Resource::Image)?;
         let are_the_same = |(pupil, slot): (&Pupil, &Slot)| pupil.pixels == start(&slot[image]);
@@ -296,13 +301,13 @@ impl Tables {
     }
 
     fn range(&self, place: Place) -> Result<Range<'_>, EngineError> {
-        let block = self.block.as_ref().ok_or_else(|| EngineError::mismatch("the step has no pupil_passes"))?;
+        let block = self.block.as_ref().ok_or_else(|| EngineError::mismatch("the step has no pupil passes"))?;
         Ok(block.range(place.offset, place.size))
     }
 }
 
 fn add(packed: &mut Vec<u8>, bytes: &[u8]) -> Place {
-    // A table that is empty still has a place that can be bound.
+    // An empty table has a place that can be bound, too.
     let offset = packed.len();
     packed.extend_from_slice(bytes);
     packed.resize((offset + bytes.len().max(1)).next_multiple_of(256), 0);

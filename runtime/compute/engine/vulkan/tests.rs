@@ -1,4 +1,4 @@
-//! The device without the engine: a kernel runs, is timed, and the validation layer hears what is wrong.
+//! Tests the device without the engine. A kernel runs and is timed, and the validation layer reports errors.
 
 use crate::gpu::test_options::watched;
 use crate::gpu::{Commands, Gpu};
@@ -6,7 +6,7 @@ use eyebox_kernels::{Complex32, ZERO, modulate};
 use eyebox_spirv as spirv;
 use std::sync::PoisonError;
 
-/// A software device will do, and must: tests are not skipped where there is none.
+/// Opens a device. Tests are not skipped without one, and a software device is enough.
 fn open() -> Commands {
     Commands::new(&gpu()).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -15,7 +15,7 @@ fn gpu() -> Gpu {
     Gpu::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Closes the device and returns what the validation layer said from first to last.
+/// Closes the device and returns all messages of the validation layer.
 fn close(gpu: Commands) -> Vec<String> {
     let messages = gpu.shared.messages();
     drop(gpu);
@@ -49,8 +49,8 @@ fn a_kernel_runs_is_timed_and_leaves_no_message() {
     assert_eq!(close(gpu), Vec::<String>::new());
 }
 
-/// A kernel reads what the one before it writes, with nothing between them: the layer must say so, else its silence
-/// means nothing.
+/// A kernel reads the output of the one before it without a barrier. The layer must report that, otherwise its
+/// silence means nothing.
 #[test]
 fn a_hazard_is_heard() {
     let mut gpu = open();
@@ -67,8 +67,8 @@ fn a_hazard_is_heard() {
     assert!(heard.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{heard:?}");
 }
 
-/// A device whose kernels see only small ranges, and that has the old barriers only, gives the same result: frames and
-/// views come in pieces.
+/// A device whose kernels bind only small ranges, and that has only the old barriers, gives the same result. Frames
+/// and views come in pieces.
 #[test]
 fn a_smaller_device_gives_the_same() {
     use super::super::cpu::CpuEngine;
@@ -99,11 +99,11 @@ fn a_smaller_device_gives_the_same() {
         (losses, engine.read(Buffer::Phases).unwrap(), engine.read(Buffer::Target(1)).unwrap())
     };
     let mut engine = VulkanEngine::new(&gpu()).unwrap();
-    // Two frames of the field, three of phases, and less than all views of any level.
+    // This holds two frames of the field, three of phases, and fewer than all views of any level.
     engine.pretend_range(2 * 8 * 40 * 64 + 512);
     engine.pretend_old();
     let got = run(&mut engine);
-    // Nothing is made when the sizes have been seen.
+    // Once the sizes have occurred, nothing is allocated.
     let held = engine.held();
     engine.run(&step).unwrap();
     assert_eq!(engine.held(), held);
@@ -149,7 +149,7 @@ fn what_went_wrong_is_told_apart() {
     assert_eq!(close(gpu), Vec::<String>::new());
 }
 
-/// A device that never ends what it was given is given up: what lives on it is neither waited for nor destroyed.
+/// A device that never ends its work is given up. Objects on it are neither waited for nor destroyed.
 #[test]
 fn a_device_that_does_not_answer_is_lost() {
     use crate::engine::vulkan::VulkanEngine;
@@ -168,7 +168,7 @@ fn a_device_that_does_not_answer_is_lost() {
     assert!(engine.gpu().is_lost());
 }
 
-/// Closing waits for what was submitted, but not for ever: a device that does not answer is left as it is.
+/// Closing waits for submissions, but not forever. A device that does not answer is left unchanged.
 #[test]
 fn closing_does_not_wait_for_ever_for_a_device_that_does_not_answer() {
     let mut commands = open();
@@ -180,7 +180,7 @@ fn closing_does_not_wait_for_ever_for_a_device_that_does_not_answer() {
     assert!(shared.device.is_stuck() && shared.is_lost());
 }
 
-/// Binary angles and halves beside them come back as they were given, are kept and restored, of an odd number of pixels as well.
+/// Binary angles and halves with them are read back as written, kept and restored, also with an odd number of pixels.
 #[test]
 fn binary_angles_come_back() {
     use super::super::cpu::CpuEngine;

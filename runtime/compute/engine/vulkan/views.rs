@@ -1,4 +1,4 @@
-//! The views on the device: the levels of the pyramid one behind the other, in blocks of whole views.
+//! Stores the views on the device, one pyramid level after the other, in blocks of whole views.
 
 use super::super::EngineError;
 use crate::gpu::{self, Block, Commands, Gpu};
@@ -7,15 +7,15 @@ use std::any::Any;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Largest block: several of them let memory be found where it is in pieces.
+/// Bytes of the largest block. Several blocks fit into fragmented memory.
 const LARGEST: u64 = 512 << 20;
 
-/// Views of one level, in one block.
+/// Views of one level in one block.
 pub(super) struct Piece {
-    /// Which block.
+    /// Index of the block.
     pub(super) block: usize,
     pub(super) views: Range<usize>,
-    /// Where they start in it, u16 values.
+    /// Offset of the views in the block, in u16 values.
     pub(super) offset: usize,
 }
 
@@ -23,13 +23,13 @@ pub(super) struct Piece {
 pub(super) struct Level {
     pub(super) height: usize,
     pub(super) width: usize,
-    /// u16 values from one view to the next.
+    /// Distance from one view to the next, in u16 values.
     pub(super) stride: usize,
     /// All views, in order.
     pub(super) pieces: Vec<Piece>,
 }
 
-/// All views.
+/// All views, with their levels and blocks.
 pub(super) struct Views {
     pub(super) count: usize,
     pub(super) levels: Vec<Level>,
@@ -37,7 +37,8 @@ pub(super) struct Views {
 }
 
 impl Views {
-    /// A pyramid's: where they are, if that is in this device's memory, else uploaded.
+    /// Returns the views of a pyramid. They are used in place if they are in this device's memory, and otherwise
+    /// uploaded.
     pub(super) fn of(gpu: &mut Commands, pyramid: &Arc<Pyramid>) -> Result<Arc<Self>, EngineError> {
         if let Some(views) = pyramid.on_device().and_then(DeviceViews::of)
             && views.blocks.iter().all(|block| block.is_on(&gpu.device))
@@ -47,7 +48,7 @@ impl Views {
         Ok(Arc::new(Self::new(gpu, &*super::super::on_host(pyramid)?)?))
     }
 
-    /// Uploads a pyramid.
+    /// Uploads a pyramid to the device.
     fn new(gpu: &mut Commands, pyramid: &Pyramid) -> Result<Self, EngineError> {
         let sizes: Vec<_> = pyramid.levels.iter().map(|level| (level.height, level.width)).collect();
         let all = Self::laid_out(gpu, pyramid.count, &sizes)?;
@@ -63,17 +64,17 @@ impl Views {
         Ok(all)
     }
 
-    /// Room for so many views with levels of these sizes.
+    /// Makes room for `count` views with levels of these sizes.
     pub(super) fn laid_out(gpu: &Commands, count: usize, sizes: &[(usize, usize)]) -> Result<Self, EngineError> {
         let largest = gpu.limits.storage_range.min(gpu.limits.allocation).min(LARGEST);
         let mut levels = Vec::with_capacity(sizes.len());
-        // Values in each block.
+        // The number of values in each block.
         let mut blocks = vec![0];
         for &(height, width) in sizes {
             let stride = (height * width).next_multiple_of(128);
             let most = (largest / (2 * stride as u64)) as usize;
             if most == 0 {
-                return Err(gpu.unsuitable(format!("a view takes {} bytes, a kernel may see {largest}", 2 * stride)));
+                return Err(gpu.unsuitable(format!("a view takes {} bytes, but a kernel binds {largest}", 2 * stride)));
             }
             let (mut pieces, mut begin) = (Vec::new(), 0);
             while begin < count {
@@ -96,21 +97,21 @@ impl Views {
 }
 
 impl Level {
-    /// Values of these views of a piece, as a kernel sees them: `views` lie in `piece`.
+    /// Returns the range of these views of a piece for a kernel. `views` are in `piece`.
     pub(super) fn range<'a>(&self, blocks: &'a [Block], piece: &Piece, views: &Range<usize>) -> gpu::Range<'a> {
         let begin = piece.offset + (views.start - piece.views.start) * self.stride;
         blocks[piece.block].range(2 * begin as u64, 2 * (views.len() * self.stride) as u64)
     }
 }
 
-/// Views that were made on a device, as a pyramid has them.
+/// The views that were made on a device, for a pyramid.
 pub(super) struct DeviceViews {
     pub(super) views: Arc<Views>,
     pub(super) gpu: Gpu,
 }
 
 impl DeviceViews {
-    /// Those, if they are a Vulkan device's.
+    /// Returns the views, if they are a Vulkan device's.
     fn of(views: &dyn ViewsOnDevice) -> Option<&Arc<Views>> {
         let views: &dyn Any = views;
         views.downcast_ref::<Self>().map(|own| &own.views)

@@ -1,4 +1,4 @@
-//! Memory of a device, as buffers that are given back when they are dropped.
+//! Allocates memory of a device as buffers, which are freed when they are dropped.
 
 use super::device::Device;
 use super::error::EngineError;
@@ -8,19 +8,19 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use gpu_allocator::{AllocationError, MemoryLocation};
 use std::sync::Arc;
 
-/// A buffer with its memory, given back when dropped.
+/// A buffer with its memory, freed when dropped.
 pub struct Block {
-    /// Vulkan's.
+    /// Vulkan's handle of the buffer.
     pub raw: vk::Buffer,
-    /// Bytes.
+    /// Size of the buffer in bytes.
     pub size: u64,
     allocation: Option<Allocation>,
-    /// Memory that another process has too, in place of an allocation.
+    /// Memory that another process shares, instead of an allocation.
     shared: Option<vk::DeviceMemory>,
     device: Arc<Device>,
 }
 
-/// A range of a block, in bytes, as a kernel sees it. `offset` is a multiple of the device's alignment.
+/// A range of a block, in bytes, as a kernel binds it. `offset` is a multiple of the device's alignment.
 #[derive(Clone, Copy)]
 pub struct Range<'a> {
     pub(crate) block: &'a Block,
@@ -29,27 +29,27 @@ pub struct Range<'a> {
 }
 
 impl Range<'_> {
-    /// So many bytes of it, or behind its start, read.
+    /// Returns a read of `bytes` bytes of the range, or after its start.
     pub(crate) fn reads(&self, bytes: u64) -> Move {
         Move { place: (self.block.raw.as_raw(), self.offset), bytes, write: false }
     }
 
-    /// The same, written.
+    /// Returns a write of `bytes` bytes of the range, or after its start.
     pub(crate) fn writes(&self, bytes: u64) -> Move {
         Move { write: true, ..self.reads(bytes) }
     }
 
-    /// Bytes that are read of it, and written, if there are any.
+    /// Returns a read and a write of the range, without empty ones.
     pub(crate) fn moves(&self, read: u64, written: u64) -> impl Iterator<Item = Move> {
         [self.reads(read), self.writes(written)].into_iter().filter(|m| m.bytes > 0)
     }
 }
 
-/// Blocks from this size on have memory of their own.
+/// Blocks from this size on have dedicated memory.
 const DEDICATED: u64 = 4 << 20;
 
 impl Block {
-    /// `size` bytes; `what` is what an error calls it.
+    /// Allocates `size` bytes. `what` is their name in errors.
     pub fn new(device: &Arc<Device>, size: u64, location: MemoryLocation, what: &str) -> Result<Self, EngineError> {
         let size = size.max(256);
         let out =
@@ -63,7 +63,7 @@ impl Block {
         let families = device.families();
         let mut info = vk::BufferCreateInfo::default().size(size).usage(usage);
         if let [_, _] = families {
-            // Pictures are presented from them on a queue of another family.
+            // Pictures are presented from these blocks on a queue of another family.
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families);
         }
         // SAFETY: the device is valid.
@@ -97,29 +97,31 @@ impl Block {
         Ok(block)
     }
 
-    /// A buffer whose memory another process has too: both were made for each other, and are given back with the block.
+    /// Makes a block of a buffer and of memory that another process shares. Both were made for each other, and are
+    /// freed with the block.
     #[cfg(target_os = "linux")]
     pub(super) fn shared(device: &Arc<Device>, raw: vk::Buffer, memory: vk::DeviceMemory, size: u64) -> Self {
         Self { raw, size, allocation: None, shared: Some(memory), device: Arc::clone(device) }
     }
 
-    /// The whole block.
+    /// Returns the range of the whole block.
     pub(crate) fn all(&self) -> Range<'_> {
         self.range(0, self.size)
     }
 
-    /// A part of it, in bytes.
+    /// Returns a part of the block, in bytes.
     pub(crate) fn range(&self, offset: u64, size: u64) -> Range<'_> {
         debug_assert!(offset + size <= self.size);
         Range { block: self, offset, size }
     }
 
-    /// Whether it is memory of this device.
+    /// Returns true if it is memory of this device.
     pub fn is_on(&self, device: &Arc<Device>) -> bool {
         Arc::ptr_eq(&self.device, device)
     }
 
-    /// Whether the host sees the block's memory, through its cache and at once, as on software and integrated devices.
+    /// Returns true if the host reads and writes the block's memory directly and cached, as on software and
+    /// integrated devices.
     pub(crate) fn is_the_hosts_too(&self) -> bool {
         use vk::MemoryPropertyFlags as Memory;
         let wanted = Memory::HOST_VISIBLE | Memory::HOST_COHERENT | Memory::HOST_CACHED;
@@ -127,13 +129,13 @@ impl Block {
         allocation.is_some_and(|a| a.memory_properties().contains(wanted) && a.mapped_slice().is_some())
     }
 
-    /// The bytes, of a block that the host sees.
+    /// Returns the bytes of a block that the host can read.
     pub(crate) fn bytes(&self) -> &[u8] {
         let mapped = self.allocation.as_ref().and_then(Allocation::mapped_slice);
         mapped.unwrap_or_default()
     }
 
-    /// The bytes, of a block that the host sees.
+    /// Returns the mutable bytes of a block that the host can write.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         let mapped = self.allocation.as_mut().and_then(Allocation::mapped_slice_mut);
         mapped.unwrap_or_default()
@@ -148,11 +150,11 @@ impl Drop for Block {
         // SAFETY: recordings that use the block are waited for before anything that they use is dropped.
         unsafe { self.device.raw.destroy_buffer(self.raw, None) };
         if let Some(memory) = self.shared.take() {
-            // SAFETY: as above; the memory was this block's alone in this process, and its buffer is gone.
+            // SAFETY: as above. The memory was this block's alone in this process, and its buffer is gone.
             unsafe { self.device.raw.free_memory(memory, None) };
         }
         if let Some(allocation) = self.allocation.take() {
-            // An allocation of this allocator can always be given back.
+            // The allocator always takes back its own allocations.
             let _ = self.device.allocator().free(allocation);
         }
     }

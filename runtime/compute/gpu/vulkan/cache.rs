@@ -1,17 +1,17 @@
-//! The pipeline cache on disk: what a driver compiled once need not be compiled at the next start.
+//! Stores the pipeline cache on disk, so that a driver does not compile again at the next start.
 //!
-//! A convenience: a file that cannot be read, or is of another driver, or broken, is ignored, and a folder that cannot
-//! be written leaves nothing behind. The driver checks the header as well; some have crashed on a cut file, so the
-//! length and a checksum stand before its data.
+//! It is a convenience. A file that cannot be read, is broken, or is from another driver is ignored, and a folder
+//! that cannot be written leaves nothing behind. The driver checks the header as well. Since some drivers crashed on
+//! a cut file, the length and a checksum precede its data.
 
 use ash::vk;
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"eyebox\x01\0";
-/// Larger files are not ours.
+/// Larger files are from another program.
 const LARGEST: u64 = 256 << 20;
 
-/// This device's file of a kind, in `folder` or where the user keeps such things.
+/// Returns this device's file of a kind, in `folder` or in the user's cache folder.
 pub(crate) fn file(
     folder: Option<&Path>,
     properties: &vk::PhysicalDeviceProperties,
@@ -23,13 +23,13 @@ pub(crate) fn file(
     Some(folder.join(format!("{kind}-{:x}-{id}.{ending}", properties.driver_version)))
 }
 
-/// Writes a file whole, and its folder; says whether it did.
+/// Writes a whole file and its folder, and returns true if that succeeded.
 pub(crate) fn put(path: &Path, bytes: &[u8]) -> bool {
     let made = path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok());
     made && crate::files::write_file(path, |out| out.write_all(bytes)).is_ok()
 }
 
-/// The driver's data, if the file is whole and was written for this device.
+/// Returns the driver's data, if the file is complete and was written for this device.
 pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
     if std::fs::metadata(path).ok()?.len() > LARGEST {
         return None;
@@ -39,8 +39,8 @@ pub(crate) fn read(path: &Path, properties: &vk::PhysicalDeviceProperties) -> Op
     is_for(data, properties).then(|| data.to_vec())
 }
 
-/// Writes the data beside the file and puts it in its place; says whether it did. What could not be read back (Mesa 26's
-/// software device gives 20 bytes, which name no device) is not written.
+/// Writes the data next to the file and then replaces it. Returns true if that succeeded. Data that could not be read
+/// back is not written: Mesa 26's software device gives 20 bytes, which name no device.
 pub(crate) fn write(path: &Path, data: &[u8], properties: &vk::PhysicalDeviceProperties) -> bool {
     is_for(data, properties) && put(path, &pack(data))
 }
@@ -61,7 +61,7 @@ fn unpack(file: &[u8]) -> Option<&[u8]> {
     whole.then_some(data)
 }
 
-/// Whether the driver's header (Vulkan 1.2, VkPipelineCacheHeaderVersionOne) names this device.
+/// Returns true if the driver's header (Vulkan 1.2, VkPipelineCacheHeaderVersionOne) names this device.
 fn is_for(data: &[u8], properties: &vk::PhysicalDeviceProperties) -> bool {
     let word = |i: usize| data.get(4 * i..4 * i + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     word(0).is_some_and(|n| n >= 32)

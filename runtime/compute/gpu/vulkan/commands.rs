@@ -1,4 +1,4 @@
-//! What a user of a device does with it: make a block, fill it, run recorded kernels, read it.
+//! Serves one user of a device, who allocates, fills and reads blocks and runs recorded kernels.
 
 use super::block::Block;
 use super::device::Device;
@@ -16,29 +16,30 @@ use std::sync::Arc;
 /// Bytes that pass between host and device at once.
 const STAGE: u64 = 32 << 20;
 
-/// What one user of a device has for itself.
+/// The resources of one user of a device.
 pub(crate) struct Commands {
-    // In the order in which they are dropped: what is recorded before what it uses, the device last.
+    // Fields are in the order in which they are dropped, with recordings before their resources and the device last.
     pub(crate) recorder: Recorder,
     up: Option<Block>,
     down: Option<Block>,
-    /// Kept from transfer to transfer, so that none allocates.
+    /// Kept between transfers, so that none allocates.
     batch: Vec<Piece>,
-    /// Pipelines that are only remembered.
+    /// Pipelines to make later, while they are only collected.
     wanted: Option<Vec<Wanted>>,
-    /// Whether uploads are gathered, and bytes of the stage that they take: a recording of them is begun where there are any.
+    /// True if uploads are gathered in one recording. `gathered` is the number of bytes of the stage that they take.
+    /// A recording is open if it is above 0.
     gathers: bool,
     gathered: u64,
-    /// The device's limits; a test may make them smaller.
+    /// The device's limits, which a test may lower.
     pub(crate) limits: Limits,
-    /// Memory that is the host's too is written and read in place; a test may have it staged all the same.
+    /// True if memory shared with the host is written and read in place. A test may force staging.
     pub(crate) in_place: bool,
     pub(crate) device: Arc<Device>,
     pub(crate) shared: Gpu,
 }
 
 impl Commands {
-    /// For one more user of a device.
+    /// Makes the resources of another user of a device.
     pub(crate) fn new(gpu: &Gpu) -> Result<Self, EngineError> {
         let (shared, device) = (gpu.clone(), Arc::clone(&gpu.device));
         let (recorder, batch, limits) = (Recorder::new(&device)?, Vec::with_capacity(64), device.report.limits);
@@ -57,29 +58,30 @@ impl Commands {
         })
     }
 
-    /// The error of a device that cannot run something.
+    /// Makes the error of a device that cannot run something.
     pub(crate) fn unsuitable(&self, reason: String) -> EngineError {
         EngineError::Unsuitable { device: self.device.report.name.clone(), reason }
     }
 
-    /// Bytes that a dispatch moves at most, so that none takes long; any number in software, which nobody resets.
+    /// Returns the most bytes that a dispatch moves, so that none takes long. Software has no limit, because nothing
+    /// resets it.
     pub(crate) fn dispatch_bytes(&self) -> u64 {
         if self.device.planned_as == DeviceKind::Cpu { u64::MAX } else { DISPATCH_BYTES }
     }
 
-    /// A block in the device's own memory, not yet filled.
+    /// Allocates a block in the device's own memory, without content.
     pub(crate) fn block(&self, size: u64, what: &str) -> Result<Block, EngineError> {
         Block::new(&self.device, size, MemoryLocation::GpuOnly, what)
     }
 
-    /// A block in the device's own memory that holds `data`.
+    /// Allocates a block in the device's own memory with `data` in it.
     pub(crate) fn filled(&mut self, data: &[u8], what: &str) -> Result<Block, EngineError> {
         let block = self.block(data.len() as u64, what)?;
         self.upload(&block, data, [(0, 0, data.len() as u64)])?;
         Ok(block)
     }
 
-    /// The pipeline of a module.
+    /// Returns the pipeline of a module.
     pub(crate) fn pipeline(
         &mut self,
         module: &'static Module,
@@ -95,28 +97,28 @@ impl Commands {
         self.device.pipeline(module, bindings, constants)
     }
 
-    /// From now on pipelines that were not made yet are remembered, and what is recorded does without them.
+    /// Starts to collect pipelines that do not exist yet. Recordings leave out their dispatches.
     pub(crate) fn want(&mut self) {
         self.wanted = Some(Vec::new());
     }
 
-    /// Makes all pipelines that were [wanted](Self::want) since, on all cores.
+    /// Makes all pipelines that were [collected](Self::want), on all cores.
     pub(crate) fn compile(&mut self) -> Result<(), EngineError> {
         self.device.compile(self.wanted.take().unwrap_or_default())
     }
 
-    /// From now on uploads are gathered, until [`send_uploads`](Self::send_uploads): nothing else is recorded meanwhile.
+    /// Starts to gather uploads, until [`send_uploads`](Self::send_uploads). Nothing else is recorded meanwhile.
     pub(crate) fn gather_uploads(&mut self) {
         self.gathers = true;
     }
 
-    /// Sends what was gathered, if anything was, and waits.
+    /// Submits the gathered uploads, if there are any, and waits.
     pub(crate) fn send_uploads(&mut self) -> Result<(), EngineError> {
         self.gathers = false;
         if std::mem::take(&mut self.gathered) > 0 { self.recorder.submit("an upload") } else { Ok(()) }
     }
 
-    /// Copies pieces of `data`, multiples of 4 bytes, into a block: by the host where the memory is the host's too, on
+    /// Copies pieces of `data`, multiples of 4 bytes, into a block. If the host shares the memory, the host copies on
     /// all cores.
     pub(crate) fn put(
         &mut self,
@@ -135,7 +137,7 @@ impl Commands {
         Ok(())
     }
 
-    /// Copies pieces of a block, multiples of 4 bytes, into `data`: as [`put`](Self::put) does.
+    /// Copies pieces of a block, multiples of 4 bytes, into `data`, like [`put`](Self::put).
     pub(crate) fn fetch(
         &mut self,
         from: &Block,
@@ -230,7 +232,7 @@ fn copy(to: &mut [u8], from: &[u8]) {
     to.par_chunks_mut(PART).zip(from.par_chunks(PART)).for_each(|(to, from)| to.copy_from_slice(from));
 }
 
-/// The pieces of a batch, one behind the other on the stage: each with its place there.
+/// Returns the pieces of a batch, each with its place on the stage, one after the other.
 fn staged(batch: &[Piece]) -> impl Iterator<Item = (Piece, u64)> {
     batch.iter().scan(0, |end, piece| {
         let at = *end;
@@ -239,7 +241,7 @@ fn staged(batch: &[Piece]) -> impl Iterator<Item = (Piece, u64)> {
     })
 }
 
-/// Cuts the pieces so that each batch fits the stage. `batch`: room for one.
+/// Splits the pieces so that each batch fits the stage. `batch` is scratch for one batch.
 fn batches(
     pieces: impl IntoIterator<Item = Piece>,
     batch: &mut Vec<Piece>,
@@ -276,7 +278,7 @@ mod tests {
             Ok(())
         })
         .unwrap();
-        // Joined again, they are what was given.
+        // Joined again, the pieces equal the input.
         let mut joined: Vec<(u64, u64, u64)> = Vec::new();
         for p in seen {
             match joined.last_mut() {

@@ -1,30 +1,30 @@
-//! What a device was asked to do, counted.
+//! Counts the work of a device.
 
-/// What was done on a device since it was opened, by everyone who shares it.
+/// Work on a device since it was opened, by everyone who shares it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// Recordings that were submitted.
     pub submissions: u64,
-    /// Waits for the submission made last: the device has nothing to do until the host comes back.
+    /// Waits for the last submission, in which the device is idle until the host returns.
     pub stalls: u64,
     /// Bytes copied from the host to buffers.
     pub uploaded: u64,
     /// Bytes copied from buffers to the host, without the few of a step's losses.
     pub read_back: u64,
-    /// Bytes of phases among those.
+    /// Bytes of phases in `read_back`.
     pub phases_read_back: u64,
     /// Bytes of steps' losses that were copied to the host.
     pub losses_read_back: u64,
-    /// Blocks of memory that were made.
+    /// Memory blocks that were allocated.
     pub blocks: u64,
     /// Pipelines that were made.
     pub pipelines: u64,
-    /// Pools of descriptors that were made.
+    /// Descriptor pools that were made.
     pub pools: u64,
 }
 
 impl Counts {
-    /// What was done after `before`.
+    /// Returns the work after `before`.
     pub fn since(self, before: Self) -> Self {
         Self {
             submissions: self.submissions - before.submissions,

@@ -1,4 +1,4 @@
-//! The logical device and what its users share: queues, an allocator, pipelines, counters.
+//! Opens the logical device and holds its shared queues, allocator, pipelines and counters.
 
 use super::counters::Counts;
 use super::devices::Candidate;
@@ -19,7 +19,7 @@ use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A queue, of which one thread at a time makes use.
+/// A queue, which one thread at a time uses.
 pub struct Queue {
     pub family: u32,
     raw: Mutex<vk::Queue>,
@@ -30,13 +30,13 @@ impl Queue {
         Self { family, raw: Mutex::new(raw) }
     }
 
-    /// The queue, for as long as the guard lives.
+    /// Locks the queue for as long as the guard lives.
     pub fn lock(&self) -> MutexGuard<'_, vk::Queue> {
         self.raw.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Vulkan's device, destroyed with this unless a program keeps it.
+/// Vulkan's device, destroyed with this value unless a program keeps it.
 pub struct Handle {
     raw: ash::Device,
     owned: bool,
@@ -59,8 +59,8 @@ impl Deref for Handle {
 impl Drop for Handle {
     fn drop(&mut self) {
         if self.owned {
-            // SAFETY: whatever lives on the device holds it, so all of that is gone, and what it submitted is over; it was
-            // made here, and is destroyed once.
+            // SAFETY: everything on the device holds it, so all of that is gone, and its submissions are over. The
+            // device was made here, and is destroyed once.
             unsafe {
                 let _ = self.raw.device_wait_idle();
                 self.raw.destroy_device(None);
@@ -69,46 +69,47 @@ impl Drop for Handle {
     }
 }
 
-/// Shared by everything that lives on the device, so that it goes last.
+/// The shared device. Everything on it holds it, so that it is dropped last.
 pub struct Device {
-    // Dropped in this order: what lives on the device, the device, its instance.
+    // Fields are dropped in this order, first objects on the device, then the device, then its instance.
     pipelines: Mutex<Pipelines>,
     allocator: Mutex<Allocator>,
-    /// Vulkan's.
+    /// Vulkan's handle of the device.
     pub raw: Handle,
-    /// What it was made of.
+    /// Vulkan's handle of the physical device.
     pub physical: vk::PhysicalDevice,
-    /// Where kernels run.
+    /// The queue for kernels.
     pub(crate) compute: Queue,
-    /// Where pictures are presented, if that is another queue.
+    /// The queue for pictures, if it is another one.
     other: Option<Queue>,
-    /// The families of both queues, one where they are the same.
+    /// The families of both queues, or one if they are equal.
     families: Vec<u32>,
     pub(crate) synchronization2: Option<khr::synchronization2::Device>,
-    /// What it can do.
+    /// The properties of the device.
     pub report: DeviceReport,
     counts: Mutex<Counts>,
     /// The kind of device that lists are recorded for.
     pub planned_as: DeviceKind,
-    /// The largest range that the driver takes: where nothing is run, lists are recorded as if there were larger ones.
+    /// The largest range that the driver accepts. Without execution, lists are recorded as if larger ones were
+    /// possible.
     pub(crate) storage_range: u64,
-    /// Whether all is recorded and nothing is run.
+    /// True if everything is recorded and nothing runs.
     pub(crate) record_only: bool,
-    /// What is recorded, while somebody wants to know.
+    /// The recording, while someone needs it.
     pub(crate) recording: Mutex<Option<Recording>>,
-    /// Whether it is known to compute what it should, and where that is remembered.
+    /// True if the device passed its test. `record` stores that.
     pub(crate) is_tested: Mutex<bool>,
     pub(crate) record: Option<Record>,
     lost: AtomicBool,
-    /// It does not answer, and may still be at what it was given.
+    /// True if the device does not answer, and may still work on its submissions.
     stuck: AtomicBool,
     extensions: Vec<CString>,
-    /// The instance that it is of.
+    /// The instance of the device.
     pub instance: Arc<Instance>,
 }
 
 impl Device {
-    /// Makes the chosen one.
+    /// Opens the chosen device.
     pub(crate) fn new(
         instance: &Arc<Instance>,
         chosen: Candidate,
@@ -133,7 +134,7 @@ impl Device {
         if chosen.present.is_some() {
             extensions.extend(presenting(instance, physical));
         }
-        // One queue of each family, or two of the same.
+        // These are one queue of each family, or two of the same.
         let priorities = [1.0; 2];
         let (family, present) = (chosen.family, chosen.present.unwrap_or((chosen.family, 0)));
         let queue = |family, count| {
@@ -154,11 +155,11 @@ impl Device {
         if extensions.contains(&khr::present_wait::NAME) {
             info = info.push_next(&mut id).push_next(&mut wait);
         }
-        // SAFETY: the device is of this instance, and has the queue families, extensions and features asked for.
+        // SAFETY: the device is of this instance, and has the requested queue families, extensions and features.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }
             .map_err(|e| EngineError::vulkan(&name, "vkCreateDevice", "setting up", e))?;
         let raw = Handle::new(raw, true);
-        // SAFETY: the queues were asked for.
+        // SAFETY: the queues were requested.
         let [compute, other] = unsafe {
             [(family, 0), present].map(|(family, index)| Queue::new(family, raw.get_device_queue(family, index)))
         };
@@ -167,8 +168,8 @@ impl Device {
         Self::of(instance, raw, physical, (compute, other), extensions, chosen.report, options)
     }
 
-    /// What is shared, around a device that was made here or elsewhere, with its queues: for kernels, and for pictures if that is
-    /// another one.
+    /// Makes the shared parts of a device that was opened here or elsewhere. Its queues are for kernels, and for
+    /// pictures if that is another one.
     pub(crate) fn of(
         instance: &Arc<Instance>,
         raw: Handle,
@@ -185,7 +186,7 @@ impl Device {
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
         let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
         let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut floats);
-        // SAFETY: as above, of Vulkan 1.2, which knows the structure.
+        // SAFETY: as above. The device is of Vulkan 1.2, which knows the structure.
         unsafe { instance.raw.get_physical_device_properties2(physical, &mut all) };
         let synchronization2 = extensions
             .iter()
@@ -194,7 +195,7 @@ impl Device {
         let planned_as = plan_as.unwrap_or(report.kind);
         let storage_range = report.limits.storage_range;
         if record_only && planned_as != DeviceKind::Cpu {
-            // What every GPU has: ranges of 4 GiB, and 48 KiB shared by a workgroup.
+            // Every GPU has ranges of 4 GiB, and 48 KiB shared by a workgroup.
             report.limits.storage_range = storage_range.max(u64::from(u32::MAX));
             report.limits.shared_memory = report.limits.shared_memory.max(48 << 10);
         }
@@ -204,7 +205,7 @@ impl Device {
             physical_device: physical,
             debug_settings: Default::default(),
             buffer_device_address: false,
-            // Large buffers have memory of their own; these blocks hold the small ones.
+            // Large buffers have dedicated memory, and these blocks hold the small ones.
             allocation_sizes: AllocationSizes::new(16 << 20, 8 << 20),
         });
         let allocator = allocator.map_err(|e| EngineError::Vulkan {
@@ -237,32 +238,32 @@ impl Device {
         }))
     }
 
-    /// Where pictures are presented: kernels run there as well where there is no other queue.
+    /// Returns the queue for pictures. Kernels run on it too if there is no other queue.
     pub fn present(&self) -> &Queue {
         self.other.as_ref().unwrap_or(&self.compute)
     }
 
-    /// The families of its queues: two, where pictures are presented on one of another family.
+    /// Returns the families of its queues. There are two if pictures are presented on another family.
     pub(crate) fn families(&self) -> &[u32] {
         &self.families
     }
 
-    /// Whether an extension is on.
+    /// Returns true if an extension is enabled.
     pub fn has(&self, extension: &CStr) -> bool {
         self.extensions.iter().any(|e| e.as_c_str() == extension)
     }
 
-    /// What memory comes from.
+    /// Locks the memory allocator.
     pub(crate) fn allocator(&self) -> MutexGuard<'_, Allocator> {
         self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The pipelines that were made.
+    /// Locks the pipelines of the device.
     pub(crate) fn pipelines(&self) -> MutexGuard<'_, Pipelines> {
         self.pipelines.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The pipeline of a module: see [`Pipelines::get`].
+    /// Returns the pipeline of a module, see [`Pipelines::get`].
     pub(crate) fn pipeline(
         &self,
         module: &'static Module,
@@ -278,7 +279,7 @@ impl Device {
             let mut pipelines = self.pipelines();
             (pipelines.missing(wanted)?, pipelines.maker.clone())
         };
-        // Not under the lock: a thread that waits for others takes up other work, which may need it.
+        // This runs without the lock, because a waiting thread takes other work, which may need the lock.
         let make = |(wanted, pipeline): (Wanted, Pipeline)| {
             let raw = maker.make(wanted.module, pipeline.layout, &wanted.constants)?;
             Ok((wanted, Pipeline { raw, ..pipeline }))
@@ -299,35 +300,35 @@ impl Device {
         all
     }
 
-    /// Whether it packs halves, as far as is known.
+    /// Returns true if the device is assumed to pack halves.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn packs_halves(&self) -> bool {
         self.pipelines().packs_halves()
     }
 
-    /// The pipelines that were made.
+    /// Returns the pipelines that were made.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pipelines_made(&self) -> Vec<super::statistics::Key> {
         self.pipelines().keys()
     }
 
-    /// Number of allocations alive.
+    /// Returns the number of live allocations.
     #[cfg(test)]
     pub(crate) fn allocations(&self) -> usize {
         self.allocator().generate_report().allocations.len()
     }
 
-    /// Counts what was done.
+    /// Adds to the counts of work.
     pub(crate) fn count(&self, more: impl FnOnce(&mut Counts)) {
         more(&mut self.counts.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// What was done so far.
+    /// Returns the work since the device was opened.
     pub(crate) fn counts(&self) -> Counts {
         *self.counts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Says what was recorded, where nothing is run and somebody wants to know.
+    /// Adds to the recording, if nothing runs and someone needs the recording.
     pub(crate) fn record(&self, say: impl FnOnce(&mut Recording)) {
         if self.record_only
             && let Some(recording) = self.recording.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
@@ -336,17 +337,17 @@ impl Device {
         }
     }
 
-    /// Whether it stopped answering: nothing runs on it any more.
+    /// Returns true if it stopped answering. Nothing runs on it any more.
     pub(crate) fn is_lost(&self) -> bool {
         self.lost.load(Ordering::Relaxed)
     }
 
-    /// Whether it was given up while it may still have been at work: nothing that it was given may be destroyed.
+    /// Returns true if it was given up while it may still have been working. Its objects must not be destroyed.
     pub fn is_stuck(&self) -> bool {
         self.stuck.load(Ordering::Relaxed)
     }
 
-    /// Gives it up: it did not answer in time. What lives on it stays until the process ends, itself included.
+    /// Gives the device up, because it did not answer in time. It and everything on it stay until the process ends.
     pub fn give_up(self: &Arc<Self>, call: &'static str, during: &str) -> EngineError {
         if !self.stuck.swap(true, Ordering::Relaxed) {
             std::mem::forget(Arc::clone(self));
@@ -354,13 +355,15 @@ impl Device {
         self.error(call, during, vk::Result::ERROR_DEVICE_LOST)
     }
 
-    /// How long a submission may take, nanoseconds: drivers reset hardware that takes longer, and software takes its time.
+    /// Returns the longest time of a submission, nanoseconds. Drivers reset hardware that takes longer, but software
+    /// is slow.
     pub fn patience_ns(&self) -> u64 {
         const SECOND: u64 = 1_000_000_000;
         if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 10 * SECOND }
     }
 
-    /// An answer of Vulkan's as an error: `call` names the call, `during` the kernel, the transfer or the buffer.
+    /// Turns an error code of Vulkan into an error. `call` names the call, `during` the kernel, the transfer or the
+    /// buffer.
     pub fn error(&self, call: &'static str, during: &str, result: vk::Result) -> EngineError {
         if result == vk::Result::ERROR_DEVICE_LOST {
             self.lost.store(true, Ordering::Relaxed);
@@ -369,7 +372,7 @@ impl Device {
     }
 }
 
-/// The extensions by which a device shows pictures, and says when they lit up, as far as it has them.
+/// Returns the extensions for presentation and for its times, as far as the device has them.
 fn presenting(instance: &Instance, physical: vk::PhysicalDevice) -> Vec<&'static CStr> {
     // SAFETY: the device is of this instance.
     let has_all = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Which devices there are, whether they can run the kernels, and which one is taken.
+//! Lists the devices, checks if they can run the kernels, and chooses one.
 
 use super::error::EngineError;
 use super::instance::{BASELINE, Instance, has, version_text};
@@ -6,36 +6,36 @@ use super::report::{DeviceKind, DeviceReport, Limits};
 use super::tested::Record;
 use ash::{khr, vk};
 
-/// A device with what is needed to open it.
+/// A device with the data to open it.
 pub(crate) struct Candidate {
     pub(crate) raw: vk::PhysicalDevice,
     pub(crate) report: DeviceReport,
     pub(crate) family: u32,
-    /// Where pictures are presented, if that was wanted and it can do it: the family, and which of its queues.
+    /// Queue family and queue index for pictures, if presentation was wanted and is possible.
     pub(crate) present: Option<(u32, u32)>,
     pub(crate) synchronization2: bool,
     pub(crate) portability_subset: bool,
 }
 
-/// All devices that the loader finds, usable or not.
+/// Lists all devices that the loader finds, usable or not.
 ///
 /// # Errors
-/// No loader, or one that is too old.
+/// [`EngineError::NoDevice`] without a loader, or with one that is too old.
 pub fn devices() -> Result<Vec<DeviceReport>, EngineError> {
     let instance = Instance::open(false, false)?;
     Ok(candidates(&instance, false)?.into_iter().map(|c| c.report).collect())
 }
 
-/// `present`: they are to show pictures, where they can.
+/// Lists the devices. With `present` they also present pictures, if they can.
 pub(crate) fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>, EngineError> {
     // SAFETY: the instance is valid.
     let all = unsafe { instance.raw.enumerate_physical_devices() }
-        .map_err(|e| EngineError::NoDevice { reason: format!("the devices could not be listed ({e:?})") })?;
+        .map_err(|e| EngineError::NoDevice { reason: format!("devices could not be listed ({e:?})") })?;
     let shows = |c: Candidate| Candidate { present: c.present.filter(|_| present), ..c };
     Ok(all.into_iter().enumerate().map(|(index, raw)| shows(inspect(instance, index, raw, None))).collect())
 }
 
-/// `family`: the only one that there is, if the device is open already.
+/// Inspects a device. `only` is its sole queue family, if the device is already open.
 pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice, only: Option<u32>) -> Candidate {
     let vulkan = &instance.raw;
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
@@ -63,13 +63,13 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
             .push_next(&mut driver)
             .push_next(&mut subgroup)
             .push_next(&mut maintenance);
-        // SAFETY: the chains hold structures that a 1.2 device (with that extension) knows.
+        // SAFETY: the chains hold structures that a device of 1.2, with that extension, knows.
         unsafe {
             vulkan.get_physical_device_features2(raw, &mut features);
             vulkan.get_physical_device_properties2(raw, &mut properties);
         }
     }
-    // A queue that only computes does not compete with a desktop's drawing.
+    // A queue without graphics does not compete with a desktop's drawing.
     let computes = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::COMPUTE) && q.queue_count > 0;
     let draws = |q: &vk::QueueFamilyProperties| q.queue_flags.contains(vk::QueueFlags::GRAPHICS);
     let best = queues
@@ -77,7 +77,7 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         .position(|q| computes(q) && !draws(q) && q.timestamp_valid_bits > 0)
         .or_else(|| queues.iter().position(computes));
     let family = only.map(|f| f as usize).filter(|f| queues.get(*f).is_some_and(computes)).or(best);
-    // Another queue if there is one: a picture does not wait for a kernel.
+    // Another queue is better, because a picture then does not wait for a kernel.
     let present = queues.iter().position(draws).filter(|_| has(&extensions, khr::swapchain::NAME));
     let present = present.map(|p| (p as u32, u32::from(Some(p) == family && queues[p].queue_count > 1)));
     let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
@@ -87,7 +87,7 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         storage_range: u64::from(basic.limits.max_storage_buffer_range),
         offset_alignment: basic.limits.min_storage_buffer_offset_alignment.max(4),
         shared_memory: basic.limits.max_compute_shared_memory_size,
-        // Kernels put their threads along either axis.
+        // Kernels arrange their threads along either axis.
         invocations: (basic.limits.max_compute_work_group_size[..2].iter())
             .fold(basic.limits.max_compute_work_group_invocations, |least, &size| least.min(size)),
         groups: basic.limits.max_compute_work_group_count,
@@ -107,7 +107,7 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         },
     };
     let usable = if !modern {
-        Err(format!("it speaks Vulkan {}, 1.2 is needed", version_text(basic.api_version)))
+        Err(format!("it supports Vulkan {}, but 1.2 is needed", version_text(basic.api_version)))
     } else if family.is_none() {
         Err("it has no queue that computes".into())
     } else if features12.timeline_semaphore == vk::FALSE {
@@ -142,13 +142,13 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
     }
 }
 
-/// Storage buffers that a kernel is bound to at most.
+/// Most storage buffers that a kernel binds.
 const BUFFERS: u64 = 7;
 
-/// What the kernels need beyond what every Vulkan device has.
+/// Checks the needs of the kernels beyond the minimum of every Vulkan device.
 fn check(limits: &Limits) -> Result<(), String> {
     let at_least = |what: &str, has: u64, needed: u64| {
-        if has >= needed { Ok(()) } else { Err(format!("{what} is {has}, {needed} is needed")) }
+        if has >= needed { Ok(()) } else { Err(format!("{what} is {has}, but {needed} is needed")) }
     };
     at_least("the storage buffer range", limits.storage_range, 1 << 27)?;
     at_least("the workgroup's shared memory", limits.shared_memory.into(), 16 << 10)?;
@@ -157,17 +157,17 @@ fn check(limits: &Limits) -> Result<(), String> {
     if limits.memory > 0 { Ok(()) } else { Err("it has no memory that is DEVICE_LOCAL".into()) }
 }
 
-/// The device that `wanted` names (its number, or a part of its name), or the best one.
+/// Returns the device that `wanted` names (its number, or a part of its name), or the best one.
 pub(crate) fn choose(mut all: Vec<Candidate>, wanted: Option<&str>, allow_cpu: bool) -> Result<Candidate, EngineError> {
     if all.is_empty() {
-        return Err(EngineError::NoDevice { reason: "the loader works, and no driver offers a device".into() });
+        return Err(EngineError::NoDevice { reason: "the loader works, but no driver offers a device".into() });
     }
     let reports: Vec<&DeviceReport> = all.iter().map(|c| &c.report).collect();
     let at = pick(&reports, wanted, allow_cpu)?;
     Ok(all.swap_remove(at))
 }
 
-/// Which of these is taken: discrete before integrated before virtual, software only when asked for.
+/// Returns the index of the best device, discrete before integrated before virtual, software only on request.
 fn pick(all: &[&DeviceReport], wanted: Option<&str>, allow_cpu: bool) -> Result<usize, EngineError> {
     let refuse =
         |r: &DeviceReport, reason: &str| EngineError::Unsuitable { device: r.name.clone(), reason: reason.to_owned() };
@@ -179,7 +179,7 @@ fn pick(all: &[&DeviceReport], wanted: Option<&str>, allow_cpu: bool) -> Result<
         };
         let names = || all.iter().map(|r| format!("{}: {}", r.index, r.name)).collect::<Vec<_>>().join(", ");
         let at = found.ok_or_else(|| EngineError::NoDevice {
-            reason: format!("none is called {wanted:?} (there are {})", names()),
+            reason: format!("no device has the name {wanted:?}. The devices are {}", names()),
         })?;
         return all[at].usable.clone().map(|()| at).map_err(|reason| refuse(all[at], &reason));
     }
@@ -188,7 +188,7 @@ fn pick(all: &[&DeviceReport], wanted: Option<&str>, allow_cpu: bool) -> Result<
     best.map(|(at, _)| at).ok_or_else(|| {
         let why = |r: &&DeviceReport| match &r.usable {
             Err(reason) => format!("{}: {reason}", r.name),
-            Ok(()) => format!("{}: {}, taken only when it is asked for", r.name, r.kind),
+            Ok(()) => format!("{}: {}, which is taken only if it is named", r.name, r.kind),
         };
         EngineError::NoDevice { reason: all.iter().map(why).collect::<Vec<_>>().join("; ") }
     })
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn no_kernel_is_bound_to_more_buffers_than_are_asked_for() {
-        // OpDecorate of a Binding.
+        // The numbers are of `OpDecorate` with a `Binding`.
         let bindings = |(_, code, words): (usize, u32, &[u32])| (code == 71 && words[2] == 33).then(|| words[3] + 1);
         let of = |module: &eyebox_spirv::Module| instructions(module.words()).filter_map(bindings).max().unwrap_or(0);
         assert_eq!(eyebox_spirv::ALL.iter().map(|module| u64::from(of(module))).max(), Some(BUFFERS));

@@ -1,5 +1,7 @@
-//! Memory of a device that two processes have: one exports it as a file descriptor, the other imports it into a device of its own
-//! (`VK_KHR_external_memory_fd`, opaque). Both have to be the same device behind the same driver, as their UUIDs say.
+//! Shares memory of a device with another process (`VK_KHR_external_memory_fd`, opaque).
+//!
+//! One process exports it as a file descriptor, and the other imports it into its own device. Both must be the same
+//! device with the same driver, as identified by their UUIDs.
 
 use super::block::Block;
 use super::commands::Commands;
@@ -14,54 +16,55 @@ use ash::{khr, vk};
 use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
 use std::sync::Arc;
 
-/// How shared memory was made: what its importer has to say again.
+/// The layout of shared memory, which its importer must repeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SharedLayout {
     /// Bytes of the memory.
     pub memory_bytes: u64,
     /// Bytes of the buffer at its beginning.
     pub buffer_bytes: u64,
-    /// Which of the device's types of memory.
+    /// Index of the device's memory type.
     pub memory_type: u32,
     /// `VkBufferUsageFlags` of the buffer.
     pub usage: u32,
 }
 
-/// Memory of a device that another process has too.
+/// Memory of a device that is shared with another process.
 pub struct SharedMemory {
     pub(crate) block: Block,
     layout: SharedLayout,
 }
 
 impl Gpu {
-    /// Which device it is.
+    /// Returns the identity of the device.
     pub fn ids(&self) -> DeviceIds {
         ids(&self.device.instance, self.device.physical)
     }
 
-    /// Whether it shares memory with other processes.
+    /// Returns true if the device shares memory with other processes.
     pub fn shares_memory(&self) -> bool {
         self.device.has(khr::external_memory_fd::NAME)
     }
 
-    /// Opens the device with these UUIDs, whatever `options` name; a software one, too.
+    /// Opens the device with these UUIDs, whichever one `options` name. It may be a software device.
     ///
     /// # Errors
-    /// [`EngineError::NoDevice`] where there is none of them; those of [`open`](Self::open).
+    /// [`EngineError::NoDevice`] if no device has them, and the errors of [`open`](Self::open).
     pub fn open_same(wanted: DeviceIds, options: &Options) -> Result<Self, EngineError> {
         let instance = Arc::new(Instance::open(options.validation, options.present)?);
         let usable = candidates(&instance, options.present)?.into_iter().filter(|c| c.report.usable.is_ok());
         let same = usable.into_iter().find(|candidate| ids(&instance, candidate.raw) == wanted);
-        let reason = || "no device here is the one that shares its memory, behind the same driver".into();
+        let reason = || "no device has the UUIDs of the device and driver that share their memory".into();
         Self::on(&instance, same.ok_or_else(|| EngineError::NoDevice { reason: reason() })?, options)
     }
 }
 
 impl SharedMemory {
-    /// Memory of so many bytes to share, and its file descriptor: whoever has that can read and write it.
+    /// Exports `bytes` bytes of memory, with a file descriptor. Each holder of the descriptor can read and write the
+    /// memory.
     ///
     /// # Errors
-    /// [`EngineError::Unsuitable`] for a device that shares none; out of memory.
+    /// [`EngineError::Unsuitable`] if the device shares no memory, and lack of memory.
     pub fn export(gpu: &Gpu, bytes: u64) -> Result<(Self, OwnedFd), EngineError> {
         let device = &gpu.device;
         check(device, bytes)?;
@@ -85,16 +88,16 @@ impl SharedMemory {
         let info = vk::MemoryGetFdInfoKHR::default().memory(memory).handle_type(OPAQUE);
         // SAFETY: the extension is on, and the memory was made to be exported as this.
         let fd = unsafe { get.get_memory_fd(&info) }.map_err(|e| device.error("vkGetMemoryFdKHR", WHAT, e))?;
-        // SAFETY: the descriptor was made just now, and is nobody else's.
+        // SAFETY: the descriptor was made just now, and has no other owner.
         let fd = unsafe { OwnedFd::from_raw_fd(fd) };
         Ok((Self { block, layout }, fd))
     }
 
-    /// Memory that another process exported from the same device, as it says that it made it.
+    /// Imports memory that another process exported from the same device with this layout.
     ///
     /// # Errors
-    /// [`EngineError::Unsuitable`] for a device that shares none; [`EngineError::Mismatch`] for a layout that this device does not
-    /// have; what the driver says of the descriptor.
+    /// [`EngineError::Unsuitable`] if the device shares no memory, [`EngineError::Mismatch`] if it does not have the
+    /// layout, and the driver's errors about the descriptor.
     pub fn import(gpu: &Gpu, fd: OwnedFd, layout: &SharedLayout) -> Result<Self, EngineError> {
         let device = &gpu.device;
         check(device, layout.buffer_bytes)?;
@@ -105,7 +108,7 @@ impl SharedMemory {
             // SAFETY: it was made just now, and nothing uses it.
             unsafe { device.raw.destroy_buffer(raw, None) };
             return Err(EngineError::mismatch(format!(
-                "shared memory of {memory_bytes} bytes, type {memory_type}, is not this device's"
+                "shared memory of {memory_bytes} bytes, type {memory_type}, does not fit this device"
             )));
         }
         let given = fd.into_raw_fd();
@@ -115,19 +118,19 @@ impl SharedMemory {
             .memory_type_index(memory_type)
             .push_next(&mut imported);
         let memory = allocated(device, raw, &info).inspect_err(|_| {
-            // SAFETY: the driver owns the descriptor from a call that succeeds on: it is still ours.
+            // SAFETY: the driver owns the descriptor only after a call that succeeds, so it is still ours.
             drop(unsafe { OwnedFd::from_raw_fd(given) });
         })?;
         Ok(Self { block: bound(device, raw, memory, layout.buffer_bytes)?, layout: *layout })
     }
 
-    /// How it was made.
+    /// Returns the layout for an importer.
     pub fn layout(&self) -> SharedLayout {
         self.layout
     }
 }
 
-/// What errors call it.
+/// The name of the memory in errors.
 const WHAT: &str = "memory that is shared with another process";
 
 fn check(device: &Device, bytes: u64) -> Result<(), EngineError> {
@@ -135,7 +138,7 @@ fn check(device: &Device, bytes: u64) -> Result<(), EngineError> {
     let reason = match device.has(khr::external_memory_fd::NAME) {
         false => "it shares no memory with other processes (VK_KHR_external_memory_fd)".into(),
         true if bytes > limit || bytes == 0 => {
-            format!("{bytes} bytes of shared memory, where it gives {limit} at once")
+            format!("{bytes} bytes of shared memory, but it allocates at most {limit} at once")
         }
         true => return Ok(()),
     };
@@ -145,13 +148,13 @@ fn check(device: &Device, bytes: u64) -> Result<(), EngineError> {
 fn buffer(device: &Device, bytes: u64) -> Result<(vk::Buffer, vk::MemoryRequirements), EngineError> {
     let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(OPAQUE);
     let info = vk::BufferCreateInfo::default().size(bytes).usage(USAGE).push_next(&mut external);
-    // SAFETY: the device is valid; who gets the buffer destroys it.
+    // SAFETY: the device is valid, and the receiver of the buffer destroys it.
     let raw = unsafe { device.raw.create_buffer(&info, None) }.map_err(|e| device.error("vkCreateBuffer", WHAT, e))?;
     // SAFETY: the buffer was made just now.
     Ok((raw, unsafe { device.raw.get_buffer_memory_requirements(raw) }))
 }
 
-/// Allocates memory for a buffer, which is given back where that fails.
+/// Allocates memory for a buffer, and destroys the buffer if that fails.
 fn allocated(
     device: &Device,
     raw: vk::Buffer,
@@ -167,36 +170,37 @@ fn allocated(
 
 fn bound(device: &Arc<Device>, raw: vk::Buffer, memory: vk::DeviceMemory, bytes: u64) -> Result<Block, EngineError> {
     let block = Block::shared(device, raw, memory, bytes);
-    // SAFETY: the memory fits what the buffer needs, and neither was bound before.
+    // SAFETY: the memory fits the buffer's requirements, and neither was bound before.
     unsafe { device.raw.bind_buffer_memory(raw, memory, 0) }
         .map_err(|e| device.error("vkBindBufferMemory", WHAT, e))?;
     Ok(block)
 }
 
-/// An application's side of shared memory: frames of its own on the device, copied into slots there.
+/// The application's side of shared memory. It keeps frames on the device and copies them into slots of that memory.
 pub struct SlotWriter {
     memory: SharedMemory,
     /// Bytes from one slot to the next.
     stride: u64,
-    /// Frames that are kept, with their bytes.
+    /// Kept frames, with their bytes.
     frames: Vec<(Block, u64)>,
     gpu: Commands,
 }
 
 impl SlotWriter {
-    /// Over memory that another process exported, in slots `stride` bytes apart.
+    /// Makes a writer for memory that another process exported, in slots `stride` bytes apart.
     ///
     /// # Errors
-    /// Those of [`SharedMemory::import`].
+    /// The errors of [`SharedMemory::import`].
     pub fn new(gpu: &Gpu, fd: OwnedFd, layout: &SharedLayout, stride: u64) -> Result<Self, EngineError> {
         let memory = SharedMemory::import(gpu, fd, layout)?;
         Ok(Self { memory, stride, frames: Vec::new(), gpu: Commands::new(gpu)? })
     }
 
-    /// Keeps a frame on the device: its number for [`write`](Self::write). In place of the frame of that number, if there is one.
+    /// Keeps a frame on the device and returns its number for [`write`](Self::write). It replaces the frame `number`,
+    /// if any.
     ///
     /// # Errors
-    /// Out of memory; a lost device.
+    /// [`EngineError`] if memory runs out or the device is lost.
     pub fn keep(&mut self, number: Option<usize>, samples: &[u8]) -> Result<usize, EngineError> {
         let mut words = samples.to_vec();
         words.resize(samples.len().next_multiple_of(4), 0);
@@ -214,10 +218,10 @@ impl SlotWriter {
         }
     }
 
-    /// Copies a frame into a slot; it is there when this returns.
+    /// Copies a frame into a slot. The copy is complete on return.
     ///
     /// # Errors
-    /// [`EngineError::Mismatch`] for a slot or a frame that there is not; a lost device.
+    /// [`EngineError::Mismatch`] if the slot or the frame does not exist, and a lost device.
     pub fn write(&mut self, slot: usize, frame: usize) -> Result<(), EngineError> {
         let at = self.stride.saturating_mul(slot as u64);
         let room = self.memory.block.size.saturating_sub(at).min(self.stride);

@@ -1,7 +1,9 @@
-//! Guard bands, for tests: each range that a dispatch is bound to is copied to where NaN lies on both sides of it, within the
-//! dispatch's reach, and copied back behind it. Who reads past a range's ends reads NaN, who writes there is found.
+//! Guards the bound ranges of dispatches with bands of NaN, for tests.
 //!
-//! Elsewhere this goes unseen: software devices answer what is out of bounds with 0, and hardware with what lies there.
+//! Each range that a dispatch is bound to is copied between two bands of NaN within the dispatch's reach, and copied
+//! back after it. A kernel that reads beyond the ends of a range reads NaN, and a kernel that writes there is found.
+//! Without guards this stays hidden, because software devices return 0 for reads out of bounds, and hardware returns
+//! other data.
 
 use super::block::{Block, Range};
 use super::modules::instructions;
@@ -19,18 +21,18 @@ const STORAGE: u32 = 12;
 /// NaN as a float32, and as two halves.
 const POISON: u32 = 0x7fe0_7fe0;
 
-/// What was bound, and between what.
+/// The guarded ranges, and their counts.
 #[derive(Default)]
 pub(crate) struct Guards {
     held: Vec<(String, Block, u64)>,
-    /// Dispatches that were guarded.
+    /// Number of guarded dispatches.
     pub(crate) count: usize,
-    /// Modules, and bindings of theirs that lie, in part, in the same memory, of which one is written.
+    /// Modules, with pairs of bindings that overlap in memory, of which one is written.
     pub(crate) aliased: BTreeSet<(&'static str, usize, usize)>,
 }
 
 impl Guards {
-    /// What was written beside a range since the last call; all that was submitted is over.
+    /// Returns the writes outside of ranges since the last call. All submitted work is over.
     pub(crate) fn faults(&mut self) -> Vec<String> {
         let mut faults = Vec::new();
         for (what, block, size) in self.held.drain(..) {
@@ -46,7 +48,7 @@ impl Guards {
 }
 
 impl Recorder {
-    /// A dispatch between bands. Its module's blocks were [shifted](shifted).
+    /// Records a dispatch between bands. Its module's blocks were [shifted](shifted).
     pub(super) fn dispatch_guarded(
         &mut self,
         pipeline: Pipeline,
@@ -56,7 +58,7 @@ impl Recorder {
     ) -> Result<(), EngineError> {
         let end = |range: &Range<'_>| range.offset + range.size;
         let meets = |a: &Range<'_>, b: &Range<'_>| a.block.raw == b.block.raw && a.offset < end(b) && b.offset < end(a);
-        // Ranges that overlap go together.
+        // Overlapping ranges share one guarded copy.
         let mut whole: Vec<Range<'_>> = Vec::new();
         for range in buffers {
             let mut joined = *range;
@@ -85,7 +87,7 @@ impl Recorder {
         let place = |range: &Range<'_>| whole.iter().position(|w| meets(w, range)).unwrap_or(0);
         let within = |range: &Range<'_>| {
             let at = place(range);
-            // The bands as well: where the module's blocks begin is one band on.
+            // The range includes both bands, because the module's blocks begin one band later.
             blocks[at].range(range.offset - whole[at].offset, range.size + 2 * BAND)
         };
         let bound: Vec<Range<'_>> = buffers.iter().map(within).collect();
@@ -109,7 +111,7 @@ impl Recorder {
     }
 }
 
-/// The module with all its storage blocks one band further on: what is one value before a range is then still in reach.
+/// Returns the module with all storage blocks shifted by one band, so that a value before a range is still in reach.
 pub(super) fn shifted(words: &[u32]) -> Vec<u32> {
     let (variable, pointer, member_decorate, offset) = (59, 32, 72, 35);
     let mut blocks = BTreeSet::new();
@@ -125,7 +127,7 @@ pub(super) fn shifted(words: &[u32]) -> Vec<u32> {
     moved
 }
 
-/// What a module says of a buffer.
+/// Declarations of a module about a buffer.
 #[derive(Debug, Default)]
 pub(crate) struct Flags {
     pub(crate) binding: u32,
@@ -133,7 +135,7 @@ pub(crate) struct Flags {
     pub(crate) is_aliased: bool,
 }
 
-/// Those of all buffers of a module.
+/// Returns the declarations of all buffers of a module.
 pub(crate) fn flags(module: &str) -> Vec<Flags> {
     let module = eyebox_spirv::module(module).expect("a module");
     let words = module.words();

@@ -1,4 +1,4 @@
-//! The Vulkan instance, loaded at run time, and the validation layer's messages.
+//! Loads the Vulkan instance at run time, and collects the validation layer's messages.
 
 use super::error::EngineError;
 use ash::{ext, khr, vk};
@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
-/// What windows of desktops, and displays that no desktop drives, need.
+/// Extensions for windows on desktops, and for displays without a desktop.
 const SURFACES: [&CStr; 9] = [
     khr::surface::NAME,
     khr::xcb_surface::NAME,
@@ -19,41 +19,41 @@ const SURFACES: [&CStr; 9] = [
     ext::acquire_drm_display::NAME,
     ext::display_surface_counter::NAME,
 ];
-/// The oldest Vulkan that the kernels are compiled for.
+/// The oldest Vulkan version that the kernels are compiled for.
 pub(crate) const BASELINE: u32 = vk::API_VERSION_1_2;
 
-/// What the validation layer said, in order.
+/// The validation layer's messages, in order.
 pub type Messages = Arc<Mutex<Vec<String>>>;
 
-/// An instance and its messenger. Everything that is made from it must be gone before it is dropped.
+/// An instance and its messenger. Everything made from it must be gone before it is dropped.
 pub struct Instance {
-    /// Vulkan's.
+    /// Vulkan's handle of the instance.
     pub raw: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(crate) messages: Messages,
     extensions: Vec<CString>,
-    /// Whether it is destroyed with this.
+    /// True if the instance is destroyed with this value.
     owned: bool,
-    /// The library, which must outlive all that was loaded from it.
+    /// The library, which must outlive everything that was loaded from it.
     pub entry: ash::Entry,
 }
 
 impl Instance {
-    /// Loads Vulkan; with `validation`, core and synchronisation validation as well, and with `present` whatever there is
-    /// of `SURFACES`.
+    /// Loads Vulkan. `validation` adds core and synchronization validation, and `present` adds all available
+    /// extensions of `SURFACES`.
     pub fn open(validation: bool, present: bool) -> Result<Self, EngineError> {
         let none = |reason: String| EngineError::NoDevice { reason };
-        // SAFETY: the loader is trusted to be a Vulkan loader; it stays loaded as long as the entry lives.
+        // SAFETY: the loader is trusted to be a Vulkan loader, and it stays loaded as long as the entry lives.
         let entry =
             unsafe { ash::Entry::load() }.map_err(|e| none(format!("the Vulkan loader could not be loaded ({e})")))?;
-        // SAFETY: the entry is valid; no arguments.
+        // SAFETY: the entry is valid, and the call has no arguments.
         let version = unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
         if version < BASELINE {
-            return Err(none(format!("the Vulkan loader speaks {}, 1.2 is needed", version_text(version))));
+            return Err(none(format!("the Vulkan loader supports {}, but 1.2 is needed", version_text(version))));
         }
         let there = extension_names(&entry, None);
         let shows = present && has(&there, khr::surface::NAME);
-        // Asked for without a compositor, layers go looking for one and complain on standard error that there is none.
+        // Without a compositor, this extension makes layers look for one and complain about it on standard error.
         let composited = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET"].iter().any(|name| std::env::var_os(name).is_some());
         let useful = |name: &CStr| composited || name != khr::wayland_surface::NAME;
         let needed: Vec<_> = SURFACES.into_iter().filter(|name| shows && useful(name) && has(&there, name)).collect();
@@ -70,7 +70,7 @@ impl Instance {
             let layer_extensions = extension_names(&entry, Some(VALIDATION_LAYER));
             let missing = |what: &str| EngineError::Unsuitable {
                 device: "the Vulkan loader".into(),
-                reason: format!("validation was asked for, and {what} is not installed; `tools/setup.sh` installs it"),
+                reason: format!("validation was requested, but {what} is not installed. `tools/setup.sh` installs it"),
             };
             if !known.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
                 return Err(missing("the layer VK_LAYER_KHRONOS_validation"));
@@ -99,9 +99,9 @@ impl Instance {
             info = info.push_next(&mut features).push_next(&mut listen);
         }
         keep_drivers(&entry);
-        // SAFETY: all pointers in `info` live until the call returns; the messages outlive the instance.
+        // SAFETY: all pointers in `info` live until the call returns, and the messages outlive the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
-            vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, and no driver is installed".into()),
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => none("the loader works, but no driver is installed".into()),
             e => none(format!("no Vulkan instance could be made ({e:?})")),
         })?;
         let extensions = needed.iter().map(|&name| name.to_owned()).collect();
@@ -109,7 +109,7 @@ impl Instance {
         if validation {
             let utils = ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
             let info = messenger_info(&instance.messages);
-            // SAFETY: the instance is valid and has the extension; the messages live in the same struct.
+            // SAFETY: the instance is valid and has the extension, and the messages live in the same struct.
             let messenger = unsafe { utils.create_debug_utils_messenger(&info, None) }
                 .map_err(|e| none(format!("no messenger could be made ({e:?})")))?;
             instance.messenger = Some((utils, messenger));
@@ -117,17 +117,17 @@ impl Instance {
         Ok(instance)
     }
 
-    /// One that a program made, and keeps.
+    /// Wraps an instance that a program made and keeps.
     ///
     /// # Safety
-    /// It was made from this entry, has these extensions, and outlives what is made here.
+    /// It was made from this entry, has these extensions, and outlives everything made here.
     pub(crate) unsafe fn from_raw(entry: ash::Entry, raw: vk::Instance, extensions: Vec<CString>) -> Self {
-        // SAFETY: the caller says so.
+        // SAFETY: the caller guarantees it.
         let raw = unsafe { ash::Instance::load(entry.static_fn(), raw) };
         Self { raw, messenger: None, messages: Messages::default(), extensions, owned: false, entry }
     }
 
-    /// Whether an extension is on.
+    /// Returns true if an extension is enabled.
     pub fn has(&self, extension: &CStr) -> bool {
         self.extensions.iter().any(|e| e.as_c_str() == extension)
     }
@@ -135,7 +135,8 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: everything made from the instance is gone (the device holds it and is dropped before); destroyed once.
+        // SAFETY: everything made from the instance is gone (the device holds it and is dropped before). It is
+        // destroyed once.
         unsafe {
             if let Some((utils, messenger)) = &self.messenger {
                 utils.destroy_debug_utils_messenger(*messenger, None);
@@ -147,32 +148,32 @@ impl Drop for Instance {
     }
 }
 
-/// Keeps the drivers loaded from a process's second instance on, by an instance that is never destroyed. The loader unloads a driver
-/// with the last instance, and NVIDIA's (580.159.04 on an H200) could not be loaded any more after four rounds: there was no device.
-/// Thread-local storage that glibc does not get back is a likely cause.
+/// Keeps the drivers loaded from a process's second instance on, by an instance that is never destroyed. The loader
+/// unloads a driver with the last instance. NVIDIA's driver (580.159.04 on an H200) could not be loaded any more
+/// after four rounds, and no device was found. A likely cause is thread-local storage that glibc does not get back.
 fn keep_drivers(entry: &ash::Entry) {
     static OPENED: AtomicUsize = AtomicUsize::new(0);
     if OPENED.fetch_add(1, Ordering::Relaxed) != 1 {
         return;
     }
-    // SAFETY: the information lives until the call returns; where it fails, nothing was made.
+    // SAFETY: the information lives until the call returns. If the call fails, nothing was made.
     if let Ok(_kept) = unsafe { entry.create_instance(&vk::InstanceCreateInfo::default(), None) } {
         std::mem::forget(entry.clone());
     }
 }
 
-/// `1.3.230`.
+/// Formats a version, such as `1.3.230`.
 pub(crate) fn version_text(version: u32) -> String {
     let (major, minor) = (vk::api_version_major(version), vk::api_version_minor(version));
     format!("{major}.{minor}.{}", vk::api_version_patch(version))
 }
 
 fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Vec<vk::ExtensionProperties> {
-    // SAFETY: the entry is valid; a layer that is not there gives an error, here an empty list.
+    // SAFETY: the entry is valid. A missing layer gives an error, here an empty list.
     unsafe { entry.enumerate_instance_extension_properties(layer) }.unwrap_or_default()
 }
 
-/// Whether an extension is among these.
+/// Returns true if an extension is among these.
 pub fn has(extensions: &[vk::ExtensionProperties], name: &CStr) -> bool {
     extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
 }
@@ -192,7 +193,7 @@ unsafe extern "system" fn collect(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     messages: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: `messages` is the mutex that `messenger_info` was given, which outlives the instance; the layer passes
+    // SAFETY: `messages` is the mutex that `messenger_info` received, which outlives the instance. The layer passes
     // valid callback data and a message that ends in zero.
     let (messages, text) = unsafe {
         let text = data.as_ref().filter(|d| !d.p_message.is_null()).map(|d| CStr::from_ptr(d.p_message));

@@ -1,15 +1,16 @@
-//! A Vulkan device: queues, memory, pipelines and their cache, validation messages.
+//! Opens a Vulkan device with its queues, memory, pipelines, pipeline cache and validation messages.
 //!
-//! A [`Gpu`] is a handle: cloning it clones a reference. Engines, encoders, transforms and swapchains are made from one, each
-//! with a command pool, descriptor pools and staging of its own (`Commands`), so that each can live on a thread of its
-//! own. What is shared is behind locks: pipelines with their cache on disk, the allocator, and the queues, of which
-//! submissions are made one at a time. Where a device has more than one queue, pictures are presented on another one than
-//! kernels run on: neither waits for the other.
+//! A [`Gpu`] is a handle, and its clones share the device. Engines, encoders, transforms and swapchains are made from
+//! one. Each has its own command pool, descriptor pools and staging (`Commands`), so that each can live on its own
+//! thread. The shared parts are behind locks. These are pipelines with their cache on disk, the allocator, and the
+//! queues, which take one submission at a time. If a device has more than one queue, pictures are presented on
+//! another queue than kernels run on, so that neither waits for the other.
 //!
-//! `instance` loads Vulkan; `devices` lists, and chooses; `device` is what all else holds; `block` is memory; `pipelines`
-//! and `cache` compile; `recorder` records and submits; `commands` joins these for one user; `pictures` is what
-//! users pass to each other without the host; `external` is memory that another process has too; `tested` remembers which devices were tried; `open` makes the handle, of a
-//! device of its own or of one that a program brings.
+//! Module `instance` loads Vulkan. Module `devices` lists devices and chooses one. The shared parts are in `device`,
+//! and memory is in `block`. Modules `pipelines` and `cache` compile. Module `recorder` records and submits, and
+//! `commands` joins all of these for one user. Data that users pass to each other without the host is in `pictures`,
+//! and memory shared with another process in `external`. Module `tested` stores the results of device tests. Module
+//! `open` makes the handle, for its own device or for one from the program.
 
 #![allow(unsafe_code)]
 

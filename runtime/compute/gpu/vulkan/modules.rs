@@ -1,8 +1,8 @@
-//! What is changed of a module before a driver takes it: words of SPIR-V, instruction by instruction.
+//! Changes SPIR-V modules before a driver compiles them, instruction by instruction.
 
 use ash::vk;
 
-/// The instructions behind the header: where each begins, its code, its words.
+/// Returns the instructions after the header, each with its index, its opcode and its words.
 pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32, &[u32])> {
     let mut at = 5;
     std::iter::from_fn(move || {
@@ -13,13 +13,15 @@ pub(super) fn instructions(words: &[u32]) -> impl Iterator<Item = (usize, u32, &
     })
 }
 
-/// Says, of a module with halves, that its device keeps halves that are subnormal when it unpacks them: see `half.glsl`.
+/// Constant of a module with halves. It is true if the device keeps subnormal halves when it unpacks them. See
+/// `half.glsl`.
 const PRESERVES_HALVES: u32 = 100;
-/// Says, of such a module, that its device rounds to the nearest when it packs them, and was not found to do otherwise.
+/// Constant of such a module. It is true if the device rounds to nearest when it packs halves, and passed the test of
+/// that.
 const ROUNDS_HALVES: u32 = 101;
 
-/// A module whose `main` returns at once, in SPIR-V 1.0: header, capability `Shader`, memory model, entry point, one lane to a
-/// workgroup, and the function.
+/// A module whose `main` returns at once, in SPIR-V 1.0. It has the header, capability `Shader`, memory model, entry
+/// point, one lane per workgroup, and the function.
 #[rustfmt::skip]
 pub(super) const NOTHING: [u32; 35] = [
     0x0723_0203, 0x0001_0000, 0, 5, 0,
@@ -35,24 +37,24 @@ pub(super) const NOTHING: [u32; 35] = [
     op(1, 56),
 ];
 
-/// The first word of an instruction of so many words.
+/// Returns the first word of an instruction of `words` words.
 const fn op(words: u32, code: u32) -> u32 {
     words << 16 | code
 }
 
-/// How a device is to compute with floats, as far as it lets modules say so: capabilities, execution modes and widths.
+/// The float behavior of a device, as far as modules can set it, as capabilities, execution modes and widths.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct FloatModes {
     modes: Vec<(u32, u32, u32)>,
-    /// Whether subnormal halves are kept.
+    /// True if subnormal halves are kept.
     preserves_halves: bool,
-    /// Whether halves are rounded to the nearest. That subnormal ones are kept shows when the device is tried.
+    /// True if halves are rounded to nearest. The test of the device shows if subnormal ones are kept.
     pub(super) rounds_halves: bool,
 }
 
 impl FloatModes {
-    /// Rounding of float32 to the nearest, on which pairs of them rely; no assumption that nothing is NaN, on which losses
-    /// rely; subnormal halves kept.
+    /// Returns the modes for a device. They set rounding of float32 to nearest, on which pairs of float32 rely. They
+    /// forbid the assumption that no value is NaN, on which losses rely. They keep subnormal halves.
     pub(super) fn of(controls: &vk::PhysicalDeviceFloatControlsProperties<'_>) -> Self {
         use vk::ShaderFloatControlsIndependence as Independence;
         const PRESERVE_SUBNORMAL: (u32, u32) = (4464, 4459);
@@ -68,7 +70,7 @@ impl FloatModes {
         {
             add(ROUND_TO_NEAREST, 32);
         }
-        // Of halves alone, or with float64: there what is said of one of them is said of both.
+        // Widths of halves alone, or with float64. On some devices, both must have the same setting.
         let widths = |independence, of_16, of_64| match independence {
             Independence::ALL if of_16 == vk::TRUE => &[16][..],
             Independence::TYPE_32_ONLY if of_16 == vk::TRUE && of_64 == vk::TRUE => &[16, 64],
@@ -89,7 +91,7 @@ impl FloatModes {
         Self { modes, preserves_halves: !kept.is_empty(), rounds_halves: !rounded.is_empty() }
     }
 
-    /// The specialisation constants 0, 1, ... of a module, and those that say what the device is.
+    /// Returns the specialization constants 0, 1, ... of a module, with the constants that describe the device.
     pub(super) fn specialised(&self, constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u32>) {
         let ids = (0..constants.len() as u32).chain([PRESERVES_HALVES, ROUNDS_HALVES]).zip(0..);
         let entries =
@@ -97,7 +99,7 @@ impl FloatModes {
         (entries, constants.iter().copied().chain([self.preserves_halves, self.rounds_halves].map(u32::from)).collect())
     }
 
-    /// The module, for such a device.
+    /// Returns the module with the modes of this device.
     pub(super) fn put_into(&self, words: &[u32]) -> Vec<u32> {
         const CAPABILITY: u32 = 17;
         const ENTRY_POINT: u32 = 15;
@@ -126,7 +128,7 @@ impl FloatModes {
 mod tests {
     use super::*;
 
-    /// Modes are put where modules have them, and only those that the device lets a module choose.
+    /// Modes are at their place in modules, and only modes that the device lets a module choose.
     #[test]
     fn modules_ask_for_what_a_device_offers() {
         use vk::ShaderFloatControlsIndependence as Independence;
@@ -138,7 +140,7 @@ mod tests {
             .shader_denorm_preserve_float16(true)
             .rounding_mode_independence(Independence::TYPE_32_ONLY)
             .denorm_behavior_independence(Independence::TYPE_32_ONLY);
-        // Halves alone cannot be kept there, but together with float64.
+        // There halves cannot be kept alone, but only together with float64.
         assert!(!FloatModes::of(&controls).preserves_halves);
         controls.shader_denorm_preserve_float64 = vk::TRUE;
         let modes = FloatModes::of(&controls);
@@ -151,7 +153,7 @@ mod tests {
         assert_eq!(asked, [[4461, 32], [4462, 32], [4459, 16], [4459, 64]]);
         assert_eq!(made.len(), words.len() + 3 * 2 + 4 * 4);
         assert_eq!(modes.specialised(&[7]).1, [7, 1, 0]);
-        // Their rounding as well: with float64, and alone.
+        // The same holds for their rounding, with float64 and alone.
         let asked = |controls| {
             let modes = FloatModes::of(&controls);
             (modes.specialised(&[]).1, modes.modes.into_iter().filter(|m| m.1 == 4462).map(|m| m.2).collect::<Vec<_>>())
@@ -162,7 +164,7 @@ mod tests {
         assert_eq!(asked(controls), (vec![1, 1], vec![32, 16, 64]));
         controls.rounding_mode_independence = Independence::ALL;
         assert_eq!(asked(controls), (vec![1, 1], vec![32, 16]));
-        // The order of a module's parts: no capability behind the entry point, no mode before it.
+        // Parts of a module have an order, with no capability after the entry point and no mode before it.
         let at = |wanted: u32| instructions(&made).position(|(_, code, _)| code == wanted).unwrap();
         assert!(at(17) < at(15) && at(15) < at(16));
     }

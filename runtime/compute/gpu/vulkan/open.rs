@@ -1,4 +1,4 @@
-//! Opens a device, or takes one that a program brings.
+//! Opens a device, or takes over one from the program.
 
 use super::counters::Counts;
 use super::device::{Device, Handle, Queue};
@@ -12,31 +12,31 @@ use std::ffi::CString;
 use std::path::Path;
 use std::sync::{Arc, PoisonError};
 
-/// An open Vulkan device: a handle, whose clones share the device.
+/// A handle of an open Vulkan device. Clones share the device.
 #[derive(Clone)]
 pub struct Gpu {
-    /// The device, shared by all that is on it.
+    /// The device, shared by everything on it.
     pub device: Arc<Device>,
     options: Options,
 }
 
 /// A device that a program opened itself, for [`Gpu::from_raw`].
 pub struct RawDevice {
-    /// What the instance was made from.
+    /// The loader from which the instance was made.
     pub entry: ash::Entry,
-    /// Of Vulkan 1.2 or newer.
+    /// The instance, of Vulkan 1.2 or newer.
     pub instance: vk::Instance,
-    /// The instance's extensions that are on.
+    /// Enabled extensions of the instance.
     pub instance_extensions: Vec<CString>,
-    /// The device that `device` was made of.
+    /// The physical device of `device`.
     pub physical: vk::PhysicalDevice,
-    /// With the feature `timelineSemaphore` on.
+    /// The device, with the feature `timelineSemaphore` enabled.
     pub device: vk::Device,
-    /// The device's extensions that are on.
+    /// Enabled extensions of the device.
     pub device_extensions: Vec<CString>,
-    /// The family of the queue; it computes, and draws if pictures are to be presented.
+    /// The family of the queue. It computes, and draws if pictures are presented.
     pub family: u32,
-    /// The queue.
+    /// The queue of that family.
     pub queue: vk::Queue,
 }
 
@@ -44,8 +44,8 @@ impl Gpu {
     /// Opens the device that the options name, or the best one.
     ///
     /// # Errors
-    /// [`EngineError::NoDevice`]: no loader, no driver, no device of that name; [`EngineError::Unsuitable`]: one that
-    /// cannot run the kernels.
+    /// [`EngineError::NoDevice`] without a loader, a driver or a device of that name. [`EngineError::Unsuitable`] if
+    /// the device cannot run the kernels.
     pub fn open(options: &Options) -> Result<Self, EngineError> {
         let instance = Arc::new(Instance::open(options.validation, options.present)?);
         let all = candidates(&instance, options.present)?;
@@ -60,17 +60,17 @@ impl Gpu {
         Ok(Self { device, options: options.clone() })
     }
 
-    /// Takes a device that the program opened and keeps: neither it nor its instance is destroyed here. `cache`: folder of
-    /// compiled pipelines, the user's if none is given.
+    /// Takes over a device that the program opened and keeps. Neither it nor its instance is destroyed here. `cache`
+    /// is the folder of compiled pipelines, by default the user's.
     ///
     /// # Errors
-    /// [`EngineError::Unsuitable`] where it cannot run the kernels.
+    /// [`EngineError::Unsuitable`] if it cannot run the kernels.
     ///
     /// # Safety
-    /// The handles are valid and belong together, and stay so until the last clone of this and all that was made from it
-    /// are dropped. The extensions are those that are on; with `VK_KHR_synchronization2`, `VK_KHR_present_id` and
-    /// `VK_KHR_present_wait` their features are on too. The queue is of that family, and the program makes use of it within
-    /// [`with_queue`](Self::with_queue) alone.
+    /// The handles are valid and belong together. They stay so until the last clone of this, and everything made from
+    /// it, is dropped. The listed extensions are the enabled ones. With `VK_KHR_synchronization2`,
+    /// `VK_KHR_present_id` and `VK_KHR_present_wait` their features are enabled too. The queue is of that family, and
+    /// the program uses it only within [`with_queue`](Self::with_queue).
     pub unsafe fn from_raw(raw: RawDevice, cache: Option<&Path>) -> Result<Self, EngineError> {
         let RawDevice { entry, instance, instance_extensions, physical, device, device_extensions, family, queue } =
             raw;
@@ -94,8 +94,8 @@ impl Gpu {
         Ok(Self { device, options })
     }
 
-    /// This device, if `shows` says that it can show on a surface from a queue of this family; else the best other one
-    /// that can.
+    /// Returns this device if `shows` accepts it for a surface and a queue family, otherwise the best other device
+    /// that it accepts.
     pub fn that_shows(&self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Result<Self, EngineError> {
         let device = &self.device;
         if device.has(ash::khr::swapchain::NAME) && shows(device.physical, device.present().family) {
@@ -109,34 +109,34 @@ impl Gpu {
         Self::on(&device.instance, best, &self.options)
     }
 
-    /// The device.
+    /// Returns the report of the device.
     pub fn report(&self) -> &DeviceReport {
         &self.device.report
     }
 
-    /// Whether it stopped answering: what is made from it fails, and another one has to be opened.
+    /// Returns true if it stopped answering. Everything made from it fails, and another device must be opened.
     pub fn is_lost(&self) -> bool {
         self.device.is_lost()
     }
 
-    /// Whether these are one device.
+    /// Returns true if both are one device.
     pub fn is(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.device, &other.device)
     }
 
-    /// What the validation layer says, if the options asked for it, from the opening of the device to its closing: keep it
-    /// to hear the last words.
+    /// Returns the validation layer's messages, from the opening of the device to its closing, if the options enabled
+    /// it. Keep the list to read the last messages.
     pub fn messages(&self) -> Messages {
         Arc::clone(&self.device.instance.messages)
     }
 
-    /// What was done on the device so far.
+    /// Returns the work on the device since it was opened.
     pub fn counts(&self) -> Counts {
         self.device.counts()
     }
 
-    /// Calls `with` and gives what it recorded, on a device that only records ([`Options::record_only`]); on others,
-    /// nothing.
+    /// Calls `with` and returns its recorded work, on a device that only records ([`Options::record_only`]). On other
+    /// devices the recording is empty.
     pub fn recorded<R>(&self, with: impl FnOnce() -> R) -> (R, Recording) {
         let recording = || self.device.recording.lock().unwrap_or_else(PoisonError::into_inner);
         *recording() = Some(Recording::default());
@@ -144,7 +144,7 @@ impl Gpu {
         (result, recording().take().unwrap_or_default())
     }
 
-    /// Calls `with` with the queue that kernels run on, of which nobody else makes use until it returns.
+    /// Calls `with` with the queue of the kernels, which nobody else uses until it returns.
     pub fn with_queue<R>(&self, with: impl FnOnce(vk::Queue) -> R) -> R {
         with(*self.device.compute.lock())
     }

@@ -1,4 +1,4 @@
-//! What passes between users of one device without the host: phases, and video frames that are ready for its swapchains.
+//! Holds the data that users of one device pass on without the host, such as phases and video frames for swapchains.
 
 use super::block::Block;
 use super::commands::Commands;
@@ -6,45 +6,45 @@ use super::error::EngineError;
 use super::recorder::Timeline;
 use std::sync::Arc;
 
-/// In which order a swapchain has the colours of a pixel.
+/// The order of a pixel's colors in a swapchain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PixelOrder {
-    /// Red first.
+    /// Red is the first byte.
     Rgba,
-    /// Blue first.
+    /// Blue is the first byte.
     Bgra,
 }
 
-/// Phases of sub-frames in a device's memory, as an engine there has them: what an encoder on the same device takes without
+/// Phases of sub-frames in a device's memory, in an engine's layout. An encoder on the same device takes them without
 /// the host.
 #[derive(Clone, Copy)]
 pub struct PhasesOnDevice<'a> {
-    /// Frames from its start on, each at a multiple of 256 bytes.
+    /// Frames from the block's start on, each at a multiple of 256 bytes.
     pub(crate) block: &'a Block,
     pub(crate) frames: usize,
     pub(crate) values: usize,
-    /// Whether they are binary angles, else float32.
+    /// True for binary angles, false for float32.
     pub(crate) binary_angles: bool,
 }
 
-/// A semaphore, and the value from which on what was drawn can be read.
+/// A semaphore, and its value from which on the drawn data can be read.
 pub type Ready = (Arc<Timeline>, u64);
 
-/// Video frames in a device's memory, four bytes a pixel, rows without gaps: made once, filled again and again.
+/// Video frames in a device's memory, four bytes per pixel, rows without gaps. They are allocated once and refilled.
 pub struct Pictures {
-    /// Their memory.
+    /// Memory of the pictures.
     pub block: Arc<Block>,
-    /// Bytes from one to the next.
+    /// Bytes from one picture to the next.
     pub step: u64,
     count: usize,
     size: [usize; 2],
     order: PixelOrder,
-    /// What has to be waited for before they are read on another queue.
+    /// The signal to wait for before another queue reads the pictures.
     pub ready: Option<Ready>,
 }
 
 impl Pictures {
-    /// Room for so many of `size` rows and columns.
+    /// Makes room for `count` pictures of `size` rows and columns.
     pub(crate) fn new(
         commands: &Commands,
         count: usize,
@@ -55,24 +55,24 @@ impl Pictures {
         let limit = commands.limits.storage_range;
         let step = bytes.next_multiple_of(256);
         if step > limit {
-            let reason = format!("one video frame takes {bytes} bytes as pixels, a kernel may see {limit}");
+            let reason = format!("a video frame of pixels takes {bytes} bytes, but a kernel binds {limit}");
             return Err(commands.unsuitable(reason));
         }
         let block = Arc::new(commands.block(step * count as u64, "video frames as pixels")?);
         Ok(Self { block, step, count, size, order, ready: None })
     }
 
-    /// How many.
+    /// Returns the number of pictures.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Rows, columns.
+    /// Returns the rows and columns.
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
 
-    /// The order of their colours.
+    /// Returns the order of their colors.
     pub fn order(&self) -> PixelOrder {
         self.order
     }
@@ -80,7 +80,7 @@ impl Pictures {
     /// Returns the bytes of picture `index`.
     ///
     /// # Errors
-    /// Those of the device.
+    /// The errors of the device.
     #[cfg(any(test, feature = "test-hooks"))]
     pub fn pixels(&self, gpu: &super::Gpu, index: usize) -> Result<Vec<u8>, EngineError> {
         let mut pixels = vec![0; 4 * self.size[0] * self.size[1]];
@@ -89,7 +89,7 @@ impl Pictures {
         Ok(pixels)
     }
 
-    /// Whether a swapchain still reads them: they must not be filled.
+    /// Returns true if a swapchain still reads them, so that they must not be filled.
     pub fn in_use(&self) -> bool {
         Arc::strong_count(&self.block) > 1
     }

@@ -1,4 +1,4 @@
-//! Compute pipelines by module and specialisation constants, made when first asked for and kept.
+//! Makes compute pipelines by module and specialization constants on first use, and keeps them.
 
 use super::cache;
 use super::error::EngineError;
@@ -9,10 +9,10 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::{Path, PathBuf};
 
-/// Bytes of push constants that every device has; all layouts take them whole.
+/// Bytes of push constants that every device has. All layouts use all of them.
 pub(crate) const PUSH_BYTES: u32 = 128;
 
-/// A pipeline and what its dispatches need; by default none yet, whose dispatches are left out.
+/// A pipeline with the data for its dispatches. The default is no pipeline yet, whose dispatches are left out.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Pipeline {
     pub(crate) raw: vk::Pipeline,
@@ -27,38 +27,38 @@ pub(crate) struct Pipeline {
 /// Layouts by number of bindings.
 type Layouts = HashMap<u32, (vk::DescriptorSetLayout, vk::PipelineLayout)>;
 
-/// All that were made on a device; it goes before the device does.
+/// All pipelines of a device. They are dropped before the device.
 pub(crate) struct Pipelines {
     made: HashMap<(&'static str, Vec<u32>), Pipeline>,
-    /// No longer handed out.
+    /// Pipelines that are no longer handed out.
     outdated: Vec<vk::Pipeline>,
     layouts: Layouts,
     file: Option<PathBuf>,
-    /// What makes them, on any thread.
+    /// Makes pipelines on any thread.
     pub(crate) maker: Maker,
     properties: vk::PhysicalDeviceProperties,
-    /// Whether all that was made is in the file.
+    /// True if the file holds all pipelines that were made.
     is_saved: bool,
 }
 
-/// A pipeline that somebody will ask for.
+/// A pipeline that will be needed.
 pub(crate) struct Wanted {
     pub(crate) module: &'static Module,
     pub(crate) bindings: u32,
     pub(crate) constants: Vec<u32>,
 }
 
-/// Makes pipelines: several threads may at once, for drivers guard their caches.
+/// Makes pipelines, also on several threads at once, because drivers guard their caches.
 #[derive(Clone)]
 pub(crate) struct Maker {
     device: ash::Device,
     cache: vk::PipelineCache,
-    /// The device's, for errors.
+    /// Name of the device, for errors.
     name: String,
     modes: FloatModes,
-    /// Whether nothing runs: modules that do nothing stand for all others, which take a driver some 0.1 s each.
+    /// True if nothing runs. An empty module then replaces all others, which take a driver some 0.1 s each.
     record_only: bool,
-    /// Whether modules are made for dispatches between guard bands.
+    /// True if modules are made for dispatches between guard bands.
     #[cfg(test)]
     pub(crate) is_guarded: bool,
 }
@@ -77,7 +77,7 @@ impl Maker {
         let words = if self.is_guarded { super::guards::shifted(&words) } else { words };
         let words = if self.record_only { NOTHING.to_vec() } else { words };
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the module was validated when it was built; it is destroyed right after the pipeline is made.
+        // SAFETY: the module was validated when it was built, and it is destroyed right after the pipeline is made.
         let shader =
             unsafe { device.create_shader_module(&info, None) }.map_err(|e| error("vkCreateShaderModule", e))?;
         let (entries, values) = self.modes.specialised(constants);
@@ -88,16 +88,16 @@ impl Maker {
             .name(c"main")
             .specialization_info(&special);
         let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
-        // SAFETY: all that `info` points to lives until the call returns.
+        // SAFETY: the pointers in `info` stay valid until the call returns.
         let made = unsafe { device.create_compute_pipelines(self.cache, &info, None) };
-        // SAFETY: the pipeline keeps what it needs of the module.
+        // SAFETY: the pipeline keeps all that it needs of the module.
         unsafe { device.destroy_shader_module(shader, None) };
         Ok(made.map_err(|(_, e)| error("vkCreateComputePipelines", e))?[0])
     }
 }
 
 impl Pipelines {
-    /// Reads the cache on disk, in `folder` or where the user has it.
+    /// Reads the cache on disk, in `folder` or in the user's cache folder.
     pub(crate) fn new(
         device: &ash::Device,
         name: &str,
@@ -125,8 +125,9 @@ impl Pipelines {
         Ok(Self { made, outdated, layouts, file, maker, properties: *properties, is_saved: true })
     }
 
-    /// The pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit specialisation
-    /// constants 0, 1, ...; integers and floats go by their bits. `makes` is called before one is made.
+    /// Returns the pipeline of `module` with storage buffers at bindings `0 .. bindings` and the 32-bit
+    /// specialization constants 0, 1, ... Integers and floats are passed by their bits. `makes` is called before a
+    /// pipeline is made.
     pub(crate) fn get(
         &mut self,
         module: &'static Module,
@@ -145,12 +146,12 @@ impl Pipelines {
         Ok(pipeline)
     }
 
-    /// That pipeline, if it was made.
+    /// Returns that pipeline, if it was made.
     pub(crate) fn known(&self, module: &'static Module, constants: &[u32]) -> Option<Pipeline> {
         self.made.get(&(module.name, constants.to_vec())).copied()
     }
 
-    /// What a pipeline of `module` has before it is made.
+    /// Returns the layouts of a pipeline of `module` before it is made.
     #[cfg_attr(not(test), allow(unused_variables, reason = "tests name modules"))]
     fn laid_out(&mut self, module: &'static Module, bindings: u32) -> Result<Pipeline, EngineError> {
         let (set_layout, layout) = self.layout(bindings)?;
@@ -164,7 +165,7 @@ impl Pipelines {
         })
     }
 
-    /// Those of the wanted that are not there yet, each once, without the pipeline.
+    /// Returns the wanted pipelines that do not exist yet, each once, as layouts without a pipeline.
     pub(crate) fn missing(&mut self, wanted: Vec<Wanted>) -> Result<Vec<(Wanted, Pipeline)>, EngineError> {
         let mut missing: Vec<(Wanted, Pipeline)> = Vec::new();
         for wanted in wanted {
@@ -178,20 +179,20 @@ impl Pipelines {
         Ok(missing)
     }
 
-    /// From now on kernels make the bits of halves, whatever the device promises.
+    /// From now on kernels compute the bits of halves, whatever the device supports.
     pub(crate) fn make_halves(&mut self) {
         self.maker.modes.rounds_halves = false;
-        // Somebody may still use them.
+        // The old pipelines may still be in use.
         let halves = self.made.extract_if(|(module, _), _| module.ends_with("_half"));
         self.outdated.extend(halves.map(|(_, pipeline)| pipeline.raw));
     }
 
-    /// Takes over what was made.
+    /// Stores a pipeline that was made.
     pub(crate) fn insert(&mut self, wanted: Wanted, pipeline: Pipeline) {
         self.is_saved = false;
         match self.made.entry((wanted.module.name, wanted.constants)) {
-            // Somebody made it meanwhile, and may use it: that one stays.
-            // SAFETY: nobody has seen this one.
+            // If the pipeline was made meanwhile, that one may be in use and stays.
+            // SAFETY: this pipeline is not yet in use.
             Entry::Occupied(_) => unsafe { self.maker.device.destroy_pipeline(pipeline.raw, None) },
             Entry::Vacant(place) => {
                 place.insert(pipeline);
@@ -206,7 +207,7 @@ impl Pipelines {
         }
         // SAFETY: the cache is valid.
         let data = unsafe { self.maker.device.get_pipeline_cache_data(self.maker.cache) };
-        // What was read already need not be written.
+        // Data that equals the file is not written again.
         if let (Some(file), Ok(data)) = (&self.file, data)
             && cache::read(file, &self.properties).as_ref() != Some(&data)
         {
@@ -262,7 +263,7 @@ impl Drop for Pipelines {
     fn drop(&mut self) {
         self.save();
         let raw = &self.maker.device;
-        // SAFETY: recordings are waited for before the pipelines are dropped; each is destroyed once.
+        // SAFETY: recordings are waited for before the pipelines are dropped, and each is destroyed once.
         unsafe {
             for pipeline in self.made.values().map(|made| made.raw).chain(self.outdated.drain(..)) {
                 raw.destroy_pipeline(pipeline, None);

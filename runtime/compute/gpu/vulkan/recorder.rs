@@ -1,7 +1,7 @@
-//! Records submissions: dispatches, copies, barriers and timestamps. Two may be in flight: while one runs, the next is
-//! recorded.
+//! Records submissions of dispatches, copies, barriers and timestamps, up to two in flight.
 //!
-//! Everything in here is used again: command buffers, descriptor pools that are reset, query pools that grow.
+//! While one submission runs, the next is recorded. Command buffers are reused, and so are descriptor pools, which
+//! are reset, and query pools, which grow.
 
 use super::block::{Block, Range};
 use super::device::Device;
@@ -13,18 +13,18 @@ use ash::{khr, vk};
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// Buffers that a kernel sees at most.
+/// Most buffers that a kernel may bind.
 const MOST_BUFFERS: usize = 16;
 
-/// The label of a whole recording's time.
+/// The label for the time of a whole recording.
 pub(crate) const END: usize = usize::MAX;
 
-/// Workgroups of a dispatch.
+/// The number of workgroups of a dispatch.
 #[derive(Clone, Copy)]
 pub(crate) enum Groups<'a> {
-    /// So many.
+    /// These numbers of workgroups.
     These([u32; 3]),
-    /// As many as stand there when it comes to it.
+    /// The numbers that this range holds when the dispatch runs.
     At(Range<'a>),
 }
 
@@ -34,10 +34,10 @@ impl From<[u32; 3]> for Groups<'_> {
     }
 }
 
-/// Bytes to be copied: from where, to where, how many.
+/// Source offset, target offset and number of bytes of a copy.
 pub(crate) type Piece = (u64, u64, u64);
 
-/// A semaphore whose value is the number of submissions that are over.
+/// A semaphore whose value is the number of finished submissions.
 pub struct Timeline {
     pub raw: vk::Semaphore,
     device: Arc<Device>,
@@ -47,7 +47,7 @@ impl Timeline {
     fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: the device is valid and has timeline semaphores; it is destroyed in `drop`.
+        // SAFETY: the device is valid and has timeline semaphores. The semaphore is destroyed in `drop`.
         let raw = unsafe { device.raw.create_semaphore(&info, None) };
         let raw = raw.map_err(|e| device.error("vkCreateSemaphore", "setting up", e))?;
         Ok(Self { raw, device: Arc::clone(device) })
@@ -59,48 +59,48 @@ impl Drop for Timeline {
         if self.device.is_stuck() {
             return;
         }
-        // SAFETY: the recorder that signals it waited for its submissions, and who waits for it holds it; destroyed once.
+        // SAFETY: its recorder waited for its submissions, and those who wait for it hold it. It is destroyed once.
         unsafe { self.device.raw.destroy_semaphore(self.raw, None) };
     }
 }
 
 pub(crate) struct Recorder {
-    /// What is recorded into, in turn.
+    /// The recording slots, used in turn.
     slots: [Slot; IN_FLIGHT],
-    /// The one that is recorded into, or was last.
+    /// Index of the slot in use, or of the last one.
     at: usize,
-    /// Rises with every submission that is over.
+    /// Rises with every finished submission.
     done: Arc<Timeline>,
     submitted: u64,
-    /// The last submission that is known to be over.
+    /// The last submission that is certainly finished.
     over: u64,
-    /// Whether kernels see half of what they are bound to, in tests of what finds that.
+    /// True if kernels bind half of their ranges, in tests of the code that detects that.
     #[cfg(test)]
     pub(crate) shows_half: bool,
-    /// Bands around what dispatches are bound to, in tests that want them.
+    /// Bands around the ranges of dispatches, in tests that want them.
     #[cfg(test)]
     pub(crate) guards: Option<super::guards::Guards>,
-    /// What a test's driver says from a number of submissions on.
+    /// The fault that a test's driver returns from a number of submissions on.
     #[cfg(any(test, feature = "test-hooks"))]
     fails_from: Option<(u64, vk::Result)>,
-    /// How long a submission may take, nanoseconds.
+    /// Longest time of a submission, nanoseconds.
     pub(crate) patience_ns: u64,
-    /// Times of submissions that are over, for whoever takes them: in the steady state nothing is allocated.
+    /// Times of finished submissions, until someone takes them. In the steady state nothing is allocated.
     pub(crate) times: Vec<Time>,
     regions: Vec<vk::BufferCopy>,
     recording: bool,
-    /// Whether what is recorded is submitted in parts where it is long, and bytes that were recorded since the last.
+    /// True if long recordings are submitted in parts. `moved` is the number of bytes recorded since the last part.
     pub(crate) is_cut: bool,
-    /// Bytes from which on it is.
+    /// Bytes after which the next part begins.
     pub(crate) most_moved: u64,
     moved: Cell<u64>,
-    /// Of which the last dispatch moves these.
+    /// Bytes of the last dispatch, included in `moved`.
     moved_last: Cell<u64>,
-    /// Whether the next dispatch belongs to what is before it.
+    /// True if the next dispatch must be in the same part as the work before.
     pub(crate) is_held: bool,
-    /// The driver's `vkQueueSubmit`: where it first says that the device was lost.
+    /// The driver's `vkQueueSubmit`, which first reports that the device was lost.
     pub(crate) queue_submit: vk::PFN_vkQueueSubmit,
-    /// The newer barriers, where the device has them.
+    /// The newer barriers, if the device has them.
     pub(crate) modern: Option<khr::synchronization2::Device>,
     pub(super) device: Arc<Device>,
 }
@@ -134,31 +134,31 @@ impl Recorder {
         })
     }
 
-    /// What says that the last submission is over, on any queue.
+    /// Returns the signal that the last submission is over, for any queue.
     pub(crate) fn last(&self) -> (Arc<Timeline>, u64) {
         (Arc::clone(&self.done), self.submitted)
     }
 
-    /// Number of descriptor pools.
+    /// Returns the number of descriptor pools.
     #[cfg(test)]
     pub(crate) fn pools(&self) -> usize {
         self.slots.iter().map(Slot::pools).sum()
     }
 
-    /// The driver answers with this fault from its so many-th submission from now on.
+    /// Makes the driver return this fault after `submissions` more submissions.
     #[cfg(any(test, feature = "test-hooks"))]
     pub(crate) fn fail_after(&mut self, submissions: u64, fault: vk::Result) {
         self.fails_from = Some((self.submitted + submissions, fault));
     }
 
-    /// Starts a recording with room for `marks` timestamps, behind all that is in flight. A recording that was not submitted
-    /// is thrown away.
+    /// Starts a recording with room for `marks` timestamps, after all work in flight. A recording that was not
+    /// submitted is discarded.
     pub(crate) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
         if self.device.is_stuck() {
             return Err(self.device.give_up("vkBeginCommandBuffer", "recording"));
         }
         let next = (self.at + 1) % IN_FLIGHT;
-        self.wait_for(self.slots[next].submission, "what was submitted before")?;
+        self.wait_for(self.slots[next].submission, "earlier work")?;
         self.at = next;
         self.slots[next].begin(marks)?;
         self.moved.set(0);
@@ -174,7 +174,8 @@ impl Recorder {
         self.slots[self.at].command
     }
 
-    /// Runs `groups` workgroups of a pipeline over these buffers. Without a barrier, it may run beside its neighbours.
+    /// Runs `groups` workgroups of a pipeline over these buffers. Without a barrier, it may run at the same time as
+    /// its neighbors.
     pub(crate) fn dispatch<'g>(
         &mut self,
         pipeline: Pipeline,
@@ -230,7 +231,7 @@ impl Recorder {
         }
         let writes = &writes[..buffers.len().min(MOST_BUFFERS)];
         let raw = &self.device.raw;
-        // SAFETY: the set is fresh from its pool; blocks outlive the submission, which is waited for.
+        // SAFETY: the set is fresh from its pool. Blocks outlive the submission, which is waited for.
         unsafe {
             raw.update_descriptor_sets(writes, &[]);
             raw.cmd_bind_pipeline(command, vk::PipelineBindPoint::COMPUTE, pipeline.raw);
@@ -248,18 +249,18 @@ impl Recorder {
         Ok(())
     }
 
-    /// Says what the last dispatch moves: to a device that only records, and where long lists are cut.
+    /// Reports the moves of the last dispatch, to a device that only records and to the division of long lists.
     pub(crate) fn moved(&self, moves: impl FnOnce() -> Vec<Move>) {
         if self.is_cut || self.device.record_only {
             let moves = moves();
-            // What was said of it before is forgotten.
+            // An earlier report for the same dispatch is replaced.
             let bytes = moves.iter().map(|m| m.bytes).sum();
             self.moved.set(self.moved.get() + bytes - self.moved_last.replace(bytes));
             self.device.record(|r| r.moved(moves));
         }
     }
 
-    /// Submits what was recorded since the beginning, or since the last time, if that is much; the recording goes on.
+    /// Submits the work recorded since the last submission if it is large, and continues the recording.
     fn cut_if_due(&mut self) -> Result<(), EngineError> {
         if !self.is_cut || self.moved.get() <= self.most_moved {
             return Ok(());
@@ -269,7 +270,7 @@ impl Recorder {
         self.slots[self.at].go_on(submission)
     }
 
-    /// What was recorded before is finished, and seen, before what follows starts.
+    /// Makes following work wait until earlier work is finished and visible.
     pub(crate) fn barrier(&mut self) {
         self.wait(false);
     }
@@ -295,7 +296,7 @@ impl Recorder {
                 .dst_stage_mask(after)
                 .dst_access_mask(read)];
             let info = vk::DependencyInfo::default().memory_barriers(&barrier);
-            // SAFETY: the command buffer is being recorded; the feature is on.
+            // SAFETY: the command buffer is being recorded, and the feature is on.
             unsafe { modern.cmd_pipeline_barrier2(self.command(), &info) };
         } else {
             use vk::{AccessFlags as Access, PipelineStageFlags as Stage};
@@ -314,13 +315,13 @@ impl Recorder {
         }
     }
 
-    /// What another process left in a block that it has too is seen by what follows.
+    /// Makes data that another process wrote to a shared block visible to following work.
     #[cfg(target_os = "linux")]
     pub(crate) fn take_over(&mut self, block: &Block) {
         self.pass(block, vk::QUEUE_FAMILY_EXTERNAL, self.device.compute.family);
     }
 
-    /// The other process may make use of the block from here on.
+    /// Releases a shared block to the other process.
     #[cfg(target_os = "linux")]
     pub(crate) fn hand_back(&mut self, block: &Block) {
         self.pass(block, self.device.compute.family, vk::QUEUE_FAMILY_EXTERNAL);
@@ -340,25 +341,25 @@ impl Recorder {
             .src_access_mask(ours(from))
             .dst_access_mask(ours(to))];
         let (raw, none) = (&self.device.raw, vk::DependencyFlags::empty());
-        // SAFETY: the command buffer is being recorded; the block's memory was made to be shared.
+        // SAFETY: the command buffer is being recorded, and the block's memory was made to be shared.
         unsafe { raw.cmd_pipeline_barrier(self.command(), work, work, none, &[], &barrier, &[]) };
     }
 
     /// Fills a range with zeros.
     pub(crate) fn clear(&mut self, range: Range<'_>) {
-        // SAFETY: the command buffer is being recorded; offset and size are multiples of 4.
+        // SAFETY: the command buffer is being recorded. Offset and size are multiples of 4.
         unsafe { self.device.raw.cmd_fill_buffer(self.command(), range.block.raw, range.offset, range.size, 0) };
         self.moved.set(self.moved.get() + range.size);
         self.device.record(|r| r.push(Entry::Work { moves: vec![range.writes(range.size)], dispatch: false }));
     }
 
-    /// Copies pieces.
+    /// Copies these pieces from one block to another.
     pub(crate) fn copy(&mut self, from: &Block, to: &Block, pieces: impl IntoIterator<Item = Piece>) {
         self.regions.clear();
         let region = |(src_offset, dst_offset, size)| vk::BufferCopy { src_offset, dst_offset, size };
         self.regions.extend(pieces.into_iter().filter(|p| p.2 > 0).map(region));
         if !self.regions.is_empty() {
-            // SAFETY: the command buffer is being recorded; the pieces lie inside the blocks.
+            // SAFETY: the command buffer is being recorded, and the pieces are inside the blocks.
             unsafe { self.device.raw.cmd_copy_buffer(self.command(), from.raw, to.raw, &self.regions) };
             let bytes = self.regions.iter().map(|r| r.size).sum();
             self.moved.set(self.moved.get() + 2 * bytes);
@@ -367,30 +368,30 @@ impl Recorder {
         }
     }
 
-    /// The time since the mark before belongs to `label`, where this recording has timestamps.
+    /// Assigns the time since the last mark to `label`, if this recording has timestamps.
     pub(crate) fn mark(&mut self, label: usize) {
         self.device.record(|r| r.push(Entry::Mark(label)));
         self.slots[self.at].mark(label);
     }
 
-    /// Says what was recorded since the last such word, and does not time it.
+    /// Labels the work since the last mark, without timing it.
     pub(crate) fn note(&self, label: usize) {
         self.device.record(|r| r.push(Entry::Mark(label)));
     }
 
-    /// The time since the beginning belongs to [`END`].
+    /// Assigns the time since the beginning to [`END`].
     pub(crate) fn mark_end(&mut self) {
         self.slots[self.at].mark(END);
     }
 
-    /// Runs what was recorded and waits, for a while: a device that does not answer is lost. `during` is what an error
-    /// names.
+    /// Runs the recording and waits for it. A device that does not answer in time is lost. `during` names the work in
+    /// errors.
     pub(crate) fn submit(&mut self, during: &str) -> Result<(), EngineError> {
         let submission = self.send(during)?;
         self.wait_for(submission, during)
     }
 
-    /// Runs what was recorded behind all that was before; which submission it is. What it uses stays as it is until it was
+    /// Runs the recording after all earlier work and returns its number. Its resources must not change until it was
     /// [waited for](Self::wait_for).
     pub(crate) fn send(&mut self, during: &str) -> Result<u64, EngineError> {
         self.wait(true);
@@ -400,15 +401,15 @@ impl Recorder {
         Ok(submission)
     }
 
-    /// Which part of a list is recorded: what the host writes from now on is seen by this part and by those behind it. The next
-    /// dispatch is of this part, too.
+    /// Returns the index of the current part of a list, and keeps the next dispatch in it. Data that the host writes
+    /// from now on is visible to this part and to later ones.
     pub(crate) fn hold_part(&mut self) -> Result<usize, EngineError> {
         self.cut_if_due()?;
         self.is_held = true;
         Ok(self.slots[self.at].part)
     }
 
-    /// Ends the command buffer that is recorded into, and submits it.
+    /// Ends the current command buffer and submits it.
     fn hand_over(&mut self, during: &str, as_what: Entry) -> Result<u64, EngineError> {
         let raw = &self.device.raw;
         let device = &self.device;
@@ -421,7 +422,8 @@ impl Recorder {
             .command_buffers(&commands)
             .signal_semaphores(&semaphores)
             .push_next(&mut timeline)];
-        // SAFETY: the queue is locked while it is submitted to; all that was recorded lives until it was waited for.
+        // SAFETY: the queue is locked during the submission. All recorded objects live until the submission was
+        // waited for.
         unsafe {
             raw.end_command_buffer(self.command()).map_err(error("vkEndCommandBuffer"))?;
             if device.record_only {
@@ -441,7 +443,7 @@ impl Recorder {
         Ok(next)
     }
 
-    /// Waits until a submission is over, for a while, and reads its times.
+    /// Waits for a submission, for a limited time, and reads its times.
     pub(crate) fn wait_for(&mut self, submission: u64, during: &str) -> Result<(), EngineError> {
         let device = &self.device;
         if submission > self.over {
@@ -467,14 +469,14 @@ impl Recorder {
         self.slots.iter_mut().filter(|slot| slot.submission <= self.over).try_for_each(|slot| slot.read_times(times))
     }
 
-    /// Waits until all is over.
+    /// Waits until all submissions are over.
     pub(crate) fn idle(&mut self) -> Result<(), EngineError> {
-        self.wait_for(self.submitted, "what was submitted before")
+        self.wait_for(self.submitted, "earlier work")
     }
 
     fn set(&mut self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet, EngineError> {
         if self.slots[self.at].is_used_up() {
-            // One for each, so that the next recording finds what this one needed.
+            // Each slot gets one, so that the next recording has as many as this one needed.
             self.slots.iter_mut().try_for_each(Slot::add_pool)?;
         }
         self.slots[self.at].set(layout)
@@ -488,9 +490,9 @@ impl Drop for Recorder {
         }
         let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: what was submitted is over after the wait (or the device lost, when nothing runs either).
+        // SAFETY: all submissions are over after the wait (or the device is lost, and nothing runs either).
         if unsafe { self.device.raw.wait_semaphores(&wait, self.patience_ns) } == Err(vk::Result::TIMEOUT) {
-            // What it may still be at is not destroyed.
+            // Objects that the device may still use are not destroyed.
             let _ = self.device.give_up("vkWaitSemaphores", "closing");
         }
     }

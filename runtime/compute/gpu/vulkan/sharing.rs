@@ -1,27 +1,28 @@
-//! Whether a device shares memory with other processes (`VK_KHR_external_memory_fd`), and which device it is to them.
+//! Finds out if a device shares memory with other processes (`VK_KHR_external_memory_fd`), and identifies it.
 
 use super::instance::{Instance, has};
 use ash::{khr, vk};
 
-/// How memory is handed over.
+/// Handle type of shared memory.
 pub(super) const OPAQUE: vk::ExternalMemoryHandleTypeFlags = vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD;
-/// What buffers in shared memory are made for, on both sides.
+/// Usage of buffers in shared memory, on both sides.
 pub(super) const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw()
         | vk::BufferUsageFlags::STORAGE_BUFFER.as_raw(),
 );
 
-/// Which device it is, behind which driver: memory passes between processes where both are the same.
+/// Identity of a device and its driver. Memory passes between processes if both are equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeviceIds {
-    /// `deviceUUID`.
+    /// The `deviceUUID` of the device.
     pub device: [u8; 16],
-    /// `driverUUID`.
+    /// The `driverUUID` of the driver.
     pub driver: [u8; 16],
 }
 
-/// Whether a device exports and imports memory of buffers as opaque file descriptors, without memory of their own for each.
+/// Returns true if a device exports and imports buffer memory as opaque file descriptors, without dedicated
+/// allocations.
 pub(super) fn shares(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
     // SAFETY: the device is of this instance.
     let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
@@ -30,14 +31,14 @@ pub(super) fn shares(instance: &Instance, physical: vk::PhysicalDevice) -> bool 
     }
     let info = vk::PhysicalDeviceExternalBufferInfo::default().usage(USAGE).handle_type(OPAQUE);
     let mut properties = vk::ExternalBufferProperties::default();
-    // SAFETY: as above; the call is of Vulkan 1.1, and a device of 1.2 is asked.
+    // SAFETY: as above. The call is of Vulkan 1.1, and the device is of 1.2.
     unsafe { instance.raw.get_physical_device_external_buffer_properties(physical, &info, &mut properties) };
     use vk::ExternalMemoryFeatureFlags as Features;
     let features = properties.external_memory_properties.external_memory_features;
     features.contains(Features::EXPORTABLE | Features::IMPORTABLE) && !features.contains(Features::DEDICATED_ONLY)
 }
 
-/// Its UUIDs.
+/// Returns the UUIDs of a device.
 pub(super) fn ids(instance: &Instance, physical: vk::PhysicalDevice) -> DeviceIds {
     let mut ids = vk::PhysicalDeviceIDProperties::default();
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);

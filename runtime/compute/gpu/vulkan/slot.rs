@@ -1,4 +1,4 @@
-//! What one submission is recorded into, used again when it is over: a command buffer, descriptor pools, timestamps.
+//! Holds the command buffer, descriptor pools and timestamps of one submission, and reuses them later.
 
 use super::device::Device;
 use super::error::EngineError;
@@ -11,7 +11,7 @@ pub(crate) const IN_FLIGHT: usize = 2;
 /// Descriptor sets per pool.
 const SETS: u32 = 512;
 
-/// Seconds between a mark and the one before it, of the so many-th submission.
+/// Seconds between a mark and the one before it, in the submission with this number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Time {
     pub(crate) submission: u64,
@@ -21,22 +21,23 @@ pub(crate) struct Time {
 
 pub(super) struct Slot {
     commands: vk::CommandPool,
-    /// What is recorded into.
+    /// The command buffer that is recorded into.
     pub(super) command: vk::CommandBuffer,
-    /// All command buffers, of which a recording in parts takes one after the other, and which of them that is.
+    /// All command buffers, which a recording in parts takes one after the other. `part` is the index of the current
+    /// one.
     parts: Vec<vk::CommandBuffer>,
     pub(super) part: usize,
-    /// Which submission made use of it last.
+    /// The last submission that used it.
     pub(super) submission: u64,
     pools: Vec<vk::DescriptorPool>,
-    /// The pool in use, and how many sets it gave.
+    /// Index of the current pool, and the number of sets taken from it.
     used: (usize, u32),
     queries: vk::QueryPool,
     capacity: u32,
-    /// Labels of the timestamps behind the first.
+    /// Labels of the timestamps after the first.
     marks: Vec<usize>,
     timed: bool,
-    /// Whether what was recorded last was submitted.
+    /// True if the last recording was submitted.
     is_sent: bool,
     ticks: Vec<u64>,
     device: Arc<Device>,
@@ -62,7 +63,7 @@ impl Slot {
         };
         let error = |call| move |e| device.error(call, "setting up", e);
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.compute.family);
-        // SAFETY: the device is valid; what is made is destroyed in `drop`.
+        // SAFETY: the device is valid. Everything made here is destroyed in `drop`.
         unsafe {
             slot.commands = device.raw.create_command_pool(&info, None).map_err(error("vkCreateCommandPool"))?;
         }
@@ -70,7 +71,7 @@ impl Slot {
         Ok(slot)
     }
 
-    /// From now on recordings go to this one of the command buffers.
+    /// Directs recordings to the command buffer with this index.
     fn take_part(&mut self, part: usize) -> Result<(), EngineError> {
         let device = &self.device;
         if part == self.parts.len() {
@@ -78,7 +79,7 @@ impl Slot {
                 .command_pool(self.commands)
                 .level(vk::CommandBufferLevel::PRIMARY)
                 .command_buffer_count(1);
-            // SAFETY: the pool is this slot's, and lives as long as what comes from it.
+            // SAFETY: the pool is this slot's, and lives as long as the buffers from it.
             let made = unsafe { device.raw.allocate_command_buffers(&info) };
             self.parts.extend(made.map_err(|e| device.error("vkAllocateCommandBuffers", "setting up", e))?);
         }
@@ -86,17 +87,17 @@ impl Slot {
         Ok(())
     }
 
-    /// What was recorded so far was submitted, as this submission; the rest goes to another command buffer.
+    /// Continues in another command buffer, after the recorded part was submitted with this number.
     pub(super) fn go_on(&mut self, submission: u64) -> Result<(), EngineError> {
         self.submission = submission;
         self.take_part(self.part + 1)?;
         self.begin_part()
     }
 
-    /// Starts recording into the command buffer in use.
+    /// Starts recording into the current command buffer.
     fn begin_part(&self) -> Result<(), EngineError> {
         let once = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: it is not in use since its pool was reset.
+        // SAFETY: it is unused since its pool was reset.
         let begun = unsafe { self.device.raw.begin_command_buffer(self.command, &once) };
         begun.map_err(|e| self.device.error("vkBeginCommandBuffer", "recording", e))
     }
@@ -106,7 +107,7 @@ impl Slot {
         self.pools.len()
     }
 
-    /// Starts a recording with room for `marks` timestamps; what was recorded here before is over.
+    /// Starts a recording with room for `marks` timestamps. The previous recording here is over.
     pub(super) fn begin(&mut self, marks: usize) -> Result<(), EngineError> {
         self.timed = marks > 0 && self.device.report.limits.timestamp_period > 0.0;
         self.marks.clear();
@@ -114,7 +115,7 @@ impl Slot {
         self.take_part(0)?;
         let (device, raw) = (&self.device, &self.device.raw);
         let error = |call| move |e| device.error(call, "recording", e);
-        // SAFETY: what was submitted from here has been waited for, so pools may be reset and queries replaced.
+        // SAFETY: submissions from here were waited for, so pools may be reset and queries replaced.
         unsafe {
             raw.reset_command_pool(self.commands, vk::CommandPoolResetFlags::empty())
                 .map_err(error("vkResetCommandPool"))?;
@@ -142,7 +143,7 @@ impl Slot {
         Ok(())
     }
 
-    /// The time since the mark before belongs to `label`.
+    /// Assigns the time since the last mark to `label`.
     pub(super) fn mark(&mut self, label: usize) {
         if !self.timed {
             return;
@@ -154,12 +155,12 @@ impl Slot {
         unsafe { self.device.raw.cmd_write_timestamp(self.command, stage, self.queries, at) };
     }
 
-    /// What was recorded is this submission now.
+    /// Records that the recording became this submission.
     pub(super) fn sent(&mut self, submission: u64) {
         (self.submission, self.is_sent) = (submission, true);
     }
 
-    /// The times of a submission that is over, once.
+    /// Reads the times of a finished submission, once.
     pub(super) fn read_times(&mut self, times: &mut Vec<Time>) -> Result<(), EngineError> {
         if self.marks.is_empty() || !self.is_sent || self.device.record_only {
             return Ok(());
@@ -178,15 +179,15 @@ impl Slot {
         Ok(())
     }
 
-    /// Whether the next set needs a pool that is not there.
+    /// Returns true if the next set needs another pool.
     pub(super) fn is_used_up(&self) -> bool {
         self.used.0 + usize::from(self.used.1 == SETS) >= self.pools.len()
     }
 
-    /// One more pool.
+    /// Adds a pool for descriptor sets.
     pub(super) fn add_pool(&mut self) -> Result<(), EngineError> {
         let device = &self.device;
-        // Kernels see 4 buffers on average or fewer; some of the transform's see more.
+        // Kernels bind 4 buffers on average or fewer, but some of the transform's bind more.
         let sizes = [vk::DescriptorPoolSize { ty: vk::DescriptorType::STORAGE_BUFFER, descriptor_count: 8 * SETS }];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);
         // SAFETY: `info` is valid for the call.
@@ -196,7 +197,7 @@ impl Slot {
         Ok(())
     }
 
-    /// A descriptor set; there is a pool for it.
+    /// Allocates a descriptor set. A pool with room for it exists.
     pub(super) fn set(&mut self, layout: vk::DescriptorSetLayout) -> Result<vk::DescriptorSet, EngineError> {
         let device = &self.device;
         if self.used.1 == SETS {
@@ -206,9 +207,9 @@ impl Slot {
         let info =
             vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pools[self.used.0]).set_layouts(&layouts);
         let mut set = vk::DescriptorSet::null();
-        // Not through ash, which makes a list of the one.
+        // This bypasses ash, which would allocate a list for the one set.
         let allocate = device.raw.fp_v1_0().allocate_descriptor_sets;
-        // SAFETY: the pool has room for this set, and one is asked for.
+        // SAFETY: the pool has room for this set, and one is requested.
         let made = unsafe { allocate(device.raw.handle(), &info, &mut set) }.result();
         made.map_err(|e| device.error("vkAllocateDescriptorSets", "descriptor sets", e))?;
         self.used.1 += 1;
@@ -222,7 +223,7 @@ impl Drop for Slot {
             return;
         }
         let raw = &self.device.raw;
-        // SAFETY: the recorder has waited for what was submitted from here; each is destroyed once.
+        // SAFETY: the recorder has waited for all submissions from here, and each object is destroyed once.
         unsafe {
             raw.destroy_query_pool(self.queries, None);
             for pool in &self.pools {

@@ -1,5 +1,7 @@
-//! What a compiler makes of pipelines, as drivers tell it (`VK_KHR_pipeline_executable_properties`): for tests. RADV compiles
-//! for devices that are not there (`RADV_FORCE_FAMILY`), which can run nothing and have no memory.
+//! Reads compiler statistics of pipelines from drivers, for tests.
+//!
+//! The extension is `VK_KHR_pipeline_executable_properties`. RADV compiles for absent devices (`RADV_FORCE_FAMILY`),
+//! which can run nothing and have no memory.
 
 use super::modules::FloatModes;
 use super::pipelines::PUSH_BYTES;
@@ -8,25 +10,25 @@ use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// A pipeline to be compiled: the module's name, how many buffers it is bound to, its constants.
+/// A pipeline to compile, with the name of its module, its number of buffers and its constants.
 pub type Key = (String, u32, Vec<u32>);
 
-/// Numbers by the names that the driver gives them, and the microseconds that it took.
+/// Numbers by the driver's names for them, with the microseconds of compilation.
 pub type Statistics = BTreeMap<String, u64>;
 
-/// Compiles each for the first device that the loader finds; the device's name, and what it says of each.
+/// Compiles each for the first device that the loader finds. Returns the device's name, and the statistics of each.
 ///
 /// # Errors
-/// What is missing, or failed.
+/// The missing part, or the failed call.
 pub fn compile(keys: &[Key]) -> Result<(String, Vec<Statistics>), String> {
     let failed = |what: &'static str| move |e: vk::Result| format!("{what}: {e}");
     // SAFETY: the loader is a Vulkan loader.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| e.to_string())?;
     let about = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
     let info = vk::InstanceCreateInfo::default().application_info(&about);
-    // SAFETY: what `info` points to lives until the call returns.
+    // SAFETY: the pointers in `info` stay valid until the call returns.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(failed("vkCreateInstance"))?;
-    // SAFETY: the instance is alive, and is destroyed after all that is made of it.
+    // SAFETY: the instance is alive, and is destroyed after everything that is made of it.
     let told = unsafe {
         let all = instance.enumerate_physical_devices().map_err(failed("vkEnumeratePhysicalDevices"));
         let told = all.and_then(|all| of_device(&instance, *all.first().ok_or("no device")?, keys));
@@ -44,7 +46,7 @@ unsafe fn of_device(
     physical: vk::PhysicalDevice,
     keys: &[Key],
 ) -> Result<(String, Vec<Statistics>), String> {
-    // SAFETY: as the caller promises.
+    // SAFETY: the caller guarantees it.
     let properties = unsafe { instance.get_physical_device_properties(physical) };
     let name = properties.device_name_as_c_str().map_or_else(|_| "?".into(), |n| n.to_string_lossy().into_owned());
     let mut tells = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
@@ -54,7 +56,7 @@ unsafe fn of_device(
         .queue_create_infos(&queues)
         .enabled_extension_names(&extensions)
         .push_next(&mut tells);
-    // SAFETY: what `info` points to lives until the call returns.
+    // SAFETY: the pointers in `info` stay valid until the call returns.
     let device = unsafe { instance.create_device(physical, &info, None) }.map_err(|e| format!("{name}: {e}"))?;
     let asked = khr::pipeline_executable_properties::Device::new(instance, &device);
     let mut floats = vk::PhysicalDeviceFloatControlsProperties::default();
@@ -62,7 +64,7 @@ unsafe fn of_device(
     // SAFETY: as above, of Vulkan 1.2, which knows the structure.
     unsafe { instance.get_physical_device_properties2(physical, &mut all) };
     let modes = FloatModes::of(&floats);
-    // SAFETY: the device is alive, and nothing that was made of it is left when it is destroyed.
+    // SAFETY: the device is alive, and everything made of it is gone when it is destroyed.
     let told: Result<_, String> =
         keys.par_iter().map(|key| unsafe { of_pipeline(&device, &asked, &modes, key) }).collect();
     // SAFETY: as above.
@@ -88,7 +90,7 @@ unsafe fn of_pipeline(
     };
     let slots: Vec<_> = (0..*bindings).map(slot).collect();
     let push = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(PUSH_BYTES)];
-    // SAFETY: each is made of what lives, and destroyed once, after what is made of it.
+    // SAFETY: each is made of live objects, and destroyed once, after the objects made of it.
     unsafe {
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         let shader = device.create_shader_module(&info, None).map_err(failed("vkCreateShaderModule"))?;

@@ -1,11 +1,11 @@
-//! What is remembered of a device that was tried: beside its pipelines, for this driver and these kernels.
+//! Stores the test result of a device next to its pipelines, for this driver and these kernels.
 
 use super::{cache, report::Tested};
 use ash::vk;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What was tried, and how it went.
+/// The stored result, with the device, driver and kernels that were tested.
 #[derive(Serialize, Deserialize)]
 struct TestRecord {
     device: String,
@@ -14,7 +14,7 @@ struct TestRecord {
     tested: Tested,
 }
 
-/// Where it is kept, for one device, and what has to be the same.
+/// The file for one device, with the values that must match.
 pub(crate) struct Record {
     file: PathBuf,
     device: String,
@@ -22,7 +22,7 @@ pub(crate) struct Record {
 }
 
 impl Record {
-    /// In `folder`, or where the user keeps such things.
+    /// Returns the record in `folder`, or in the user's cache folder.
     pub(crate) fn new(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
         let device: String =
             properties.device_name_as_c_str().map_or_else(|_| String::new(), |n| n.to_string_lossy().into_owned());
@@ -30,7 +30,7 @@ impl Record {
         Some(Self { file, device, driver: properties.driver_version })
     }
 
-    /// What came of it, if this device was tried with this driver and these kernels.
+    /// Returns the result, if this device was tested with this driver and these kernels.
     pub(crate) fn read(&self) -> Option<Tested> {
         let bytes = crate::files::read::bytes(&self.file, crate::files::read::TEXT).ok()?;
         let kept: TestRecord = serde_json::from_slice(&bytes).ok()?;
@@ -38,14 +38,14 @@ impl Record {
         is_this.then_some(kept.tested)
     }
 
-    /// Keeps it; a folder that cannot be written to is no harm: the device is tried again.
+    /// Stores the result. If the folder cannot be written, the device is only tested again.
     pub(crate) fn write(&self, tested: Tested) {
         let kept = TestRecord { device: self.device.clone(), driver: self.driver, kernels: kernels(), tested };
         let _ = serde_json::to_vec(&kept).is_ok_and(|text| cache::put(&self.file, &text));
     }
 }
 
-/// The kernels of this build, as a number.
+/// Returns a checksum of the kernels of this build.
 fn kernels() -> u32 {
     eyebox_spirv::ALL.iter().fold(0, |sum, module| crc32c::crc32c_append(sum, bytemuck::cast_slice(module.words())))
 }

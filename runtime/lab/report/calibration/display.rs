@@ -1,4 +1,4 @@
-//! The display as it is, drawn: wavefront, beam, table, pupil plane and crosstalk.
+//! Draws the fitted display as wavefront, beam, table, pupil plane and crosstalk.
 
 use super::super::page::{figure, row, table};
 use super::super::pictures::{img, ramp};
@@ -8,7 +8,7 @@ use eyebox::low_level::calibrate::{Figures, IrisFound, Kernel, Map, Report, Tabl
 use maud::{Markup, html};
 use std::f64::consts::TAU;
 
-/// All that differs from an ideal display; nothing of an ideal one.
+/// Draws all differences from an ideal display. Returns `None` for an ideal display.
 pub(super) fn plots(report: &Report) -> Option<Markup> {
     let figures = report.figures.as_ref()?;
     let Figures { eyebox_mm, wavefront, beam, table, zero_orders, crosstalk, iris, .. } = figures;
@@ -17,7 +17,7 @@ pub(super) fn plots(report: &Report) -> Option<Markup> {
         return None;
     }
     Some(html! {
-        @if !report.calibrated { p { "This is what the display's file has: the pictures gave nothing better." } }
+        @if !report.calibrated { p { "These are the values of the display's file. The pictures gave no better ones." } }
         div.plots {
             @if let Some(wavefront) = wavefront { (relay(wavefront)) }
             @if let Some(beam) = beam { (profile(beam)) }
@@ -30,7 +30,7 @@ pub(super) fn plots(report: &Report) -> Option<Markup> {
     })
 }
 
-/// A map with its scale from the least to the highest value.
+/// Draws a map with its scale from the least to the highest value.
 fn mapped(map: &Map, [least, highest]: [f64; 2], name: &str, about: &str, unit: &str) -> Markup {
     let wide = (highest - least).max(f64::MIN_POSITIVE);
     let shares: Vec<f64> = map.values.iter().map(|v| (v - least) / wide).collect();
@@ -43,7 +43,7 @@ fn mapped(map: &Map, [least, highest]: [f64; 2], name: &str, about: &str, unit: 
     }
 }
 
-/// A plot of several lines, whose names stand above it.
+/// Draws a plot of several lines with a legend above it.
 fn lines(plot: &Plot, name: &str, about: &str, series: &[(&str, &str)]) -> Markup {
     html! {
         figure {
@@ -61,18 +61,18 @@ fn lines(plot: &Plot, name: &str, about: &str, series: &[(&str, &str)]) -> Marku
 fn relay(wavefront: &Wavefront) -> Markup {
     let [height, width] = wavefront.map.size_mm;
     let about = format!(
-        "over the eyebox of {width:.1} x {height:.1} mm: {:.3} waves RMS, {:.2} from valley to peak over the disc in it. The scale is \
-         that of the disc; the corners are continued",
+        "over the eyebox of {width:.1} x {height:.1} mm, {:.3} waves RMS and {:.2} from valley to peak over the disc \
+         in it. The scale is for the disc, and the corners are extrapolated",
         wavefront.rms_waves,
         wavefront.range_waves[1] - wavefront.range_waves[0]
     );
     html! {
         (mapped(&wavefront.map, wavefront.range_waves, "Wavefront of the relay", &about, "waves"))
-        (figure(&aberrations(wavefront), "Aberrations", "Zernike polynomials (ANSI index), waves RMS; whiskers are standard errors"))
+        (figure(&aberrations(wavefront), "Aberrations", "Zernike polynomials (ANSI index), waves RMS, with standard errors as whiskers"))
     }
 }
 
-/// A bar for each polynomial, with its error.
+/// Draws a bar for each polynomial, with its standard error.
 fn aberrations(wavefront: &Wavefront) -> Plot {
     let names = Axis::rows(wavefront.terms.iter().map(|t| format!("{} {}", t.index, t.name)));
     let x = Axis::linear("waves RMS").covering([0.0]);
@@ -111,8 +111,8 @@ fn curve(table: &Table) -> Markup {
     plot.line("m0 line", of(1));
     let [least, _, highest] = table.turns.last().copied().unwrap_or_default();
     let [b1, b2] = table.bend;
-    let about = format!("full drive gives {least:.3} to {highest:.3} turns over the SLM; bend {b1:.3} and {b2:.3} rad");
-    let series = [("root", "ideal"), ("m0", "fitted: the middle of the SLM; paler: its least and its highest")];
+    let about = format!("full drive gives {least:.3} to {highest:.3} turns over the SLM, bend {b1:.3} and {b2:.3} rad");
+    let series = [("root", "ideal"), ("m0", "fitted, at the middle of the SLM (pale: least and highest)")];
     lines(&plot, "Table of the SLM", &about, &series)
 }
 
@@ -122,7 +122,7 @@ fn levels(of: &Table) -> Markup {
     table("Phase at full drive over the SLM, turns", &["", "left", "middle", "right"], rows)
 }
 
-/// A circle about a place, as a line.
+/// Returns the points of a circle about a place.
 fn circle([x, y]: [f64; 2], diameter: f64) -> Vec<[f64; 2]> {
     let at = |i: usize| {
         let (sin, cos) = (TAU * i as f64 / 64.0).sin_cos();
@@ -131,7 +131,7 @@ fn circle([x, y]: [f64; 2], diameter: f64) -> Vec<[f64; 2]> {
     (0..=64).map(at).collect()
 }
 
-/// The pupil plane: eyebox, zero order and iris. Down is positive there and negative on the plot's axis.
+/// Draws the pupil plane with eyebox, zero order and iris. Down is positive there and negative on the axis of the plot.
 fn pupil(eyebox: f64, zeros: &[ZeroOrder], iris: Option<&IrisFound>) -> Markup {
     let down = Axis::linear("y, mm").text(|v| format!("{}", (-v * 1e6).round() / 1e6 + 0.0));
     let mut plot = Plot::new("The pupil plane", Axis::linear("x, mm"), down).sized(370.0, 310.0);
@@ -146,7 +146,7 @@ fn pupil(eyebox: f64, zeros: &[ZeroOrder], iris: Option<&IrisFound>) -> Markup {
         let error = iris.error_mm.map_or(String::new(), |[x, y]| format!(" (± {x:.3}, {y:.3})"));
         let about = iris.scale_error.map_or(String::new(), |e| format!(" (± {e:.4})"));
         said.push(format!(
-            "the iris that is sent to the axis is at {x:.3}, {y:.3} mm{error}, its scale is {:.4}{about}",
+            "the iris that is requested on the axis is at {x:.3}, {y:.3} mm{error}, its scale is {:.4}{about}",
             iris.scale
         ));
         series.extend([("root", "iris as requested"), ("m0", "iris as found")]);
@@ -163,7 +163,7 @@ fn pupil(eyebox: f64, zeros: &[ZeroOrder], iris: Option<&IrisFound>) -> Markup {
         said.push(format!("{the} has {share}{about} of the light, at {x:.3}, {y:.3} mm{error}"));
     }
     series.extend((!zeros.is_empty()).then_some(("m1", "zero order")));
-    lines(&plot, "Pupil plane", &format!("gray: the eyebox; {}", said.join("; ")), &series)
+    lines(&plot, "Pupil plane", &format!("the eyebox is gray, {}", said.join(", ")), &series)
 }
 
 fn diameters(iris: &IrisFound) -> Markup {

@@ -1,4 +1,4 @@
-//! What was seen beside what the model says, and what is left.
+//! Shows the camera's pictures next to the predictions of the model, and the residuals.
 
 use super::super::page::{row, section, table};
 use super::super::pictures::img;
@@ -7,7 +7,7 @@ use eyebox::low_level::calibrate::{HoldoutPicture, Report, ResidualMap};
 use eyebox::low_level::optics::Color;
 use maud::{Markup, html};
 
-/// Pictures that were not fitted, beside their predictions.
+/// Shows pictures that were not fitted, next to their predictions.
 pub(super) fn pictures(all: &[HoldoutPicture], color: Color) -> Markup {
     let shot = |picture: Picture, name: &str, under: String| {
         html! { figure { (img(&picture, name, None)) figcaption { b { (name) } br; span.note { (under) } } } }
@@ -31,23 +31,24 @@ pub(super) fn pictures(all: &[HoldoutPicture], color: Color) -> Markup {
     section("pictures", "Pictures that were not fitted", body)
 }
 
-/// Where in the camera's picture something is left.
+/// Shows the places in the camera's picture at which a residual remains.
 pub(super) fn map(map_of: &ResidualMap) -> Markup {
     let most = map_of.squares.iter().flatten().copied().fold(2.0, f64::max);
     let values: Vec<f64> = map_of.squares.iter().map(|s| s.map_or(0.0, |s| s / most)).collect();
     let body = html! {
         div.shots style="--n:3" {
             figure {
-                (img(&picture_of(&values, map_of.rows, map_of.columns), "what is left, over the camera's picture", None))
-                figcaption { span.note { (format!("All pictures together, tiles of {0} × {0} camera pixels: squares of what is left, \
-                    from 0 to {most:.1} times the noise's. A good fit is even, at 1.", map_of.tile_px)) } }
+                (img(&picture_of(&values, map_of.rows, map_of.columns), "residual over the camera's picture", None))
+                figcaption { span.note { (format!("All pictures together, in tiles of {0} × {0} camera pixels. The \
+                    scale is the squared residual, from 0 to {most:.1} times the squared noise. A good fit is even, at \
+                    1.", map_of.tile_px)) } }
             }
         }
     };
-    section("left", "Where something is left", body)
+    section("left", "Map of the residual", body)
 }
 
-/// What is left of each picture.
+/// Lists the residual of each picture.
 pub(super) fn by_picture(report: &Report) -> Markup {
     let rows = report.pictures.iter().map(|p| {
         let [x, y, d] = p.iris_mm;
@@ -61,6 +62,6 @@ pub(super) fn by_picture(report: &Report) -> Markup {
             ],
         )
     });
-    let columns = ["", "Iris x, y, diameter (mm)", "Used", "Left of its variance", "Squares, times the noise's"];
-    section("each", "Picture by picture", table("What is left of each picture, noise and all", &columns, rows))
+    let columns = ["", "Iris x, y, diameter (mm)", "Used", "Residual share", "Squared residual over noise"];
+    section("each", "Picture by picture", table("Residual of each picture, including noise", &columns, rows))
 }

@@ -1,5 +1,7 @@
-//! The page of a calibration: which way round the bench is, what to mend, the display as it is, what was seen beside what the model
-//! says, the model's numbers, and what is left.
+//! Makes the page of a calibration.
+//!
+//! The page shows the orientation of the bench, the faults to correct, the fitted display, the pictures next to the
+//! predictions, the parameters of the model, and the residuals.
 
 mod display;
 mod left;
@@ -10,27 +12,27 @@ use eyebox::low_level::calibrate::{Calibration, Report, Verdict};
 use eyebox::low_level::optics::Color;
 use maud::{Markup, html};
 
-/// The whole page.
+/// Returns the complete page as HTML.
 pub fn page(calibration: &Calibration, color: Color) -> String {
     let report = &calibration.report;
     let lead = match report.verdict {
         Verdict::Calibrated => "The model of the display explains the pictures to the camera's noise.",
-        Verdict::WithFaults => "Calibrated, but the bench has faults that the model lacks.",
-        _ => "Not calibrated: the model does not explain the pictures.",
+        Verdict::WithFaults => "The display is calibrated, but the bench has faults that the model does not contain.",
+        _ => "The display is not calibrated, because the model does not explain the pictures.",
     };
     let plots = display::plots(report);
     let body = html! {
         p.case { "The bench: " (report.directions) "." }
         @for warning in &report.warnings { p.warn { (warning) } }
         nav aria-label="Sections" {
-            @if report.gain.is_some() { a href="#mend" { "Mend first" } a href="#worth" { "Decibels" } }
-            @if plots.is_some() { a href="#display" { "The display as it is" } }
+            @if report.gain.is_some() { a href="#mend" { "Faults to correct" } a href="#worth" { "Decibels" } }
+            @if plots.is_some() { a href="#display" { "The fitted display" } }
             a href="#pictures" { "Pictures" }
-            a href="#left" { "What is left" }
+            a href="#left" { "Residuals" }
             a href="#numbers" { "Numbers" }
         }
         @if let Some(gain) = &report.gain { (worth::mend(gain)) (worth::decibels(gain)) }
-        @if let Some(plots) = plots { (section("display", "The display as it is", plots)) }
+        @if let Some(plots) = plots { (section("display", "The fitted display", plots)) }
         (left::pictures(&calibration.shown, color)) (left::map(&report.map)) (numbers(report)) (left::by_picture(report))
     };
     bare(&format!("Calibration of {}", calibration.display.name), lead, &facts(calibration, color), body)
@@ -67,7 +69,7 @@ fn numbers(report: &Report) -> Markup {
     let body = html! {
         (table("The model's numbers", &["", "Value", "Standard error", "Unit"], rows))
         @if !report.unobservable.is_empty() {
-            p { "The pictures do not determine " (report.unobservable.join(", ")) ": they stay as the display's file has them." }
+            p { "The pictures do not determine " (report.unobservable.join(", ")) ". They keep the display file's values." }
         }
         @if !report.confused.is_empty() {
             (table("Numbers that the pictures hardly separate", &["", "and", "Correlation"], pairs))

@@ -1,4 +1,4 @@
-//! The page's structure, by the data behind its drawings.
+//! Tests the structure of the page by the data behind its drawings.
 
 use super::page;
 use eyebox::low_level::calibrate::{
@@ -66,13 +66,14 @@ fn every_fault_is_drawn_once_and_what_to_mend_comes_first() {
         mend: vec![mend("coma", 1.25), mend("level", 0.3)],
     };
     let html = page(&calibration(terms, Some(gain)), Color::Green);
-    // Decibels, aberrations, beam, table, pupil plane, crosstalk; and the maps of wavefront, beam and what is left.
+    // The drawings are decibels, aberrations, beam, table, pupil plane and crosstalk. The maps are wavefront, beam and
+    // residual.
     assert_eq!(html.matches("<svg").count(), 6, "{html}");
     assert_eq!(html.matches("data:image/png").count(), 3);
     assert!(!html.contains("NaN") && !html.contains("inf,"), "{html}");
     let place = |what: &str| html.find(what).unwrap_or_else(|| panic!("{what} is missing"));
     assert!(place("1.25 dB") < place("0.30 dB") && place("0.30 dB") < place("id=\"worth\""));
-    // The terms in their order, the negative one last.
+    // The terms are in their order, and the negative one is last.
     assert!(
         place("wavefront: 2.00 dB") < place("level: 0.50 dB") && place("level: 0.50 dB") < place("crosstalk: -0.10 dB")
     );

@@ -1,4 +1,4 @@
-//! What is begun with after content has jumped, and what the eye sees then.
+//! Starts the refinement after content has jumped, and averages the scores after jumps.
 
 use super::{ContentDisplay, ContentRun, ContentSample, LiveColor};
 use crate::study::jump_start::JumpStart;
@@ -6,7 +6,8 @@ use eyebox::low_level::session::SessionError;
 use eyebox::low_level::solve::random_phases;
 
 impl ContentRun {
-    /// Mean of the sets outside saccades that are the `nth` after a jump, from 1, dB; none where there is none.
+    /// Returns the mean score, in dB, of the sets outside saccades that are the `nth` after a jump, counted from 1.
+    /// Returns `None` if there is no such set.
     pub fn after_jumps(&self, nth: u32) -> Option<f64> {
         let first = self.samples.iter().position(|s| s.jumped).unwrap_or(self.samples.len());
         let of = |s: &&ContentSample| !s.saccade && s.since_jump + 1 == nth;
@@ -16,7 +17,7 @@ impl ContentRun {
 }
 
 impl ContentDisplay<'_> {
-    /// Begins with what is studied, where the content has jumped.
+    /// Starts the refinement from the studied phases if the content has jumped.
     pub(super) fn begin(&mut self) -> Result<(), SessionError> {
         let jumped = std::mem::take(&mut self.begins);
         match self.frames.settings.start {

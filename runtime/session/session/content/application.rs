@@ -1,5 +1,5 @@
-//! Content from an application in another process, through shared memory (docs/live-input.md): what is asked of it, and views of
-//! what it answers.
+//! Receives content from an application in another process through shared memory (docs/live-input.md). This module
+//! sends requests to the application and makes views of its answers.
 
 use crate::engine::Backend;
 use crate::gpu::Gpu;
@@ -17,44 +17,44 @@ use std::sync::Arc;
 
 const SLOTS: u32 = 3;
 const LAYERS: u32 = 16;
-/// Views that are wanted along an axis where a tracker tells where the eye is.
+/// The number of requested views along an axis if a tracker gives the position of the eye.
 const TRACKED_VIEWS: u32 = 3;
-/// Exposure before anything was seen, and the least (OPTICS 6c).
+/// The exposure before the first frame. The next constant is the lowest one (OPTICS 6c).
 const USUAL_EXPOSURE: f64 = 0.35;
 const LEAST_EXPOSURE: f64 = 0.05;
-/// A frame shows a moment so near the light, nanoseconds; an application that says otherwise has a clock of its own.
+/// The largest plausible time between a frame and its light (ns). An application outside of it uses another clock.
 const PLAUSIBLE_NS: u64 = 1_000_000_000;
-/// An application is late where it gave nothing for so many times its usual interval, and for so many nanoseconds where it has
-/// none yet.
+/// An application is late if it sent nothing for this many of its usual intervals. The next constant is the limit (ns)
+/// while the interval is unknown.
 const LATE: f64 = 1.5;
 const UNKNOWN_NS: i64 = 1_000_000_000;
 
-/// An application's frames as scenes.
+/// The frames of an application as scenes.
 pub struct LiveInput {
     name: String,
     display: Display,
     colors: Vec<Color>,
-    /// Which channel of a frame each colour is.
+    /// The channel of a frame for each color.
     channels: Vec<usize>,
     ring: Ring,
     frame: Frame,
-    /// What decodes views where the engines have them.
+    /// The decoder of views on the device of the engines.
     device: Option<DeviceViews>,
     kind: Kind,
     interval: Interval,
-    /// What is shown is brought to this, colour by colour, since the first frame.
+    /// The exposure of each color, set by the first frame. Later frames can only raise it.
     exposures: Option<Vec<f64>>,
-    /// The light that was asked for last, and frames so far.
+    /// The light of the last request, and the number of frames until now.
     asked_ns: Option<i64>,
     frames: u64,
 }
 
 impl LiveInput {
-    /// Takes frames as `live:NAME` for these colours of a display: views, `views` along each axis at most, pictures with depths,
-    /// or layers; `kind` is what it asks for.
+    /// Receives frames as `live:NAME` for these colors of a display. Frames hold up to `views` views along each axis,
+    /// pictures with depths, or layers. `kind` is the kind that eyebox requests.
     ///
     /// # Errors
-    /// [`SessionError::LiveInput`]: another display of that name, a name that cannot be, a folder that is not safe.
+    /// Returns [`SessionError::LiveInput`] for a name that is in use or not valid, or an unsafe folder.
     pub fn open(name: &str, display: &Display, colors: &[Color], views: u32, kind: Kind) -> Result<Self, SessionError> {
         let (height, width) = display.picture_size();
         let offered = [Color::Red, Color::Green, Color::Blue].map(|color| colors.contains(&color));
@@ -70,7 +70,7 @@ impl LiveInput {
             eyebox_mm,
         };
         let ring = Ring::open(name, offer)?;
-        // The channels of a frame are those colours that are offered, in the order red, green, blue.
+        // The channels of a frame are the offered colors in the order red, green, blue.
         let place = |color: &Color| offered[..color.channel()].iter().filter(|is| **is).count();
         Ok(Self {
             name: name.into(),
@@ -88,23 +88,25 @@ impl LiveInput {
         })
     }
 
-    /// Has views decoded on this device, for engines there: of a frame the host then sees sums of its light, and one view of one colour
-    /// at most 256 pixels wide, by which the content's motion is told. Should the device fail, the host decodes again. What a
-    /// session keeps in a journal and plays again to the bit has to be decoded on the host.
+    /// Decodes views on this device, for engines there. The host then sees only sums of the light of a frame, and one
+    /// view of one color at most 256 pixels wide, which gives the motion of the content. If the device fails, the host
+    /// decodes again.
+    ///
+    /// A session with a journal, which has to replay bit for bit, has to decode on the host.
     ///
     /// # Errors
-    /// In words, why views have to pass through the host all the same: the display's model or its far field changes them first, or the
-    /// device is too small.
+    /// Returns the reason in words if views have to pass through the host. Either the display model or the far field
+    /// changes them first, or the device is too small.
     pub fn decode_on(&mut self, gpu: &Gpu) -> Result<(), String> {
         self.device = Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
         Ok(())
     }
 
-    /// [Decodes](Self::decode_on) where these engines compute, if that is on a device. Answers why views pass through the host of
-    /// a device all the same, in words.
+    /// [Decodes](Self::decode_on) on the device of these engines, if they have one. Returns the reason in words if the
+    /// views of a device pass through the host.
     ///
     /// # Errors
-    /// [`SessionError::Engine`] where their device is lost.
+    /// Returns [`SessionError::Engine`] if the device is lost.
     pub fn decode_with(&mut self, engines: &Backend) -> Result<Option<String>, SessionError> {
         Ok(engines.gpu()?.and_then(|gpu| self.decode_on(&gpu).err()))
     }
@@ -115,8 +117,8 @@ impl LiveInput {
         Ok(Problem { center, ..problem })
     }
 
-    /// Which views are wanted: a few close ones where a tracker tells where the pupil is, else as many as there may be over all
-    /// of the eyebox.
+    /// Selects the requested views. If there is a tracker, these are a few close ones around the pupil, otherwise as
+    /// many as allowed over the whole eyebox.
     fn wanted(&self, due: &Due) -> Wanted {
         let most = self.ring.offer().views[0];
         let eyebox = self.display.eyebox_min();
@@ -133,7 +135,7 @@ impl LiveInput {
     }
 
     fn ask(&mut self, due: &Due) {
-        // Two requests for one light differ by the rounding of a set's period, a nanosecond.
+        // Two requests for the same light differ by the rounding of the period of a set, which is a nanosecond.
         if self.asked_ns.is_some_and(|asked| due.light_ns.abs_diff(asked) < due.period_ns.unsigned_abs() / 2) {
             return;
         }
@@ -156,7 +158,7 @@ impl LiveInput {
         self.ring.ask(&request);
     }
 
-    /// The newest frame as views before every colour. Refused in words.
+    /// Makes views for each color of the newest frame. A refusal is returned in words.
     fn scene(&mut self, due: &Due) -> Result<Result<SceneFrame, String>, SessionError> {
         let info = *self.frame.info();
         let (height, width) = self.display.picture_size();
@@ -176,7 +178,7 @@ impl LiveInput {
                 (grid, metres(pitch_mm), camera, planes)
             }
             content => {
-                // The views that are wanted now: nobody has to have been asked for them.
+                // These are the views that are wanted now, because frames of these kinds need no request for views.
                 let Wanted { views, pitch_mm, center_mm, .. } = self.wanted(due);
                 let (pitch, center) = (metres(pitch_mm), center_mm.map(metres));
                 let place = |i: u32| {
@@ -189,7 +191,7 @@ impl LiveInput {
                 let focal_length = self.display.focal_length;
                 let per_metre = 1.0 / (focal_length * self.display.picture_pixel());
                 let from = Places { places: &places, per_metre, size: [height, width] };
-                // OPTICS 8.
+                // The conversion from dioptres to depth follows OPTICS 8.
                 let depth = |dioptres: f32| f64::from(dioptres) * focal_length * focal_length;
                 let made = match content {
                     Content::Layers(dioptres) => {
@@ -232,7 +234,7 @@ impl LiveInput {
         Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
     }
 
-    /// The newest frame, whose views are on the device.
+    /// Makes the scene of the newest frame, whose views are on the device.
     fn device_scene(
         &mut self,
         views: ViewGrid,
@@ -244,7 +246,7 @@ impl LiveInput {
             Ok(newest) => newest,
             Err(reason) => return Ok(Err(format!("the application's frame is left out: {reason}"))),
         };
-        // As `BrightEnd` has them of a picture on the host.
+        // The estimate equals the one of `BrightEnd` for a picture on the host.
         let ends = newest.iter().map(|ColorViews { light, .. }| match light.middle {
             [mean, square, cube] if square > 0.0 => [(cube / square).max(mean), mean],
             _ => [USUAL_EXPOSURE, 0.0],
@@ -264,8 +266,11 @@ impl LiveInput {
         SceneFrame { arrived_ns, shows_ns, ..SceneFrame::new(self.frames, Arc::new(colors)) }
     }
 
-    /// One exposure for each colour, by the first frame; it only ever rises, where there would not be enough light.
-    /// `ends`: of the middle view of each a guess by its bright end, and its mean; an exposure is per unit of the sources' light.
+    /// Returns one exposure for each color, set by the first frame. It only rises, and only if the light would not
+    /// suffice.
+    ///
+    /// The slice `ends` holds the estimate from the bright end of the middle view of each color, and the mean of that
+    /// view. An exposure is per unit of light of the sources.
     fn exposures_of(&mut self, ends: &[[f64; 2]]) -> Vec<f64> {
         let lights = self.colors.iter().map(|color| mean_light(&self.display.modes(*color)));
         let ends: Vec<[f64; 2]> = ends.iter().zip(lights).map(|(end, light)| end.map(|v| v / light)).collect();
@@ -276,7 +281,8 @@ impl LiveInput {
     }
 }
 
-/// The moment that a frame shows, on the player's clock: as the application says, where that can be, else when it came.
+/// Returns the time that a frame shows (ns on the clock of the player). The time of the application counts if it is
+/// plausible, otherwise the time of arrival.
 fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
     let behind_ns = i64::try_from(due.light_monotonic_ns).unwrap_or(i64::MAX).saturating_sub(content_time_ns);
     match behind_ns.unsigned_abs() <= PLAUSIBLE_NS {
@@ -285,7 +291,8 @@ fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
     }
 }
 
-/// Views (color, view, pixel) of a display's size, on a grid of (rows, columns) with a pitch in metres.
+/// Builds a light field of views (color, view, pixel) of the size of a display, on a grid of (rows, columns) with a
+/// pitch in m.
 fn light_field(
     name: String,
     display: &Display,
@@ -298,10 +305,11 @@ fn light_field(
     LightField { name, grid, height, width, colors: colors.to_vec(), planes, view_pitch, disparity, depth, made }
 }
 
-/// What refinement begins with where the first scene has still to come: random phases of so many sub-frames, and darkness.
+/// Returns the start of refinement before the first scene arrives, with random phases of `frames` sub-frames and dark
+/// views.
 ///
 /// # Errors
-/// [`SessionError::Setting`] for a colour that the display does not have.
+/// Returns [`SessionError::Setting`] if the display does not have a color.
 pub fn darkness(display: &Display, colors: &[Color], frames: usize, seed: u64) -> Result<Vec<LiveColor>, SessionError> {
     let (height, width) = display.picture_size();
     let dark = vec![vec![vec![0.0; height * width]]; colors.len()];
@@ -350,7 +358,7 @@ impl Scenes for LiveInput {
     }
 }
 
-/// How often an application gives frames, by what it did: nanoseconds.
+/// The interval between the frames of an application, measured (ns).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Interval {
     last_ns: Option<i64>,
@@ -361,7 +369,7 @@ impl Interval {
     fn came(&mut self, now_ns: i64) {
         if let Some(last) = self.last_ns.replace(now_ns) {
             let interval = now_ns.saturating_sub(last) as f64;
-            // A pause is no usual interval.
+            // A pause does not count as a usual interval.
             let usual = self.usual_ns.map_or(interval, |usual| usual + 0.25 * (interval.min(4.0 * usual) - usual));
             self.usual_ns = Some(usual);
         }
@@ -379,7 +387,7 @@ mod tests {
     use crate::optics::SwitchedSource;
     use eyebox_live_input::Application;
 
-    /// Half the light of the sources asks for twice the exposure.
+    /// Half the light of the sources requires twice the exposure.
     #[test]
     fn exposures_are_per_unit_of_the_sources_light() {
         let exposures_at = |power: f64| {
@@ -396,7 +404,7 @@ mod tests {
         assert_eq!(exposures_at(1.0), [0.3, 0.6]);
     }
 
-    /// Where the pupil will be, how fast it moves, and when: as an application reads it.
+    /// The application receives the predicted position of the pupil, its velocity and the time.
     #[test]
     fn an_application_is_told_where_the_pupil_goes() {
         let display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
@@ -420,7 +428,7 @@ mod tests {
             tracked: true,
             patient: false,
         };
-        // It is let in when it is looked for.
+        // The application is admitted when the session looks for it.
         while !connecting.is_finished() {
             assert!(matches!(input.next(&due).unwrap(), Newest::Same | Newest::Late(_)));
         }

@@ -1,4 +1,4 @@
-//! Views of an application that are decoded on the device whose engines look at them: the host sees sums of their light.
+//! Decodes the views of an application on the device of the engines. The host sees only sums of their light.
 
 use crate::engine::EngineError;
 use crate::engine::vulkan::{NoLight, StoredViews, ViewDecoder, ViewsLight};
@@ -13,12 +13,12 @@ use eyebox_live_input::{Content, DeviceIds, DeviceMemory, FrameFault, FrameInfo,
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 
-/// What decodes views on a device, until that fails.
+/// Decodes views on a device until the device fails.
 pub(crate) struct DeviceViews {
     decoder: ViewDecoder,
-    /// What the application that is there writes into, and bytes from one slot of it to the next.
+    /// The memory into which the connected application writes, and the bytes from one of its slots to the next.
     shared: Option<(SharedMemory, u64)>,
-    /// Which device it is, if that shares memory.
+    /// The identity of the device, if it shares memory.
     ids: Option<DeviceIds>,
     newest: Option<(StoredViews, Vec<ViewsLight>)>,
     has_failed: bool,
@@ -30,8 +30,8 @@ pub(crate) struct ColorViews {
 }
 
 impl DeviceViews {
-    /// For what a display offers; `channels` are those of its colours that are looked at. In words, why views of this display have to
-    /// pass through the host.
+    /// Creates a decoder for the offer of a display. `channels` holds the channels of the display's colors in a frame.
+    /// Returns the reason in words if views of this display have to pass through the host.
     pub fn new(
         gpu: &Gpu,
         offer: &Offer,
@@ -41,15 +41,15 @@ impl DeviceViews {
     ) -> Result<Self, String> {
         let size = offer.size.map(|n| n as usize);
         if display.mask_factor() > 1 {
-            return Err("views are made larger first, as the display's mask asks for".into());
+            return Err("the phase mask of the display requires larger views".into());
         }
         for color in colors {
             let wavelength = display.optics(*color).map_err(|e| e.to_string())?.wavelength;
             if display.picture_share(wavelength) < 1.0 {
-                return Err(format!("views in {color} are made smaller first, as the far field shows them"));
+                return Err(format!("the far field requires smaller views in {color}"));
             }
             if display.picture.map(*color, size).is_some() {
-                return Err("views are bent first, as the display's model asks for".into());
+                return Err("the display model requires warped views".into());
             }
         }
         let samples = offer.pixels() * offer.channels() * (offer.views[0] * offer.views[1]) as usize;
@@ -60,7 +60,7 @@ impl DeviceViews {
         Ok(Self { decoder, ids, shared: None, newest: None, has_failed: false })
     }
 
-    /// The views that were taken last, colour by colour.
+    /// Returns the views that were taken last, color by color.
     pub fn newest(&mut self) -> Result<Vec<ColorViews>, String> {
         let Some((stored, lights)) = self.newest.take() else { return Err("no views were taken".into()) };
         let decoded = match self.decoder.decode(&stored, &lights) {
@@ -74,7 +74,7 @@ impl DeviceViews {
         Ok(decoded.into_iter().zip(lights).map(|(pyramid, light)| ColorViews { pyramid, light }).collect())
     }
 
-    /// What there is of light in samples that are on the device now; none where the device fails.
+    /// Measures the light of samples that are on the device. Returns `None` if the device fails.
     fn judged(&mut self, stored: &StoredViews, there: Result<(), EngineError>) -> Option<Result<(), FrameFault>> {
         match there.and_then(|()| self.decoder.measure(stored)) {
             Ok(Ok(lights)) => {
@@ -91,7 +91,7 @@ impl DeviceViews {
         }
     }
 
-    /// What failed, after which the host decodes; told once.
+    /// Reports a failure once, after which the host decodes.
     fn fails(&mut self, reason: &str) {
         tracing::warn!("views are decoded on the host from now on: {reason}");
         self.has_failed = true;
@@ -99,7 +99,7 @@ impl DeviceViews {
 }
 
 impl ColorViews {
-    /// The views before a colour of the display, where they stand on this grid around `center`, metres.
+    /// Returns the problem of a color of the display, whose views are on this grid around `center` (m).
     pub fn problem(
         self,
         display: &Display,
@@ -113,7 +113,7 @@ impl ColorViews {
     }
 }
 
-/// How views of a frame are stored; none where it is no views.
+/// Returns the storage format of the views of a frame, or `None` if it holds no views.
 fn stored(info: &FrameInfo) -> Option<StoredViews> {
     let Content::Views { grid, .. } = info.content else { return None };
     let sample = match info.sample {
@@ -138,7 +138,7 @@ impl ViewTaker for DeviceViews {
 
     fn share(&mut self, slots: u32, room: u64) -> Option<(DeviceMemory, OwnedFd)> {
         let ids = self.device()?;
-        // As far apart as any device wants ranges of memory.
+        // No device requires a larger alignment of memory ranges than 256 bytes.
         let slot_stride = room.next_multiple_of(256);
         match SharedMemory::export(self.decoder.gpu(), slot_stride.checked_mul(slots.into())?) {
             Ok((memory, fd)) => {
@@ -157,7 +157,7 @@ impl ViewTaker for DeviceViews {
         let (Some(stored), Some((memory, stride))) = (stored(info), &self.shared) else {
             return Err(FrameFault::Device);
         };
-        // The last word may reach behind the samples, and not behind the slot.
+        // The last word may extend beyond the samples, but not beyond the slot.
         let copied = self.decoder.copy(memory, stride * slot as u64, bytes.next_multiple_of(4));
         self.judged(&stored, copied).unwrap_or(Err(FrameFault::Device))
     }

@@ -1,6 +1,7 @@
-//! A far field in tiles that follows the eye: a pupil sees its own piece of the SLM alone, and only that piece is refined. Pieces
-//! are read, with their views of the scene, on a thread of their own, ahead of where the eye goes; the rest of the SLM stays lit
-//! as it is.
+//! Follows the eye with pieces of a tiled far field.
+//!
+//! A pupil sees only its own piece of the SLM, and only this piece is refined. A thread reads pieces and their views of
+//! the scene ahead of the eye. The rest of the SLM stays lit unchanged.
 
 use crate::evaluate::Views;
 use crate::hologram::{HologramError, Tiles};
@@ -18,42 +19,45 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often the thread that reads looks whether it is to end, and how long who waits for it does at once.
+/// The interval at which the reading thread checks for its end, and the longest single wait for its result.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Pieces are asked for where the eye will be in so many seconds, if it goes on.
+/// Pieces are requested for the position of the eye after this time (s), at its present velocity.
 const AHEAD: f64 = 0.05;
-/// A pupil that comes so near the end of a piece, in shares of its diameter, has the next one read.
+/// If a pupil comes this close to the end of a piece, in shares of its diameter, the next piece is read.
 const MARGIN: f64 = 0.25;
 
-/// What each colour is seen through, beside what a display does ideally.
+/// The display model of each color, or `None` for an ideal display.
 type Models = Vec<Option<Arc<ModelTables>>>;
 
-/// A piece that was read: its place, and its colours.
+/// A piece that was read, as its place and its colors.
 type Read = Result<(TileRect, Vec<LiveColor>), String>;
 
-/// The pieces of a far field around an eye, one after the other.
+/// The successive pieces of a far field around an eye.
 pub struct FarField {
     name: String,
     tiles: Arc<Tiles>,
     models: Arc<Models>,
     piece: TileRect,
     number: u64,
-    /// Where the pupil was, and for which light.
+    /// The time of the previous light (ns), and the position of the pupil then.
     before: Option<(i64, [f64; 2])>,
     wanted: Mailbox<TileRect>,
     arriving: Mailbox<Read>,
     ahead: Option<(TileRect, Vec<LiveColor>)>,
-    /// What was asked for last, and has not come.
+    /// The piece that was requested last and has not arrived.
     asked: Option<TileRect>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl FarField {
-    /// Begins with the piece around `first`; `views` are the scene's, colour by colour of the hologram. What is refined first,
-    /// and all of the phases, which have to fit memory once to be shown.
+    /// Starts with the piece around `first`. `views` holds the views of the scene for each color of the hologram.
+    ///
+    /// Returns the colors that are refined first, and all phases of the far field, which have to fit in memory to be
+    /// shown.
     ///
     /// # Errors
-    /// [`SessionError::Hologram`]; [`SessionError::Setting`] for an aim that is nowhere on the SLM; [`SessionError::Thread`].
+    /// Returns [`SessionError::Hologram`], [`SessionError::Thread`], or [`SessionError::Setting`] if the aim is not on
+    /// the SLM.
     pub fn start(
         name: &str,
         tiles: Tiles,
@@ -73,7 +77,7 @@ impl FarField {
         let (wanted, arriving) = (Mailbox::<TileRect>::new(1), Mailbox::new(1));
         let (asks, reads) = (wanted.clone(), arriving.clone());
         let thread = Some(spawn("reads tiles", move || {
-            // Alone, nobody waits any more.
+            // When this thread holds the only end of the mailbox, no session waits for pieces.
             while !asks.is_alone() {
                 let Some(wanted) = asks.take_within(POLL_INTERVAL) else { continue };
                 drop(reads.push(reader.read(wanted)));
@@ -86,7 +90,7 @@ impl FarField {
         Ok((far, colors, field))
     }
 
-    /// Where the eye will be a little later, if it goes on as it does.
+    /// Predicts the position of the eye after [`AHEAD`] at its present velocity.
     fn later(&mut self, due: &Due) -> PupilDistribution {
         let before = self.before.replace((due.light_ns, due.pupil.centre));
         let Some((light_ns, from)) = before.filter(|before| before.0 < due.light_ns) else { return due.pupil };
@@ -105,7 +109,7 @@ impl FarField {
         extent(&self.tiles, &self.models, aim)
     }
 
-    /// Asks for the piece around an aim, once.
+    /// Requests the piece around an aim, once.
     fn ask(&mut self, aim: &PupilDistribution) {
         let Ok(extent) = self.extent(&widened(aim)) else { return };
         if self.asked != Some(extent) && self.ahead.as_ref().is_none_or(|ahead| ahead.0 != extent) {
@@ -114,7 +118,7 @@ impl FarField {
         }
     }
 
-    /// Takes what was read, waiting for it where time waits.
+    /// Takes the pieces that were read. In simulated time it waits for them.
     fn take(&mut self, patient: bool) -> Result<(), String> {
         while self.asked.is_some() {
             let read = if patient { self.arriving.take_within(POLL_INTERVAL) } else { self.arriving.take() };
@@ -137,17 +141,17 @@ impl FarField {
     }
 }
 
-/// The tiles that hold every pupil of an aim, in every colour.
+/// Returns the tiles that hold every pupil of an aim in every color.
 fn extent(tiles: &Tiles, models: &Models, aim: &PupilDistribution) -> Result<TileRect, TiledError> {
     let mut all: Option<TileRect> = None;
     for (color, model) in models.iter().enumerate() {
         let one = TileRect::around(tiles, color, model.as_deref(), aim)?;
         all = Some(all.map_or(one, |all| all.with(&one)));
     }
-    all.ok_or_else(|| TiledError::Unsuitable("it has no colours".into()))
+    all.ok_or_else(|| TiledError::Unsuitable("it has no colors".into()))
 }
 
-/// With room around it, so that a pupil does not come to its end at once.
+/// Widens an aim by a margin, so that a pupil does not reach its end at once.
 fn widened(aim: &PupilDistribution) -> PupilDistribution {
     PupilDistribution { diameter: aim.diameter.map(|d| d * (1.0 + 2.0 * MARGIN)), ..*aim }
 }
@@ -159,7 +163,7 @@ impl Scenes for FarField {
     }
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
-        // Beyond the SLM there is nothing to be refined, and nothing is wrong: eyes look away.
+        // A pupil beyond the SLM needs no refinement and is no error, because eyes look away.
         let Ok(needed) = self.extent(&due.pupil) else { return Ok(Newest::Same) };
         let later = self.later(due);
         let covered = self.piece.covers(&needed);
@@ -185,7 +189,7 @@ impl Scenes for FarField {
 
 impl Drop for FarField {
     fn drop(&mut self) {
-        // The thread ends when it holds the only end.
+        // The thread ends when it holds the only end of the mailbox.
         self.wanted = Mailbox::new(1);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -1,4 +1,4 @@
-//! What is shown as time passes: scenes that follow each other, pieces of a far field, frames of other processes.
+//! Supplies changing content, such as successive scenes, pieces of a far field, or frames of other processes.
 
 #[cfg(target_os = "linux")]
 pub(crate) mod application;

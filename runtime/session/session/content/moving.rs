@@ -1,4 +1,4 @@
-//! A sequence of holograms whose scenes are known: each is due at its time, read and loaded ahead, to be refined before it is lit.
+//! Plays a sequence of holograms with known scenes, each loaded ahead to be refined before its light.
 
 use crate::hologram::{Hologram, Sequence};
 use crate::mailbox::Mailbox;
@@ -19,14 +19,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Scenes that wait to be due.
+/// The number of scenes that wait to be due.
 const AHEAD: usize = 2;
-/// How often the thread that reads looks whether it is to end.
+/// The interval at which the reading thread checks for its end.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Scenes that come again are kept as far as they fit, bytes.
+/// The memory for scenes that are shown repeatedly (bytes).
 const KEPT: usize = 1 << 30;
 
-/// Loads the scene that a hologram names, in the hologram's colours, and says which display it stands before. Fails in a sentence.
+/// Loads the scene that a hologram names, in the colors of the hologram, and the display that it is shown on. A failure
+/// is returned as a sentence.
 pub type SceneLoader = Box<dyn FnMut(&Hologram) -> Result<(LightField, Display), String> + Send>;
 
 /// A sequence of holograms and their scenes.
@@ -35,10 +36,10 @@ pub struct MovingSequence {
     rate: Rate,
     count: u64,
     looped: bool,
-    /// Which hologram is due, since the first was asked for.
+    /// The timeline of the holograms, created with the first request.
     timeline: Option<Timeline>,
     first_light_ns: i64,
-    /// The newest that was given.
+    /// The position of the newest scene that was returned.
     shown: u64,
     arriving: Mailbox<Result<SceneFrame, String>>,
     ahead: Option<Result<SceneFrame, String>>,
@@ -49,17 +50,17 @@ pub struct MovingSequence {
 #[derive(Default)]
 struct Shared {
     stop: AtomicBool,
-    /// The position that is due: what is older is left out.
+    /// The position that is due. Older scenes are skipped.
     wanted: AtomicU64,
 }
 
 impl MovingSequence {
-    /// Loads the first hologram with its scene, which is what refinement begins with, and begins to read ahead. A sequence that is
-    /// `looped` begins again at its end.
+    /// Loads the first hologram with its scene, which refinement starts from, and starts to read ahead. A `looped`
+    /// sequence starts again at its end.
     ///
     /// # Errors
-    /// [`SessionError::Hologram`]; [`SessionError::Setting`] for scenes that cannot be had, or holograms whose colours have no
-    /// names.
+    /// Returns [`SessionError::Hologram`], or [`SessionError::Setting`] if a scene cannot be loaded or the colors of a
+    /// hologram have no names.
     pub fn start(
         mut sequence: Sequence,
         looped: bool,
@@ -87,7 +88,7 @@ impl MovingSequence {
         Ok((all, Arc::unwrap_or_clone(first)))
     }
 
-    /// The next that is read, waiting for it where time waits.
+    /// Returns the next scene that was read. In simulated time it waits for it.
     fn read(&mut self, patient: bool) -> Option<Result<SceneFrame, String>> {
         loop {
             if let Some(read) = self.ahead.take().or_else(|| self.arriving.take()) {
@@ -103,7 +104,7 @@ impl MovingSequence {
 
 impl Scenes for MovingSequence {
     fn describe(&self) -> String {
-        format!("{}: {} holograms at {} a second", self.name, self.count, self.rate)
+        format!("{}: {} holograms at {} per second", self.name, self.count, self.rate)
     }
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
@@ -154,17 +155,17 @@ impl Drop for MovingSequence {
     }
 }
 
-/// A hologram with its scene, colour by colour.
+/// Loads a hologram with its scene, color by color.
 fn colors_of(hologram: &Hologram, load: &mut SceneLoader) -> Result<Vec<LiveColor>, String> {
     let (field, display) = load(hologram)?;
     LiveColor::all_of(hologram, &field, &display).map_err(|e| e.to_string())
 }
 
 impl LiveColor {
-    /// What is refined of a hologram of `field`, made for `display`: all of its colours.
+    /// Returns all colors of a hologram of `field`, made for `display`, to be refined.
     ///
     /// # Errors
-    /// [`SessionError::Setting`] where it has a colour that the scene or the display lacks.
+    /// Returns [`SessionError::Setting`] if the scene or the display lacks a color of the hologram.
     pub fn all_of(hologram: &Hologram, field: &LightField, display: &Display) -> Result<Vec<Self>, SessionError> {
         let padding = hologram.metadata.padding();
         let one = |color: &crate::hologram::ColorHologram| {
@@ -177,8 +178,8 @@ impl LiveColor {
         hologram.colors.iter().map(one).collect()
     }
 
-    /// The same colors for another scene, which brings no phases. Each exposure rises if the scene is brighter than all of the light,
-    /// as it does when an application shows another picture.
+    /// Returns the same colors for another scene, which brings no phases. An exposure rises if the scene is brighter
+    /// than the available light, as it can be with a new picture of an application.
     ///
     /// # Errors
     /// [`SessionError::Setting`] if the scene or the display lacks a color.

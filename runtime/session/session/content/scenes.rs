@@ -1,4 +1,4 @@
-//! What is to be seen, where that changes while it is shown.
+//! Defines scenes that change while they are shown.
 
 use crate::optics::PupilDistribution;
 use crate::scene::ViewsOnDevice;
@@ -7,110 +7,112 @@ use crate::session::refinement::field::LiveColor;
 use crate::tiled::TileRect;
 use std::sync::Arc;
 
-/// A scene that is to be seen from some time on.
+/// A scene that is shown from some time on.
 #[derive(Clone)]
 pub struct SceneFrame {
-    /// Its number: larger than that of any before.
+    /// The number of the scene, larger than the numbers of all earlier scenes.
     pub number: u64,
-    /// The scene before every color, in the order of the refined colors. Phases are its own hologram for the whole eyebox,
-    /// or empty. Shared, because a scene at 1080p has 199 MB of them.
+    /// The scene before every color, in the order of the refined colors. The phases are a hologram of the scene for the
+    /// whole eyebox, or are empty. The colors are shared because a scene at 1080p has 199 MB of them.
     pub colors: Arc<Vec<LiveColor>>,
-    /// When it came, nanoseconds on the player's clock; none where it was there all along.
+    /// The time of arrival (ns on the clock of the player), or `None` if the scene was there from the start.
     pub arrived_ns: Option<i64>,
-    /// The moment of the content that it shows, on the same clock; none where it stands still, or nobody says.
+    /// The time of the content that it shows, on the same clock. It is `None` if the content is still or its time is
+    /// unknown.
     pub shows_ns: Option<i64>,
-    /// Of a far field, the piece of it that this is; its phases are those of the piece as they were solved.
+    /// The piece of a far field that this scene is. Its phases are the solved phases of the piece.
     pub piece: Option<TileRect>,
 }
 
 impl SceneFrame {
-    /// A scene that was there all along and stands still.
+    /// Creates a still scene that was there from the start.
     pub(crate) fn new(number: u64, colors: Arc<Vec<LiveColor>>) -> Self {
         Self { number, colors, arrived_ns: None, shows_ns: None, piece: None }
     }
 
-    /// Whether its views were in the memory of a device that is lost.
+    /// Returns true if its views were in the memory of a device that is lost.
     pub(crate) fn is_lost(&self) -> bool {
         self.colors.iter().any(|c| c.problem.pyramid.on_device().is_some_and(ViewsOnDevice::is_lost))
     }
 }
 
-/// The set that a scene is wanted for.
+/// The multiplex set for which a scene is requested.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
 pub struct Due {
-    /// When it is asked, nanoseconds on the player's clock.
+    /// The time of the request (ns on the clock of the player).
     pub now_ns: i64,
-    /// The middle of the set's light, on the same clock.
+    /// The middle of the light of the set (ns on the same clock).
     pub light_ns: i64,
-    /// The same on the system's monotonic clock.
+    /// The same time on the monotonic clock of the system (ns).
     pub light_monotonic_ns: u64,
-    /// From one set to the next, nanoseconds.
+    /// The time from one set to the next (ns).
     pub period_ns: i64,
-    /// Where the pupil will be then.
+    /// The predicted pupil at that time.
     pub pupil: PupilDistribution,
-    /// How fast it moves (x, y), metres a second.
+    /// The velocity of the pupil (x, y) in m/s.
     pub velocity: [f64; 2],
-    /// Whether a tracker says so.
+    /// True if a tracker supplied the prediction.
     pub tracked: bool,
-    /// Whether time waits: what is due is waited for.
+    /// True in simulated time, in which scenes may wait for the content that is due.
     pub patient: bool,
 }
 
-/// What there is to be seen.
+/// The result of a request for a scene.
 #[non_exhaustive]
 pub enum Newest {
-    /// Another scene.
+    /// A new scene is to be shown.
     New(SceneFrame),
-    /// The same as before, and that is as it should be.
+    /// The scene is the same as before, as intended.
     Same,
-    /// The same as before, though another should be there.
+    /// The scene is the same as before, although another one is due.
     Late(FrameFreshness),
-    /// There was another, and it is left out for this reason.
+    /// Another scene arrived but is skipped for this reason.
     Refused(String),
-    /// Nothing more.
+    /// The content has ended.
     Ended,
 }
 
-/// Scenes that follow each other. They are asked on the thread that refines, between steps, and wait for nobody.
+/// A source of successive scenes. The refinement thread requests them between steps, so a request must not wait.
 pub trait Scenes: Send {
-    /// What it is, for people.
+    /// Describes the source for people.
     fn describe(&self) -> String;
 
-    /// What is to be seen by the light of this set.
+    /// Returns the scene for the light of this set.
     ///
     /// # Errors
-    /// What ends the session's refinement: [`Newest::Refused`] is for what leaves out one scene.
+    /// Returns the error that ends the refinement of the session. [`Newest::Refused`] only skips one scene.
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError>;
 
-    /// Whether it brings the first scene along; else the idle picture is shown until one comes.
+    /// Returns true if the source supplies the first scene at the start. Otherwise the idle picture is shown until a
+    /// scene arrives.
     fn begins_with_one(&self) -> bool {
         true
     }
 }
 
-/// How the content of a set came.
+/// The freshness of the content of a set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum FrameFreshness {
-    /// It is new.
+    /// The content is new.
     New,
-    /// It is that of the set before: nothing else was due.
+    /// The content is the same as in the previous set, because nothing else was due.
     #[default]
     Same,
-    /// It is that of the set before, for the next was not read in time.
+    /// The content is the same as in the previous set, because the next one was not read in time.
     LateContent,
-    /// It is that of the set before, for the application gave nothing new in time.
+    /// The content is the same as in the previous set, because the application sent nothing new in time.
     ApplicationLate,
-    /// It is that of the set before, for there is no application.
+    /// The content is the same as in the previous set, because no application is connected.
     ApplicationGone,
 }
 
 impl FrameFreshness {
-    /// All of them, in the order of the account.
+    /// All values in the order of the statistics.
     pub const ALL: [Self; 5] = [Self::New, Self::Same, Self::LateContent, Self::ApplicationLate, Self::ApplicationGone];
 
-    /// For people and statistics.
+    /// Returns the name for people and statistics.
     pub fn name(self) -> &'static str {
         ["new", "same", "late content", "application late", "application gone"][self as usize]
     }

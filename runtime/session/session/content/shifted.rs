@@ -1,10 +1,11 @@
-//! Content that is shifted, as studies and tests show it.
+//! Shifts content for studies and tests.
 
 use crate::scene::Pyramid;
 use crate::solve::Problem;
 use std::sync::Arc;
 
-/// All views moved to the right by so many pixels, round their edges; before that, the whole light field as in a mirror.
+/// Moves all views to the right by `shift` pixels, with wraparound at the edges. If `mirrored` is true, the whole light
+/// field is mirrored first.
 pub fn shifted_problem(problem: &Problem, shift: usize, mirrored: bool) -> Problem {
     let Some(level) = problem.pyramid.levels.first() else { return problem.clone() };
     let (width, pixels) = (level.width, level.height * level.width);

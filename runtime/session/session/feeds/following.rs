@@ -1,4 +1,4 @@
-//! A live hologram that is shown, as the present thread has it: what becomes of every set.
+//! Tracks each multiplex set of a live hologram on the present thread.
 
 use crate::encode::Packed;
 use crate::optics::{Pupil, PupilDistribution};
@@ -25,52 +25,52 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The eye that a session follows, and its tracker.
 pub(crate) struct FollowedEye {
-    /// A tracker on its thread. It is `None` without a tracker and in simulated time.
+    /// The tracker on its thread, or `None` without a tracker and in simulated time.
     pub tracker: Option<Arc<PupilTracker>>,
     pub truth: Option<simulated::Eye>,
     pub name: String,
-    /// Whether nothing need ever come of it: a mouse need not come over its window, nor a program push anything.
+    /// True if a silent tracker is no error. A mouse may never enter its window, and a program may never push a sample.
     pub may_be_silent: bool,
-    /// What became of its samples.
+    /// The counts of its samples.
     pub counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
-/// How a live hologram is doing.
+/// The state of a live hologram.
 #[derive(Debug, Clone, Copy, Default)]
 #[non_exhaustive]
 pub struct LiveStatus {
-    /// Sets that were new when they were decided on.
+    /// The sets that were new when they were decided on.
     pub sets_new: u64,
-    /// Sets that were shown again.
+    /// The sets that were shown again.
     pub sets_repeated: u64,
-    /// Steps over all colours.
+    /// The steps over all colors.
     pub steps: u64,
-    /// How often it began again with the hologram for the whole eyebox.
+    /// The number of restarts from the hologram for the whole eyebox.
     pub restarts: u64,
-    /// From a new sample to its first light, ms: the median.
+    /// The median time from a new sample to its first light (ms).
     pub sample_to_light_ms: Option<f64>,
-    /// How old the newest sample was at the newest light, ms.
+    /// The age of the newest sample at the newest light (ms).
     pub sample_age_ms: Option<f64>,
-    /// How far the pupil was from where it was expected, mm: the median.
+    /// The median distance of the pupil from its predicted position (mm).
     pub pupil_error_mm: Option<f64>,
-    /// Depth that the set on the screen was made for, metres; none where that is for the whole eyebox.
+    /// The depth that the set on the screen was made for (m), or `None` if it is for the whole eyebox.
     pub focus: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct HandedOver {
-    /// When it begins to be lit.
+    /// The time at which the video frame begins to be lit (ns).
     pub start_ns: i64,
-    /// Which of its set.
+    /// The number of the video frame in its set.
     pub video_frame: u64,
-    /// Whether it was decided with it what is shown.
+    /// True if the content was decided on with this video frame.
     pub decided: bool,
 }
 
-/// Lights that wait for the tracker at most.
+/// The largest number of lights that wait for the tracker.
 pub(crate) const OPEN: usize = 256;
 
-/// A live hologram that is shown, as the present thread has it: what becomes of every set.
+/// A live hologram that is shown, as the present thread tracks it.
 pub(crate) struct LiveState {
     pub(crate) sidecar_window: Option<Box<dyn SidecarWindow>>,
     pub(crate) switch: Option<SourceSwitch>,
@@ -78,36 +78,38 @@ pub(crate) struct LiveState {
     pub(crate) refinement: Refinement,
     pub(crate) eye: FollowedEye,
     pub(crate) keeping: Option<JournalWriter>,
-    /// Whether that begins with nothing: an application gives it.
+    /// True if the session starts without a scene because an application supplies it.
     pub(crate) first_is_to_come: bool,
     pub(crate) track: Track,
     pub(crate) timing: Arc<AtomicCell<SetTiming>>,
     pub(crate) steered: Arc<AtomicBool>,
     pub(crate) times: Times,
-    /// Where pupils are where nobody is tracked.
+    /// The pupils that are assumed without a tracker.
     pub(crate) whole: PupilDistribution,
-    /// From the beginning to the middle of the light of what is decided at once, and of one video frame.
+    /// The time from the beginning of a set that is decided at once to the middle of its light, and the same time of
+    /// one video frame (ns).
     pub(crate) light_after_ns: i64,
     pub(crate) frame_light_after_ns: i64,
     pub(crate) packed: Arc<Packed>,
-    /// Of the set on the screen, how many video frames were lit.
+    /// The set on the screen and the number of its video frames that were lit.
     pub(crate) lit_of_set: (u64, usize),
     pub(crate) sets_per_second: f64,
     pub(crate) notes: Notes,
     pub(crate) statistics: LiveStatistics,
-    /// Where the pupil was expected for the set on the screen.
+    /// The predicted position of the pupil for the set on the screen.
     pub(crate) pupil: Option<[f64; 2]>,
-    /// Depth that it was made for, metres.
+    /// The depth that the set was made for (m).
     pub(crate) focus: Option<f64>,
-    /// Lights whose pupil is not known yet: time on the trackers' clock, where it was expected.
+    /// The lights whose pupil is not yet known, each with its time on the clock of the trackers and the predicted
+    /// position.
     pub(crate) open: VecDeque<(u64, [f64; 2])>,
-    /// Medians for the status, and when they were taken.
+    /// The medians for the status, and the time at which they were taken.
     pub(crate) medians: [Option<f64>; 2],
     pub(crate) medians_at_ns: i64,
 }
 
 impl LiveState {
-    /// After a video frame; false once a user closed the window beside the display.
+    /// Updates the state after a video frame. Returns false after a user closed the sidecar window.
     pub(crate) fn after(&mut self, frame: Option<HandedOver>, display: &mut OpenDisplay) -> bool {
         if let Some(frame) = frame {
             if frame.decided {
@@ -142,16 +144,16 @@ impl LiveState {
                 self.steered.store(steered, Ordering::Release);
                 true
             }
-            // A view is not worth the display.
+            // A failed preview must not end the display.
             Err(error) => {
-                self.notes.send(format!("{error}; the display goes on"));
+                self.notes.send(format!("{error}: the preview is closed, and the display continues"));
                 self.sidecar_window = None;
                 true
             }
         }
     }
 
-    /// A set begins to be lit, or, where sets roll, a video frame of the newest.
+    /// Records that a set begins to be lit, or with rolling updates a video frame of the newest set.
     fn set_began(&mut self, HandedOver { start_ns, video_frame, .. }: HandedOver, now_ns: i64) {
         if let Some(clock) = self.times.0 {
             let decided_ns = self.source.asked.map_or(start_ns, |at| clock.at_ns(at));
@@ -163,7 +165,7 @@ impl LiveState {
         }
         if let Some(set) = self.source.newly_shown() {
             if let Some(switch) = &mut self.switch {
-                // A switch is not worth the picture: it says itself what is wrong with it.
+                // A failed switch must not end the display. The switch reports its own errors.
                 switch(&LitSources { set: set.number, start_ns, colors: set.sources() });
             }
             if let Some(showing) = &mut self.statistics.showing {
@@ -191,7 +193,7 @@ impl LiveState {
         }
     }
 
-    /// A video frame is lit, with what it holds.
+    /// Records the light of a video frame and its sub-frames.
     fn lights(&mut self, HandedOver { start_ns, video_frame, .. }: HandedOver) {
         let Some(set) = &self.source.on_screen else { return };
         let (number, lit) = self.lit_of_set;
@@ -209,7 +211,8 @@ impl LiveState {
         });
     }
 
-    /// Where the pupil was at lights that have passed: truly, for a simulated eye, else as it was measured.
+    /// Compares the pupil at past lights with the prediction. A simulated eye gives the true position, a tracker the
+    /// measured one.
     fn look_back(&mut self, now_ns: i64) {
         let now = self.times.monotonic_ns(now_ns);
         while let Some((light, expected)) = self.open.front().copied() {
@@ -245,7 +248,7 @@ impl LiveState {
         }
     }
 
-    /// Why there was nothing to follow, where there was not, and should have been.
+    /// Returns an error if a tracker was expected to give a pupil position and never did.
     pub(crate) fn followed(&self) -> Result<(), SessionError> {
         let samples = self.eye.counts.load().samples;
         if self.eye.tracker.is_none() || samples.placed > 0 || self.eye.may_be_silent {
@@ -253,16 +256,16 @@ impl LiveState {
         }
         let reason = match samples.reasons().first() {
             None => "no sample came".to_string(),
-            Some((why, _)) => format!("none of {} samples told where the pupil is ({why})", samples.samples()),
+            Some((why, _)) => format!("none of {} samples gave a pupil position ({why})", samples.samples()),
         };
         Err(SessionError::NotFollowed { tracker: self.eye.name.clone(), reason })
     }
 
-    /// Ends the threads: what came of it, and what they did.
+    /// Ends the threads and returns the statistics, the tracks of the threads and the result of the journal.
     pub(crate) fn stop(mut self) -> (LiveStatistics, Vec<Track>, Result<(), SessionError>) {
         let [restarts, steps, sets_moving, phases_moved] = self.refinement.counts();
         let mut tracks: Vec<Track> = self.refinement.stop().into_iter().collect();
-        // A refinement in simulated time holds nothing of it.
+        // A refinement in simulated time holds no reference to the tracker.
         if let Some(mut tracker) = self.eye.tracker.and_then(Arc::into_inner) {
             tracks.extend(tracker.stop());
         }
@@ -283,7 +286,7 @@ impl LiveState {
     }
 }
 
-/// What a trace says of a set that is lit then.
+/// Returns the entry of the trace for a set that is lit at `light_ns`.
 fn lit_by(set: &FinishedSet, light_ns: i64) -> Lit {
     Lit {
         set: set.number,

@@ -1,5 +1,7 @@
-//! What a session decided, kept: the scenes as they came, where the eye was expected, how many steps were taken, which set was lit
-//! when. With it the same sets are made again, to the byte, on the same engine, whatever the machine's time does.
+//! Keeps the decisions of a session in a journal, so that the same engine replays the same sets byte for byte.
+//!
+//! The journal holds the scenes as they arrived, the predicted pupils, the numbers of steps, and the set of each light.
+//! A replay does not depend on the timing of the machine.
 
 use crate::files::{FileError, GrowingFile, read, read_npy, write_npy};
 use crate::mailbox::Mailbox;
@@ -17,22 +19,22 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Decisions that wait for the disk.
+/// The number of decisions that can wait for the disk.
 const WAITING: usize = 1 << 12;
 const DECISIONS: &str = "decisions.jsonl";
 
-/// A decision. Numbers that have to be exact are the bits of float64.
+/// A decision of a session. Numbers that have to be exact are stored as the bits of float64.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", tag = "do")]
 pub(crate) enum Decision {
-    /// A scene was followed; its views are in a file for each colour.
+    /// A scene was followed. Its views are in a file for each color.
     Scene {
         number: u64,
-        /// Whether what was refined before was of no use for it.
+        /// True if the earlier phases were of no use for the scene.
         anew: bool,
         colors: Vec<Views>,
     },
-    /// So many steps for a pupil expected there, while this moves, of sets that roll from this turn on.
+    /// Steps were taken for this predicted pupil and motion. With rolling updates, the sets roll from this turn on.
     Steps {
         pupil: [u64; 8],
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -41,14 +43,14 @@ pub(crate) enum Decision {
         turn: usize,
         steps: u32,
     },
-    /// Phases were moved by so many pixels, or looked at whether to.
+    /// The phases were shifted by these pixels, or the losses were compared to decide on the shift.
     Carry {
         pixels: Shifts,
         look: bool,
     },
-    /// It was looked what to begin another picture with.
+    /// The start phases for a different picture were selected.
     Fit {},
-    /// It began again with the hologram for the whole eyebox.
+    /// Refinement started again with the hologram for the whole eyebox.
     Whole {},
     Set {
         number: u64,
@@ -58,23 +60,23 @@ pub(crate) enum Decision {
     },
 }
 
-/// By how many pixels (x, y) phases were moved.
+/// The pixels (x, y) by which phases were shifted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub(crate) enum Shifts {
-    /// All alike.
+    /// All phases were shifted alike.
     Whole([i64; 2]),
-    /// Those that are lit with each turn, of sets that roll.
+    /// The sub-frames of each turn of a rolling set were shifted by their own pixels.
     Turns(Vec<[i64; 2]>),
 }
 
 impl Shifts {
-    /// By turn.
+    /// Creates the shifts from one entry for each turn.
     pub(crate) fn of(turns: &[[i64; 2]]) -> Self {
         if let [whole] = turns { Self::Whole(*whole) } else { Self::Turns(turns.to_vec()) }
     }
 
-    /// By turn.
+    /// Returns the shift of each turn.
     pub(crate) fn turns(&self) -> &[[i64; 2]] {
         match self {
             Self::Whole(shift) => std::slice::from_ref(shift),
@@ -83,7 +85,7 @@ impl Shifts {
     }
 }
 
-/// What moves while a set is refined, and, of sets that roll, from which turn on it is lit.
+/// The motion during the light of a set, and the turn from which a rolling set is lit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moves {
     pub motion: Motion,
@@ -94,7 +96,7 @@ fn is_first(turn: &usize) -> bool {
     *turn == 0
 }
 
-/// Where the views of a scene stand before one colour.
+/// The positions of the views of a scene before one color.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Views {
     grid: [usize; 2],
@@ -115,7 +117,7 @@ pub(crate) fn pupil_of(bits: [u64; 8]) -> PupilDistribution {
     PupilDistribution { centre: [x, y], spread, diameter: [low, high], focus: [near, far], elsewhere }
 }
 
-/// A session's motion has no more than this: when sub-frames are lit, the display says.
+/// Returns the bits of a motion. The times of the sub-frames are left out because the display gives them.
 fn bits_of_motion(motion: &Motion) -> [u64; 9] {
     let Motion { content: [x, y], at, eye, spread, drift: [dx, dy], .. } = *motion;
     let [ex, ey] = eye.unwrap_or_default();
@@ -141,10 +143,10 @@ impl Views {
         }
     }
 
-    /// Before the same display as `like`.
+    /// Reads the color back, before the same display as `like`.
     fn color(self, like: &LiveColor, files: [&Path; 2]) -> Result<LiveColor, SessionError> {
         let wrong = |file: &Path| {
-            SessionError::Setting(reason!("not-as-recorded", "{}: it is not what was recorded", file.display()))
+            SessionError::Setting(reason!("not-as-recorded", "{}: it differs from the recorded scene", file.display()))
         };
         let level = like.problem.pyramid.levels.first().map_or([0, 0], |level| [level.height, level.width]);
         let [rows, columns] = self.grid;
@@ -179,7 +181,7 @@ enum Entry {
 #[derive(Clone)]
 pub(crate) struct Journal {
     out: Mailbox<Option<Entry>>,
-    /// There was no room for one: what follows is of no use.
+    /// True if an entry found no room. The entries after it are of no use.
     gap: Arc<AtomicBool>,
 }
 
@@ -189,11 +191,11 @@ pub(crate) struct JournalWriter {
 }
 
 impl Journal {
-    /// Into a new or an empty folder.
+    /// Starts a journal in a new or empty folder.
     pub(crate) fn start(folder: &Path) -> Result<JournalWriter, SessionError> {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         if fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?.next().is_some() {
-            let reason = reason!("not-empty", "holds something: a session is kept in a new or an empty folder");
+            let reason = reason!("not-empty", "is not empty, but a session journal needs a new or an empty folder");
             return Err(FileError::Taken { path: folder.display().to_string(), reason }.into());
         }
         let (file, folder) = (GrowingFile::new(&folder.join(DECISIONS))?, folder.to_path_buf());
@@ -208,18 +210,18 @@ impl Journal {
         self.put(Entry::Decision(decision));
     }
 
-    /// Steps were taken for a pupil, while this moves.
+    /// Records steps for a pupil and a motion.
     pub(crate) fn steps(&self, pupil: &PupilDistribution, Moves { motion, turn }: &Moves, steps: u32) {
         let motion = Some(bits_of_motion(motion)).filter(|_| *motion != Motion::default());
         self.keep(Decision::Steps { pupil: bits_of(pupil), motion, turn: *turn, steps });
     }
 
-    /// A scene is followed; `anew`: what was refined before is of no use for it.
+    /// Records that a scene is followed. `anew` is true if the earlier phases were of no use for it.
     pub(crate) fn scene(&self, scene: &SceneFrame, anew: bool) {
         self.put(Entry::Scene { scene: scene.clone(), anew });
     }
 
-    /// What follows cannot be done again.
+    /// Marks the rest of the session as not repeatable.
     pub(crate) fn break_off(&self) {
         self.gap.store(true, Ordering::Release);
     }
@@ -236,13 +238,13 @@ impl JournalWriter {
         Journal { out: self.writer.entries.clone(), gap: Arc::clone(&self.gap) }
     }
 
-    /// Brings all to the disk. Fails with [`SessionError::Setting`] if there is a gap.
+    /// Writes everything to the disk. Returns [`SessionError::Setting`] if there is a gap.
     pub(crate) fn finish(self) -> Result<(), SessionError> {
         self.writer.finish()?;
         match self.gap.load(Ordering::Acquire) {
             true => Err(reason!(
                 "not-kept",
-                "the session was not kept to its end: the disk was too slow, or an engine was lost"
+                "the session journal is incomplete: the disk was too slow, or an engine was lost"
             )
             .into()),
             false => Ok(()),
@@ -264,7 +266,8 @@ fn write(out: &mut GrowingFile, folder: &Path, entry: Entry) -> Result<(), FileE
     out.add(|out| writeln!(out, "{line}"))
 }
 
-/// The views as they are compared, which are whole numbers of the brightest: they become the same again.
+/// Writes the views as they are compared. They are whole numbers of the brightest value, so reading restores them
+/// exactly.
 fn write_color([views, phases]: [PathBuf; 2], color: &LiveColor) -> Result<(), FileError> {
     let pyramid = color.problem.pyramid.on_host().map_err(|e| FileError::write(&views, std::io::Error::other(e)))?;
     let Some(level) = pyramid.levels.first() else { return Ok(()) };
@@ -273,7 +276,7 @@ fn write_color([views, phases]: [PathBuf; 2], color: &LiveColor) -> Result<(), F
     if color.phases.is_empty() { Ok(()) } else { write_npy(&phases, &[color.phases.len()], &color.phases) }
 }
 
-/// A session that was kept, decision by decision.
+/// A recorded session, decision by decision.
 pub(crate) struct RecordedSession {
     folder: PathBuf,
     pub(crate) decisions: std::vec::IntoIter<Decision>,
@@ -282,7 +285,7 @@ pub(crate) struct RecordedSession {
 }
 
 impl RecordedSession {
-    /// Opens it. Fails with [`SessionError::Setting`] at a line that is no decision.
+    /// Opens a recorded session. Returns [`SessionError::Setting`] for a line that is no decision.
     pub(crate) fn open(folder: &Path) -> Result<Self, SessionError> {
         let file = folder.join(DECISIONS);
         let text = read::text(&file, read::RESULTS).map_err(|e| FileError::read(&file, e))?;
@@ -294,7 +297,7 @@ impl RecordedSession {
                 Err(error) => {
                     let wrong = reason!(
                         "not-a-session",
-                        "{}: line {}: {error}: no session is kept there",
+                        "{}: line {} is not a decision of a session journal: {error}",
                         file.display(),
                         i + 1
                     );
@@ -303,12 +306,12 @@ impl RecordedSession {
             }
         }
         if lit.is_empty() {
-            return Err(reason!("no-set", "{}: no set was lit in it", file.display()).into());
+            return Err(reason!("no-set", "{}: the recorded session lit no set", file.display()).into());
         }
         Ok(Self { folder: folder.to_path_buf(), decisions: decisions.into_iter(), lit: lit.into_iter() })
     }
 
-    /// A scene before the colours that are refined.
+    /// Returns a recorded scene before the refined colors.
     pub(crate) fn scene(
         &self,
         number: u64,

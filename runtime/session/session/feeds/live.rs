@@ -1,4 +1,4 @@
-//! Content that follows the eye: a hologram, refined while it is shown.
+//! Refines a hologram for the tracked pupil while it is shown.
 
 use crate::encode::Encoder;
 use crate::engine::{Backend, Engine, EngineError};
@@ -44,33 +44,35 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Whose eye is followed.
+/// The eye that a session follows.
 pub struct Tracking {
     source: Box<dyn Source>,
     estimator: Estimator,
-    /// A simulated eye's twin, which knows where the pupil really is.
+    /// A copy of the simulated eye, which gives the true position of the pupil.
     truth: Option<simulated::Eye>,
-    /// Whether its samples come when they would.
+    /// True if its samples arrive in real time.
     real_time: bool,
 }
 
 impl Tracking {
-    /// By a tracker of any kind.
+    /// Follows a tracker of any kind.
     pub fn new(source: Box<dyn Source>, estimator: Estimator) -> Self {
         Self { source, estimator, truth: None, real_time: true }
     }
 
-    /// By one that is named: in real time, or, of simulated eyes, in a time of their own that begins at 0.
+    /// Opens a tracker by its specification. It runs in real time, except that simulated eyes can run in a time of
+    /// their own that begins at 0.
     ///
     /// # Errors
-    /// [`SessionError::Tracker`]; [`SessionError::Setting`] for what lives in real time alone.
+    /// Returns [`SessionError::Tracker`], or [`SessionError::Setting`] for a real-time tracker with a simulated clock.
     pub fn open(spec: &Spec, options: &Options, estimator: Estimator) -> Result<Self, SessionError> {
         let Spec::Simulated(seed) = *spec else {
             if !options.real_time {
                 return Err(reason!(
                     "simulated-clock",
-                    "a simulated clock takes a simulated eye alone (`tracker` simulated), and {spec:?} lives in real time"
-                ).into());
+                    "`tracker` {spec:?}: it runs in real time, but a simulated clock needs `tracker` simulated"
+                )
+                .into());
             }
             return Ok(Self::new(trackers::open(spec, options)?, estimator));
         };
@@ -78,7 +80,7 @@ impl Tracking {
         Self::of_eye(settings, options.real_time, estimator)
     }
 
-    /// By a simulated eye, in real time or in a time of its own that begins at 0.
+    /// Follows a simulated eye, in real time or in a time of its own that begins at 0.
     pub(crate) fn of_eye(
         settings: simulated::Settings,
         real_time: bool,
@@ -90,42 +92,42 @@ impl Tracking {
         Ok(Self { source: Box::new(source), estimator, truth, real_time })
     }
 
-    /// By a mouse, whose place somebody pushes.
+    /// Follows a mouse, whose position the caller pushes.
     pub fn mouse(estimator: Estimator) -> (MouseHandle, Self) {
         let (handle, source) = pushed::mouse();
         (handle, Self::new(Box::new(source), estimator))
     }
 
-    /// By the program's own tracker, whose samples it pushes, in real time.
+    /// Follows the tracker of the calling program, which pushes its samples in real time.
     pub fn pushed(estimator: Estimator) -> (SampleSender, Self) {
         let (sender, source) = pushed::channel();
         (sender, Self::new(Box::new(source), estimator))
     }
 
-    /// The tracker, for people.
+    /// Describes the tracker for people.
     pub fn describe(&self) -> String {
         let about = self.source.about();
         about.notes.iter().fold(about.name, |all, note| format!("{all}, {note}"))
     }
 }
 
-/// Where the pupil may be where nobody tells: anywhere in an eyebox of this side, metres, as wide as eyes' pupils are, focused
-/// between these depths, metres.
+/// Returns the pupils that are assumed without a tracker. They are anywhere in an eyebox of this side (m), have the
+/// usual diameters of eyes, and focus between these depths (m).
 pub fn whole_eyebox(eyebox: f64, focus: [f64; 2]) -> PupilDistribution {
     let [low, high] = PupilRange::usual_diameter(eyebox);
     let diameter = [low, high.min(WIDEST_PUPIL).max(low)];
     PupilDistribution { centre: [0.0; 2], spread: eyebox / 2.0, diameter, focus, elsewhere: 1.0 }
 }
 
-/// As wide as an eye's pupil becomes, metres.
+/// The widest pupil of an eye (m).
 const WIDEST_PUPIL: f64 = 8e-3;
 
-/// Where engines come from.
+/// The source of the engines of a session.
 #[non_exhaustive]
 pub enum EngineSource {
-    /// All of them from one place: the CPU, or a device that they share.
+    /// One backend supplies all engines, on the CPU or on a device that they share.
     Backend(Backend),
-    /// Each from wherever this opens it.
+    /// This function opens each engine.
     Opener(EngineOpener),
 }
 
@@ -149,7 +151,7 @@ impl EngineSource {
         }
     }
 
-    /// The device that they share.
+    /// Returns the device that the engines share, if there is one.
     fn gpu(&self) -> Result<Option<Gpu>, EngineError> {
         match self {
             Self::Backend(backend) => backend.gpu(),
@@ -188,52 +190,54 @@ impl FollowedEye {
     }
 }
 
-/// A hologram that follows the eye.
+/// A hologram that is refined for the tracked pupil.
 #[non_exhaustive]
 pub struct Live {
-    /// What is refined: every colour, begun with the hologram for the whole eyebox.
+    /// The colors that are refined. Each starts from the hologram for the whole eyebox.
     pub colors: Vec<LiveColor>,
-    /// To what the display receives.
+    /// The encoder for the video frames of the display.
     pub encoder: Encoder,
-    /// What computes: an engine for each colour, opened again when one is lost. Where they are on a device, sets are encoded
-    /// there too, and phases never come to the host.
+    /// The source of an engine for each color. A lost engine is opened again. If the engines are on a device, sets are
+    /// encoded there too, and the phases never come to the host.
     pub engines: EngineSource,
-    /// What there is to be seen, where that changes while it is shown; none for the one hologram.
+    /// The scenes, if the content changes while it is shown, or `None` for one hologram.
     pub scenes: Option<Box<dyn Scenes>>,
-    /// Of a far field in tiles, all of it: what is refined is a piece, and `scenes` its [`FarField`](crate::session::FarField).
+    /// The whole far field in tiles. The refined part is a piece of it, and `scenes` is its
+    /// [`FarField`](crate::session::FarField).
     pub field: Option<Field>,
-    /// For content that jumps: the tables from which a picture's first phases are looked up, as [`start_tables`](crate::session::start_tables) gives
-    /// them; empty where none is to be used.
+    /// The tables of first phases for content that jumps, as [`start_tables`](crate::session::start_tables) returns
+    /// them. They are empty if no table is used.
     pub start_tables: Vec<Option<Arc<StartTable>>>,
-    /// Whose eye; none where nobody is tracked: pupils are then drawn over the whole eyebox.
+    /// The tracked eye. If it is `None`, pupils are drawn from the whole eyebox.
     pub tracking: Option<Tracking>,
-    /// Where nobody is tracked: where the pupil may be.
+    /// The pupils that are assumed without a tracker.
     pub whole: PupilDistribution,
-    /// Sets are handed over and shown whole, though the display takes several video frames for one; else they roll there: every
-    /// video frame is the newest set's whose turn it is.
+    /// True if sets are shown only whole, although the display takes several video frames for one. Otherwise updates
+    /// roll. Each video frame then comes from the newest set, with the sub-frames whose turn it is.
     pub whole_sets: bool,
-    /// Whether each sub-frame is refined for its own moment, where the eye or the content moves (OPTICS 15).
+    /// True if each sub-frame is refined for its own time while the eye or the content moves (OPTICS 15).
     pub moments: bool,
-    /// What work takes on a simulated clock.
+    /// The time that work takes on a simulated clock.
     pub cost: Cost,
-    /// A new folder that keeps what was decided, with all scenes that followed each other, so that it can be done again.
+    /// A new folder for the journal of decisions and scenes, so that the session can be replayed.
     pub journal: Option<PathBuf>,
-    /// Such a folder, for a simulated clock: the same sets are lit again in the same order. Everything else is as it was then.
+    /// The folder of a journal to replay on a simulated clock. The same sets are lit in the same order. All other
+    /// settings have to be the same as in that session.
     pub replay: Option<PathBuf>,
-    /// How it follows.
+    /// The policy of the refinement.
     pub policy: Policy,
-    /// Whether it does from the beginning.
+    /// True if the hologram follows the pupil from the start.
     pub steered: bool,
-    /// From a video frame's beginning to its light.
+    /// The time from the beginning of a video frame to its light.
     pub display_latency: Duration,
-    /// A window beside the display.
+    /// The sidecar window next to the display.
     pub sidecar_window: Option<SidecarOpener>,
-    /// What switches the display's sources, where it has any.
+    /// The function that switches the sources of the display, if it has any.
     pub switch: Option<SourceSwitch>,
 }
 
 impl Live {
-    /// With everything else at its default.
+    /// Creates live content with all other settings at their defaults.
     pub fn new(
         colors: Vec<LiveColor>,
         encoder: Encoder,
@@ -264,11 +268,12 @@ impl Live {
         }
     }
 
-    /// A hologram for the whole eyebox, refined for the scene `field` that it shows, on a display; everything else at its default.
+    /// Refines a hologram for the whole eyebox on a display for the scene `field` that it shows. All other settings
+    /// have their defaults.
     ///
     /// # Errors
-    /// [`SessionError::Hologram`] where it does not say which optics it was made for; [`SessionError::Encode`];
-    /// [`SessionError::Setting`] for one that does not have the display's size, or has a colour that the scene lacks.
+    /// Returns [`SessionError::Hologram`] if the hologram does not state its optics, and [`SessionError::Encode`].
+    /// Returns [`SessionError::Setting`] if its size differs from the display, or the scene lacks one of its colors.
     pub fn of_hologram(
         hologram: &Hologram,
         field: &LightField,
@@ -283,11 +288,12 @@ impl Live {
         Ok(live)
     }
 
-    /// Content that jumps, and the first frame of an application, begin with phases of a table ([`StartTable`]): that of the user's cache,
-    /// or one that is fitted now, in seconds. `observe` is told the share that is fitted, and ends it by answering false.
+    /// Starts content that jumps, and the first frame of an application, with the phases of a table ([`StartTable`]).
+    /// The table comes from the cache of the user, or is fitted now in seconds. `observe` receives the share that is
+    /// fitted, and stops the fit if it returns false.
     ///
     /// # Errors
-    /// Those of the fit.
+    /// Returns the errors of the fit.
     pub fn with_start_tables(mut self, observe: &mut dyn FnMut(f64) -> bool) -> Result<Self, SessionError> {
         self.start_tables = start_tables(&self.colors, observe)?;
         if self.scenes.as_ref().is_none_or(|scenes| !scenes.begins_with_one()) {
@@ -296,12 +302,12 @@ impl Live {
         Ok(self)
     }
 
-    /// Refuses what does not go together, before anything is opened for it.
+    /// Checks the settings before anything is opened.
     pub(crate) fn check(&self) -> Result<(), SessionError> {
         Ok(self.policy.steering.check()?)
     }
 
-    /// Refuses what does not go with the display's clock.
+    /// Checks that the settings fit the clock of the display.
     fn check_clock(&self, is_real: bool) -> Result<(), SessionError> {
         let wrong = |why| Err(SessionError::Setting(why));
         if self.replay.is_some() {
@@ -310,27 +316,27 @@ impl Live {
                 true => Ok(()),
                 false => wrong(reason!(
                     "replay-in-real-time",
-                    "what was kept is shown again on a simulated clock, without a tracker and without content"
+                    "`replay`: it needs a simulated clock, without `tracker`, scenes and `journal`"
                 )),
             };
         }
         match self.cost {
             Cost::Measured if !is_real => wrong(reason!(
                 "no-step-time",
-                "a simulated clock has to be told what work takes: `step_time`, or leave out `clock` simulated"
+                "a simulated clock needs the time of a step: set `step_time`, or leave out `clock` simulated"
             )),
             Cost::Fixed { .. } if is_real => {
-                wrong(reason!("step-time", "what work takes is said to a simulated clock alone"))
+                wrong(reason!("step-time", "`step_time`: it applies only to a simulated clock"))
             }
             _ if self.tracking.as_ref().is_some_and(|tracking| tracking.real_time != is_real) => wrong(reason!(
                 "no-eye",
-                "a live hologram follows an eye in real time: on a simulated clock, the simulated eye"
+                "`tracker`: a live hologram needs a tracker in real time, or on a simulated clock the simulated eye"
             )),
             _ => Ok(()),
         }
     }
 
-    /// Starts following and refining. `on_host`: somebody on the host wants the video frames too.
+    /// Starts tracking and refinement. `on_host` is true if the host needs the video frames too.
     pub(crate) fn start(
         self,
         display: &mut OpenDisplay,
@@ -342,7 +348,7 @@ impl Live {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
         let Self { colors, encoder, engines, field, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
-        // What no scene brings cannot be begun again with.
+        // If scenes bring no hologram for the whole eyebox, refinement cannot restart from one.
         let whole_of_none = scenes.as_ref().filter(|scenes| !scenes.begins_with_one()).map(|_| whole);
         if whole_of_none.is_some() {
             policy.restart = f64::INFINITY;
@@ -433,7 +439,7 @@ impl Live {
     }
 }
 
-/// What makes engines with all that is on them, as often as it is called.
+/// Returns a function that opens the engines with all of their data, each time it is called.
 fn begin(
     colors: Vec<LiveColor>,
     policy: Policy,

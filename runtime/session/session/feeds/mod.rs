@@ -1,4 +1,4 @@
-//! The two things that a session shows, and the threads that make their sets: holograms that were solved before, and live content that is refined.
+//! Holds the two kinds of content, solved and refined holograms, and the threads that make their sets.
 
 pub(crate) mod following;
 pub(crate) mod journal;
@@ -17,7 +17,7 @@ use crate::session::playback::scheduler::Schedule;
 use crate::session::playback::stream::Stream;
 use following::LiveState;
 
-/// Content that has begun, as the present thread has it.
+/// Running content, as the present thread uses it.
 pub(crate) enum ActiveContent {
     Play(Stream),
     Live(Box<LiveState>),
@@ -35,8 +35,8 @@ impl ActiveContent {
 pub(crate) struct ContentSetup {
     pub running: ActiveContent,
     pub schedule: Schedule,
-    /// A set of video frames that is shown while there is no content.
+    /// The set of video frames that is shown without content.
     pub idle: VideoFrames,
-    /// Sub-frames of a set, over all colours.
+    /// The sub-frames of a set, over all colors.
     pub sub_frames: u64,
 }

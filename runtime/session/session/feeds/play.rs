@@ -1,4 +1,4 @@
-//! Content from disk: a sequence, or a single hologram.
+//! Plays a sequence or a single hologram from disk.
 
 use crate::encode::{Encoder, PhaseSet};
 use crate::engine::vulkan::VulkanEncoder;
@@ -21,51 +21,52 @@ use std::time::SystemTime;
 
 const LONGEST_SYNC_S: f64 = 86400.0;
 const MOST_AHEAD: usize = 64;
-/// How far away the start of a playback may be, seconds: a year and a day.
+/// The largest time to the start of a playback (s): a year and a day.
 const FARTHEST_START_S: f64 = 366.0 * 86400.0;
 
-/// Seconds from now on; less than none of a time that has passed.
+/// Returns the seconds until a time, negative if it has passed.
 fn seconds_until(at: SystemTime) -> f64 {
     let now = SystemTime::now();
     at.duration_since(now).map_or_else(|past| -past.duration().as_secs_f64(), |left| left.as_secs_f64())
 }
 
-/// A sequence, and how it is played. A single hologram begins again and again.
+/// A sequence and its playback settings. A single hologram repeats.
 #[non_exhaustive]
 pub struct Play {
-    /// The holograms.
+    /// The sequence of holograms.
     pub sequence: Sequence,
-    /// To what the display receives.
+    /// The encoder for the video frames of the display.
     pub encoder: Encoder,
-    /// The Vulkan device that encodes; else the CPU does, with the same bytes.
+    /// The Vulkan device that encodes. If it is `None`, the CPU encodes to the same bytes.
     pub device: Option<Gpu>,
-    /// Holograms a second.
+    /// The number of holograms per second.
     pub rate: Rate,
-    /// So many times as fast.
+    /// The factor on the rate of the sequence.
     pub speed: f64,
-    /// Whether it begins again at the end.
+    /// True if playback starts again at the end.
     pub looped: bool,
-    /// Whether to wait for a sequence that is still being written.
+    /// True if playback waits for a sequence that is still being written.
     pub follow: bool,
-    /// The hologram to begin with, from 0.
+    /// The first hologram to show, from 0.
     pub first: u64,
-    /// When it begins, ready or not: what several displays agree on. Else as soon as it is ready.
+    /// The start time, on which several displays can agree. Playback starts then even if it is not ready. If it is
+    /// `None`, playback starts as soon as it is ready.
     pub start_at: Option<SystemTime>,
-    /// Seconds of the sync picture before content.
+    /// The time of the sync picture before content (s).
     pub sync_s: f64,
-    /// Side of the corner mark, pixels; 0 for none.
+    /// The side of the corner mark (pixels), or 0 for none.
     pub mark: usize,
-    /// After a missed present, sets wait until they are in phase with the first.
+    /// True if sets wait after a missed present until they are in phase with the first set.
     pub keep_phase: bool,
-    /// Sets that are encoded ahead.
+    /// The number of sets that are encoded ahead.
     pub ahead: usize,
 }
 
-/// What makes video frames on a display of the phases of a hologram that are [sent](Hologram::sent_colors); `what` is the hologram, for
-/// people.
+/// Creates the encoder for the phases of a hologram that are [sent](Hologram::sent_colors) to a display. `what` names
+/// the hologram for people.
 pub(crate) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Result<Encoder, SessionError> {
     let named = |c: &ColorHologram| {
-        c.color.ok_or_else(|| SessionError::Setting(reason!("colors-not-named", "{what}: its colours are not named")))
+        c.color.ok_or_else(|| SessionError::Setting(reason!("colors-not-named", "{what}: its colors are not named")))
     };
     let colors: Vec<Color> =
         about.sent_colors().into_iter().map(|i| named(&about.colors[i])).collect::<Result<_, _>>()?;
@@ -75,31 +76,31 @@ pub(crate) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Res
         let name = &display.name;
         return Err(reason!(
             "size",
-            "{what}: it is {h}x{w} pixels, and the display '{name}' takes {eh}x{ew}: give `size` {h}x{w}, or the display that it \
-             was made for"
-        ).into());
+            "{what}: it has {h}x{w} pixels, but the display '{name}' takes {eh}x{ew}. Set `size` to {h}x{w}, or use \
+             the display that it was made for"
+        )
+        .into());
     }
     Ok(encoder)
 }
 
 impl Play {
-    /// Opens a file for a display, to be played from its beginning as it was made.
+    /// Opens a file for a display, to be played from its start as it was made.
     ///
     /// # Errors
-    /// [`SessionError::Hologram`]; those of [`new`](Self::new).
+    /// Returns [`SessionError::Hologram`], and the errors of [`new`](Self::new).
     pub fn open(file: &Path, display: &Display) -> Result<Self, SessionError> {
         Self::new(Sequence::open(file)?, display)
     }
 
-    /// A sequence on a display, to be played from its beginning as it was made.
+    /// Plays a sequence on a display from its start, as it was made.
     ///
     /// # Errors
-    /// [`SessionError::Hologram`] for a single hologram that is damaged; [`SessionError::Encode`];
-    /// [`SessionError::Setting`] for holograms that do not have the display's size or do not name
-    /// their colours.
+    /// Returns [`SessionError::Hologram`] for a single hologram that is damaged, and [`SessionError::Encode`]. Returns
+    /// [`SessionError::Setting`] if the holograms do not have the size of the display or do not name their colors.
     pub fn new(mut sequence: Sequence, display: &Display) -> Result<Self, SessionError> {
         if sequence.is_single() {
-            // Of a sequence what is damaged is left out; of one hologram there would be nothing.
+            // Damaged holograms of a sequence are skipped, but a single damaged hologram would leave nothing to show.
             let mut phases = vec![0.0; sequence.values()];
             sequence.read_into(0, &mut phases)?;
         }
@@ -128,12 +129,12 @@ impl Play {
         Speed::new(self.speed).ok_or_else(|| SessionError::Setting(wrong()))
     }
 
-    /// Refuses what cannot be, before anything is opened for it.
+    /// Checks the settings before anything is opened.
     pub(crate) fn check(&self) -> Result<(), SessionError> {
         let wrong = |why| Err(SessionError::Setting(why));
         let (what, count, first) = (self.sequence.path().display(), self.sequence.count(), self.first);
         if first >= count.max(1) && !self.follow {
-            return wrong(reason!("first", "{what}: it has {count} holograms, the first is 0: `first` {first}"));
+            return wrong(reason!("first", "`first` {first}: {what} has {count} holograms, and the first is 0"));
         }
         self.exact_speed()?;
         if !(0.0..=LONGEST_SYNC_S).contains(&self.sync_s) {
@@ -146,7 +147,7 @@ impl Play {
             let (days, when) = (left.abs() / 86400.0, if left > 0.0 { "from now" } else { "ago" });
             return wrong(reason!(
                 "start-at",
-                "`start_at` is {days:.0} days {when}: a year at most, in seconds since 1970"
+                "`start_at`: {days:.0} days {when}, but at most a year is allowed. Give seconds since 1970."
             ));
         }
         Ok(())
@@ -158,7 +159,7 @@ impl Play {
         let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
         let set_frames = encoder.packed().video_frames as u64;
         let set_rate = display.rate.hz() / set_frames as f64;
-        // Enough video frames that the display's phase is known.
+        // This is enough video frames to determine the phase of the display.
         let idle_sets = ((self.sync_s * set_rate).ceil() as u64).max(4_u64.div_ceil(set_frames));
         let start = match self.start_at {
             None => Start::WhenReady { idle_sets },

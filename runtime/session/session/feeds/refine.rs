@@ -1,5 +1,7 @@
-//! Refining for every set that can still be reached: what is to be seen then, where the pupil will be, steps until it has to be
-//! handed over, and the set. On a thread, or, where time is simulated, when a set is asked for.
+//! Refines each reachable multiplex set for the content and the pupil at its light.
+//!
+//! A round takes steps until the set has to be handed over, and hands it over. Rounds run on a thread, or in simulated
+//! time when a set is requested.
 
 mod beginning;
 mod handing_over;
@@ -30,12 +32,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Slack before a set is decided on: handing over takes no time, but threads wake late.
+/// The slack before the decision on a set. Handing over takes no time, but threads wake late.
 const SLACK: Duration = Duration::from_micros(500);
-/// A lost engine is made anew so often, with this pause after an attempt that failed: a driver takes seconds to reset.
+/// The number of attempts to open a lost engine again. The pause follows a failed attempt, because a driver takes
+/// seconds to reset.
 const ATTEMPTS: u32 = 3;
 const PAUSE: Duration = Duration::from_secs(1);
-/// After so many sets an engine has worked, and its loss is a new one.
+/// After this many sets an engine counts as working, and its next loss gets all attempts again.
 const WORKED_SETS: u64 = 16;
 
 #[derive(Default)]
@@ -48,15 +51,15 @@ struct Shared {
     taken: AtomicCell<SceneCounts>,
 }
 
-/// A hologram that is refined, on a thread where time is real; dropped, it stops.
+/// A hologram that is refined, on a thread if time is real. It stops when it is dropped.
 pub(crate) struct Refinement {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<Track>>,
 }
 
 impl Refinement {
-    /// Starts refining. The first set, the hologram for the whole eyebox, is ready when this returns, unless the first scene has
-    /// still to come.
+    /// Starts refinement. The first set, of the hologram for the whole eyebox, is ready when this returns, unless the
+    /// first scene has not arrived.
     pub(crate) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
         let (refiner, gpu) = (options.again)()?;
         let device = device_encoder(&refiner, gpu, &encoder)?;
@@ -83,7 +86,7 @@ impl Refinement {
         };
         let scenes = refining.first_of_scenes().map_or(0, |_| 1);
         refining.shared.taken.store(SceneCounts { scenes, ..SceneCounts::default() });
-        // Twice: the first time takes longer than any other.
+        // Two runs are needed, because the first one takes longer than all later ones.
         for _ in 0..2 {
             let mut time = WorkTime::begin(refining.options.cost, 0);
             if refining.waits() {
@@ -101,7 +104,7 @@ impl Refinement {
         Ok((Self { shared, thread }, source))
     }
 
-    /// That of sets which are made elsewhere.
+    /// Creates a placeholder for sets that are made elsewhere.
     pub(crate) fn none() -> Self {
         Self { shared: Arc::default(), thread: None }
     }
@@ -110,8 +113,8 @@ impl Refinement {
         self.shared.taken.load()
     }
 
-    /// How often it began again with the hologram for the whole eyebox, how many steps it took, how many sets it refined for what
-    /// moves in them, and how often the phases were moved.
+    /// Returns the restarts from the hologram for the whole eyebox, the steps, the sets refined for motion, and the
+    /// shifts of phases.
     pub(crate) fn counts(&self) -> [u64; 4] {
         let Shared { restarts, steps, moving, carried, .. } = &*self.shared;
         [restarts, steps, moving, carried].map(|count| count.load(Ordering::Relaxed))
@@ -122,7 +125,7 @@ impl Refinement {
         self.thread.as_ref().is_some_and(|t| !t.is_finished())
     }
 
-    /// Ends the thread: what it did.
+    /// Ends the thread and returns its track.
     pub(crate) fn stop(&mut self) -> Option<Track> {
         self.shared.stop.store(true, Ordering::Release);
         self.thread.take().and_then(|t| t.join().ok())
@@ -135,7 +138,7 @@ impl Drop for Refinement {
     }
 }
 
-/// An encoder on the engines' device, if they have one: phases need not come to the host.
+/// Creates an encoder on the device of the engines, if they have one, so that phases need not come to the host.
 fn device_encoder(
     refiner: &LiveRefiner,
     gpu: Option<Gpu>,
@@ -153,16 +156,17 @@ struct Refining {
     sender: SetSender,
     shared: Arc<Shared>,
     number: u64,
-    /// What encoding and handing over takes.
+    /// The time for encoding and handing over.
     encoding: Duration,
-    /// What is to be seen, and how it came.
+    /// The scene to show, and its freshness.
     scene: Option<SceneFrame>,
     supply: FrameFreshness,
-    /// What was told last of scenes that were left out.
+    /// The last note about a skipped scene.
     told: Option<String>,
-    /// What making a scene ready takes.
+    /// The time to prepare a scene.
     building: Duration,
-    /// Until when sets are made, in simulated time, and what looking at the losses of the newest scene took.
+    /// In simulated time, the end of the work on sets until now, and the time to compare the losses of the newest
+    /// scene.
     made_ns: i64,
     looked_ns: i64,
 }
@@ -170,7 +174,7 @@ struct Refining {
 impl Refining {
     fn live(mut self) -> Track {
         let notes = self.options.notes.clone();
-        let _note = notes.on_panic("refinement has ended by a fault of its own; the picture stays");
+        let _note = notes.on_panic("refinement has ended by a fault of its own, and the picture stays");
         let mut left = ATTEMPTS;
         loop {
             let before = self.number;
@@ -179,28 +183,28 @@ impl Refining {
             if self.number - before >= WORKED_SETS {
                 left = ATTEMPTS;
             }
-            // The memory of a lost device is gone: the next frame brings other views.
+            // The memory of a lost device is gone, and the next frame brings other views.
             self.scene.take_if(|scene| scene.is_lost());
             let mut reason = error.to_string();
             loop {
                 if left == 0 {
-                    notes.send(format!("refinement has ended: {reason}; the picture stays"));
+                    notes.send(format!("refinement has ended: {reason}, and the picture stays"));
                     return self.options.track;
                 }
                 left -= 1;
                 match self.open_again() {
                     Ok(()) => break,
-                    Err(error) => reason = format!("{reason}; making its engine anew failed: {error}"),
+                    Err(error) => reason = format!("{reason}, and opening the engine again failed: {error}"),
                 }
                 if left > 0 && !self.pause() {
                     return self.options.track;
                 }
             }
-            notes.send(format!("refinement begins anew: {reason}"));
+            notes.send(format!("refinement starts again: {reason}"));
         }
     }
 
-    /// Makes the engines anew, with the scene that is to be seen.
+    /// Opens the engines again, with the current scene.
     fn open_again(&mut self) -> Result<(), SessionError> {
         let (mut refiner, gpu) = (self.options.again)()?;
         match &self.scene {
@@ -215,7 +219,7 @@ impl Refining {
         Ok(())
     }
 
-    /// Waits before another attempt: whether there is to be one.
+    /// Waits before another attempt. Returns false if the session stops.
     fn pause(&self) -> bool {
         let begun = Instant::now();
         while begun.elapsed() < PAUSE {
@@ -227,7 +231,7 @@ impl Refining {
         true
     }
 
-    /// Until it is stopped, on the system's clock.
+    /// Refines on the clock of the system until it is stopped.
     fn run(&mut self) -> Result<(), SessionError> {
         let Some(clock) = self.options.clock else { return Ok(()) };
         let mut whole = true;
@@ -250,32 +254,32 @@ impl Refining {
                 self.show_whole(&target, now_ns)?;
                 whole = true;
             }
-            // Nothing to do but to look again in a while.
+            // There is no work, so the thread looks again after a short time.
             self.sender.does(RepeatReason::Unchanged);
             std::thread::sleep(Duration::from_millis(5));
         }
         Ok(())
     }
 
-    /// In simulated time: makes the set that begins there, if it can be made by then.
+    /// Makes the set that begins at `target` in simulated time, if it can be ready by then.
     fn make_for(&mut self, target: Target) -> Result<(), SessionError> {
         let period_ns = self.options.timing.load().period_ns;
         let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
         let need_ns = round_ns.saturating_add(ends_ns);
-        // It begins when the set before was decided on, or one before that where that is too short a time; or when that was done
-        // with.
+        // Work begins at the decision on the previous set, or on an earlier one if that time is too short. It cannot
+        // begin before the previous work ends.
         let ahead_ns = (need_ns.saturating_add(period_ns - 1) / period_ns.max(1)).max(1).saturating_mul(period_ns);
         let free_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(ahead_ns));
         self.sender.does(RepeatReason::StepTooLong);
         if free_ns.saturating_add(need_ns) > target.hand_over_ns {
             return Ok(());
         }
-        // Time that holds no whole round is let pass before the rounds, not behind them: what comes meanwhile, of the eye or of
-        // an application, is lit with this set and not with the next.
+        // Spare time that holds no whole round passes before the rounds, not after them. Then samples and frames that
+        // arrive in this time are lit with this set and not with the next.
         let spare_ns = |from_ns: i64| (target.hand_over_ns - ends_ns - from_ns).max(0) % round_ns.max(1);
         let comes = self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one());
         let now_ns = match comes {
-            // Nothing is refined yet: the last moment is the best.
+            // Refinement has not begun, so the latest time gives the newest frame.
             true if self.waits() => target.hand_over_ns - need_ns,
             true => free_ns + spare_ns(free_ns),
             false => free_ns,
@@ -294,17 +298,17 @@ impl Refining {
         }
     }
 
-    /// Whether the first scene has still to come.
+    /// Returns true if the first scene has not arrived.
     fn waits(&self) -> bool {
         self.scene.is_none() && self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one())
     }
 
-    /// Whether sets are refined, for the eye or for the whole eyebox.
+    /// Returns true if sets are refined for the tracked pupil or for the whole eyebox.
     fn refines(&self) -> bool {
         self.options.whole.is_some() || self.options.steered.load(Ordering::Acquire)
     }
 
-    /// The number of the scene that it began with, where others follow it.
+    /// Returns the number of the scene that refinement started with, if others follow it.
     fn first_of_scenes(&self) -> Option<u64> {
         self.options.scenes.as_ref().filter(|scenes| scenes.begins_with_one()).map(|_| 0)
     }
@@ -313,11 +317,11 @@ impl Refining {
         self.options.cost.round_ns(self.refiner.colors(), || self.refiner.round())
     }
 
-    /// What comes behind the steps.
+    /// Returns the time after the steps (ns).
     fn ends_ns(&self) -> i64 {
         match self.options.cost {
             Cost::Measured => as_ns(self.encoding + SLACK),
-            // Nobody wakes late where time is simulated.
+            // No thread wakes late in simulated time.
             Cost::Fixed { encode, .. } => as_ns(encode),
         }
     }
@@ -331,7 +335,7 @@ impl Refining {
         target.start_ns.saturating_add(as_ns(self.options.light_after))
     }
 
-    /// Takes the scene that is to be seen by this set's light: whether it is another one; none where there will be no more.
+    /// Takes the scene for the light of this set. Returns true if it is a new one, and `None` if the content has ended.
     fn look_for_scene(&mut self, target: &Target, now_ns: i64, steered: bool) -> Result<Option<bool>, SessionError> {
         let light_ns = self.light_ns(target);
         let times = Times(self.options.clock);
@@ -363,7 +367,7 @@ impl Refining {
                 taken.refused += 1;
                 self.shared.taken.store(taken);
                 if self.told.as_ref() != Some(&reason) {
-                    self.options.notes.send(format!("{reason}; what was shown before stays"));
+                    self.options.notes.send(format!("{reason}, and the previous content stays"));
                     self.told = Some(reason);
                 }
                 return Ok(Some(false));
@@ -374,7 +378,7 @@ impl Refining {
             }
         };
         if !steered {
-            // What is shown is the scene's own hologram: there is nothing to compare.
+            // The scene's own hologram is shown, so there is no loss to compare.
             self.refiner.forget_aim();
         }
         if let Some(journal) = &self.options.journal {
@@ -415,7 +419,7 @@ impl Refining {
         Ok(())
     }
 
-    /// Steps until the set has to be handed over, and the set.
+    /// Takes steps until the set has to be handed over, and hands it over.
     fn refine_for(&mut self, target: Target, now_ns: i64) -> Result<(), SessionError> {
         let (light_ns, times) = (self.light_ns(&target), Times(self.options.clock));
         let mut time = WorkTime::begin(self.options.cost, now_ns);
@@ -424,7 +428,7 @@ impl Refining {
         let deadline_ns = target.hand_over_ns.saturating_sub(self.ends_ns());
         let mut steps = 0;
         self.sender.does(RepeatReason::StepTooLong);
-        // Every round looks again where the pupil will be, and what is to be seen: samples and scenes come while it refines.
+        // Each round updates the predicted pupil and the scene, because samples and scenes arrive during refinement.
         let (expected, aimed_ns, moves) = loop {
             let at_ns = time.now_ns();
             let expected = self.options.expect(times.monotonic_ns(at_ns), times.monotonic_ns(light_ns))?;
@@ -444,7 +448,7 @@ impl Refining {
             if taken == 0 || left_ns < 0 {
                 break (expected, at_ns, moves);
             }
-            // What making a scene ready takes is said of no other machine.
+            // The time to prepare a scene differs between machines, so simulated time leaves it out.
             let building = self.options.clock.map_or(Duration::ZERO, |_| self.building);
             if left_ns > as_ns(building) {
                 if self.look_for_scene(&target, time.now_ns(), true)?.is_none() {
@@ -459,7 +463,7 @@ impl Refining {
         self.shared.restarts.fetch_add(after[0] - before[0], Ordering::Relaxed);
         self.shared.steps.fetch_add(u64::from(steps), Ordering::Relaxed);
         if steps == 0 {
-            // The time was too short for a step: the next set is for the one after.
+            // The time was too short for a step, so the next attempt is for the set after this one.
             if self.options.clock.is_some() {
                 std::thread::sleep(SLACK);
             }

@@ -1,4 +1,4 @@
-//! Doing again what a session that was kept has done: the same sets, lit in the same order, on a simulated clock.
+//! Replays a recorded session on a simulated clock, with the same sets lit in the same order.
 
 use crate::encode::{Encoder, Lighting, PhaseSet};
 use crate::session::content::scenes::FrameFreshness;
@@ -15,17 +15,17 @@ pub(crate) struct Replay {
     colors: Vec<LiveColor>,
     refiner: LiveRefiner,
     encoder: Encoder,
-    /// When the sub-frames of each colour are lit.
+    /// The times at which the sub-frames of each color are lit.
     lighting: Lighting,
     sender: SetSender,
-    /// The set that was handed over last, and the scene of those to come.
+    /// The set that was handed over last, and the scene of the next sets.
     newest: Option<u64>,
     content: Option<u64>,
     steps: u32,
 }
 
 impl Replay {
-    /// From what it began with; sets are made when they are asked for.
+    /// Starts from the content that the session started with. Sets are made when they are requested.
     pub(crate) fn start(
         kept: RecordedSession,
         colors: Vec<LiveColor>,
@@ -40,7 +40,7 @@ impl Replay {
         Ok(source)
     }
 
-    /// The set that was lit next then.
+    /// Makes the set that was lit next in the recorded session.
     fn light_next(&mut self) -> Result<(), SessionError> {
         let Some(wanted) = self.kept.lit.next() else {
             self.sender.end();
@@ -48,7 +48,7 @@ impl Replay {
         };
         while self.newest.is_none_or(|newest| newest < wanted) {
             let Some(decision) = self.kept.decisions.next() else {
-                return Err(reason!("set-not-kept", "set {wanted} was lit, and it was not kept how it was made").into());
+                return Err(reason!("set-not-kept", "set {wanted}: the session journal lacks its decisions").into());
             };
             match decision {
                 Decision::Scene { number, anew, colors } => {

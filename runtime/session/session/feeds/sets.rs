@@ -1,4 +1,4 @@
-//! Refined sets handed over whole: the newest wins, nobody waits, and the buffers go round.
+//! Passes whole refined sets through a mailbox. The newest set wins, no side waits, and buffers are reused.
 
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
@@ -18,52 +18,52 @@ use std::time::Instant;
 
 /// A refined set of video frames.
 pub struct FinishedSet {
-    /// Its number, from 0.
+    /// The number of the set, from 0.
     pub number: u64,
     pub(crate) buffer: SetBuffer,
-    /// When what happened to it.
+    /// The times of the events of the set.
     pub timestamps: Timestamps,
-    /// Where the pupil is expected at its light, metres.
+    /// The predicted position of the pupil at its light (m).
     pub pupil: [f64; 2],
-    /// Depth that the eye is expected to focus at then, metres, the middle of where it may be; none of the hologram for the
-    /// whole eyebox.
+    /// The depth that the eye is expected to focus at then (m), in the middle of its range. It is `None` for the
+    /// hologram for the whole eyebox.
     pub focus: Option<f64>,
-    /// Steps that were taken for it, over all colours.
+    /// The steps that were taken for it, over all colors.
     pub steps: u32,
-    /// The number of the scene that it shows, where scenes follow each other,
+    /// The number of the scene that it shows, if scenes follow each other.
     pub content: Option<u64>,
-    /// when that came, on the player's clock,
+    /// The arrival of the scene (ns on the clock of the player).
     pub arrived_ns: Option<i64>,
-    /// and whether it is as new as it should be.
+    /// The freshness of the scene.
     pub supply: FrameFreshness,
-    /// What the pupils of its last steps saw, dB, by their losses: an estimate.
+    /// The estimated PSNR through the pupils of its last steps (dB), computed from their losses.
     pub estimated_db: Option<f64>,
-    /// Its phases, colour by colour, where somebody looks at them too;
+    /// The phases for each color, if a preview needs them.
     pub phases: Option<Vec<Arc<Vec<f32>>>>,
-    /// then, too, what they should show, with its exposures, where that changes.
+    /// The target scene with its exposures, if a preview needs it and the content changes.
     pub scene: Option<(Arc<Vec<Problem>>, Vec<f64>)>,
-    /// and what moves while it is lit, colour by colour.
+    /// The motion during its light, for each color.
     pub motion: Vec<Motion>,
 }
 
 impl FinishedSet {
-    /// The display's switchable sources that it was made for and is lit by, colour by colour, by their places from 0.
+    /// Returns the indices of the switchable sources of the display that light the set, for each color and from 0.
     pub fn sources(&self) -> &[Vec<usize>] {
         &self.buffer.sources
     }
 }
 
-/// Room for the video frames of a set: on the host, and, where they go straight to a swapchain, on its device; and for the list
-/// of the sources that light it. Buffers go round, so that no set makes its own.
+/// A buffer for the video frames of a set, on the host, and for a swapchain also on its device. It also holds the list
+/// of sources that light the set. Buffers are reused, so that no set allocates its own.
 pub(crate) struct SetBuffer {
     pub frames: VideoFrames,
     pub pictures: Option<Pictures>,
-    /// Of each colour, by their places from 0.
+    /// The indices of the sources of each color, from 0.
     pub sources: Vec<Vec<usize>>,
 }
 
 impl SetBuffer {
-    /// Keeps which sources light the set, colour by colour, in the lists that it has.
+    /// Stores the sources that light the set, for each color, in the existing lists.
     pub(crate) fn lit_by<'a>(&mut self, colors: impl Iterator<Item = &'a [usize]>) {
         let mut count = 0;
         for lit in colors {
@@ -78,7 +78,7 @@ impl SetBuffer {
     }
 }
 
-/// Buffers: one on the screen, one ready, one on its way, one being filled.
+/// The number of buffers. One is on the screen, one is ready, one is in transfer and one is being filled.
 const BUFFERS: usize = 4;
 
 /// The side that makes sets.
@@ -86,35 +86,36 @@ pub(crate) struct SetSender {
     newest: Mailbox<FinishedSet>,
     free: Mailbox<SetBuffer>,
     over: Arc<AtomicBool>,
-    /// What it is doing: why there would be no new set now.
+    /// The current activity, which is the reason if there is no new set now.
     doing: Arc<AtomicCell<RepeatReason>>,
 }
 
-/// The side that shows them. What is due is always the newest set there is, so nothing is ever late; a set for which
-/// nothing new came is shown again.
+/// The side that shows sets. The newest set is always the one that is due, so no set is ever late. If no new set
+/// arrived, the set on the screen is shown again.
 pub(crate) struct LiveSource {
     newest: Mailbox<FinishedSet>,
     free: Mailbox<SetBuffer>,
     fresh: Option<FinishedSet>,
     pub(crate) on_screen: Option<FinishedSet>,
     changed: bool,
-    /// When a player last asked what there is: when it decided.
+    /// The time of the last poll of a player, at which it decided on a set.
     pub(crate) asked: Option<Instant>,
-    /// Sets that were shown again, by their cause, in the order of [`RepeatReason::ALL`], and why the last decision did, if it did.
+    /// The repeated sets by reason, in the order of [`RepeatReason::ALL`]. The next field is the reason of the last
+    /// decision, if it was a repeat.
     pub(crate) repeats: [u64; 6],
     pub(crate) repeated: Option<RepeatReason>,
-    /// Sets that were new when they were decided on.
+    /// The sets that were new when they were decided on.
     pub(crate) news: u64,
     over: Arc<AtomicBool>,
     doing: Arc<AtomicCell<RepeatReason>>,
-    /// Makes the set that begins at a time, where time is simulated.
+    /// The function that makes the set of a target in simulated time.
     pub(crate) make: Option<SetMaker>,
 }
 
-/// Makes the set that such a video frame begins with, if it can be made by then.
+/// Makes the set that begins with the video frame of a target, if it can be ready by then.
 pub(crate) type SetMaker = Box<dyn FnMut(Target) -> Result<(), SessionError>>;
 
-/// Both sides, with buffers like `frames`, and pictures on a device where `pictures` makes them.
+/// Creates both sides, with buffers like `frames`, and pictures on a device if `pictures` makes them.
 pub(crate) fn set_channel<E>(
     frames: &VideoFrames,
     mut pictures: impl FnMut() -> Result<Option<Pictures>, E>,
@@ -141,8 +142,8 @@ fn give_back(free: &Mailbox<SetBuffer>, old: Option<FinishedSet>) {
 }
 
 impl SetSender {
-    /// A buffer to fill. There is always one (of those that are handed over, one waits at most), unless a swapchain still
-    /// reads them all.
+    /// Returns a buffer to fill. One is always free, because at most one set waits, unless a swapchain still reads them
+    /// all.
     pub(crate) fn buffer(&self) -> Option<SetBuffer> {
         for _ in 0..BUFFERS {
             let buffer = self.free.take()?;
@@ -154,7 +155,7 @@ impl SetSender {
         None
     }
 
-    /// Gives back a buffer in which nothing came to be shown.
+    /// Returns a buffer that holds nothing to show.
     pub(crate) fn give_back(&self, buffer: SetBuffer) {
         let _ = self.free.put(buffer);
     }
@@ -163,12 +164,12 @@ impl SetSender {
         self.doing.store(doing);
     }
 
-    /// There will be no more sets than are handed over.
+    /// States that no more sets follow.
     pub(crate) fn end(&self) {
         self.over.store(true, Ordering::Release);
     }
 
-    /// Hands a set over; one that waits still, and was never shown, makes room.
+    /// Hands over a set. A waiting set that was never shown makes room for it.
     pub(crate) fn send(&self, set: FinishedSet) {
         give_back(&self.free, self.newest.push(set));
     }
@@ -181,14 +182,14 @@ impl Drop for SetSender {
 }
 
 impl LiveSource {
-    /// The set on the screen, if it was not there when this was last asked.
+    /// Returns the set on the screen if it is new since the last call.
     pub(crate) fn newly_shown(&mut self) -> Option<&FinishedSet> {
         std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
     }
 }
 
-/// Whether there will be no more sets and none waits. The end is read first: a set that was handed over before it is then
-/// seen to wait.
+/// Returns true if no more sets follow and none waits. The end is read first, so that a set that was handed over before
+/// the end is still found.
 fn is_over(ended: impl FnOnce() -> bool, none_waits: impl FnOnce() -> bool) -> bool {
     ended() && none_waits()
 }
@@ -249,10 +250,10 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// Whatever happens between two reads: a set that is handed over before the end is shown before it.
+    /// A set that is handed over before the end is shown before it, regardless of the events between two reads.
     #[test]
     fn a_set_handed_over_between_two_reads_is_not_lost() {
-        // Reads before the set is handed over, and before the end is said.
+        // These are the numbers of reads before the set is handed over, and before the end is stated.
         for (before_set, before_end) in (0..4).flat_map(|set| (set..4).map(move |end| (set, end))) {
             let (reads, waits, over) = (Cell::new(0), Cell::new(false), Cell::new(false));
             let read = |value: &dyn Fn() -> bool| {

@@ -1,47 +1,49 @@
-//! The account of content that changes while it is refined: which of it was shown, how long after it came, and why not more.
+//! Counts the scenes of changing content with their delays, and the reasons for repeats.
 
 use crate::session::content::scenes::FrameFreshness;
 use crate::session::feeds::sets::FinishedSet;
 use crate::session::frame_log::latency::Histogram;
 use serde_json::{Map, Value, json};
 
-/// What became of scenes, as the side that makes sets knows it.
+/// The counts of scenes on the side that makes sets.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct SceneCounts {
-    /// Scenes that sets were made for.
+    /// The scenes that sets were made for.
     pub scenes: u64,
-    /// Scenes that were left out because something was wrong with them.
+    /// The scenes that were skipped because of an error.
     pub refused: u64,
-    /// Colours that began with the phases that their scene brought, and colours that went on with those before, though there were
-    /// others.
+    /// The colors that started with the phases of their scene, and the colors that continued with the previous phases
+    /// although the scene brought others.
     pub own_starts: u64,
     pub kept_starts: u64,
-    /// Of those that brought none and were other pictures altogether: colours that began with the phases for every picture.
+    /// The colors that started from a table of phases, because their scene was a different picture and brought no
+    /// phases.
     pub looked_up_starts: u64,
 }
 
-/// The account of content that changes.
+/// The statistics of changing content.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct ContentReport {
-    /// What it is, for people.
+    /// The description of the source for people.
     pub source: String,
-    /// Scenes that sets were made for.
+    /// The scenes that sets were made for.
     pub scenes: u64,
-    /// Scenes that came to light.
+    /// The scenes that were lit.
     pub shown: u64,
-    /// Scenes that were left out because something was wrong with them.
+    /// The scenes that were skipped because of an error.
     pub refused: u64,
-    /// Colours of scenes that had phases to begin with: begun with the scene's own, gone on with those that were refined before,
-    /// begun with those that every picture can begin with.
+    /// The colors by their start, with the phases of the scene, with the previous refined phases, and with phases of
+    /// the table for every picture.
     pub starts: [u64; 3],
-    /// Sets by how their content came, in the order of [`FrameFreshness::ALL`]; a set that is shown again counts again.
+    /// The sets by the freshness of their content, in the order of [`FrameFreshness::ALL`]. A set that is shown again
+    /// counts again.
     pub sets: [u64; 5],
-    /// From a scene's arrival to the beginning of its first light, ms.
+    /// The time from the arrival of a scene to the beginning of its first light (ms).
     pub arrival_to_light: Histogram,
-    /// What the pupils of the last step before each set saw, dB, by its loss: an estimate.
+    /// The estimated PSNR through the pupils of the last step before each set (dB), computed from its loss.
     pub estimated: Histogram,
-    /// Steps over all colours, of each new set.
+    /// The steps of each new set, over all colors.
     pub steps: Histogram,
     newest: Option<u64>,
     supply: FrameFreshness,
@@ -64,10 +66,11 @@ impl ContentReport {
         }
     }
 
-    /// A set begins to be lit: a new one, or the one before.
+    /// Records that a set begins to be lit. `None` is the previous set again.
     pub(crate) fn lit(&mut self, set: Option<&FinishedSet>, start_ns: i64) {
         let Some(set) = set else {
-            // The same light again: why its content is not newer is what the set before said, but it is new no more.
+            // The same light is repeated. The reason for old content is taken from the previous set, but the content is
+            // no longer new.
             let again = if self.supply == FrameFreshness::New { FrameFreshness::Same } else { self.supply };
             self.sets[again as usize] += u64::from(self.newest.is_some());
             return;
@@ -90,14 +93,14 @@ impl ContentReport {
         }
     }
 
-    /// With what the side that makes sets has counted.
+    /// Adds the counts of the side that makes sets.
     pub(crate) fn with(mut self, taken: SceneCounts) -> Self {
         let SceneCounts { scenes, refused, own_starts, kept_starts, looked_up_starts } = taken;
         (self.scenes, self.refused, self.starts) = (scenes, refused, [own_starts, kept_starts, looked_up_starts]);
         self
     }
 
-    /// For programs: the keys are those of `docs/live.md`.
+    /// Returns the statistics for programs, with the keys of `docs/live.md`.
     pub fn to_json(&self) -> Value {
         let sets: Map<String, Value> =
             FrameFreshness::ALL.iter().zip(self.sets).map(|(s, n)| (s.name().replace(' ', "_"), json!(n))).collect();

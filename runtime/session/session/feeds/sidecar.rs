@@ -1,4 +1,4 @@
-//! A window beside the display, served by the present thread in passing: one that shows what the tracked eye sees.
+//! Defines the sidecar window, which is a preview of the tracked eye, served by the present thread.
 
 use crate::optics::Pupil;
 use crate::present::Desktop;
@@ -7,51 +7,52 @@ use crate::session::feeds::sets::FinishedSet;
 /// State that a sidecar window receives after every video frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Now {
-    /// The estimated pupil.
+    /// The estimated pupil of the eye.
     pub pupil: Pupil,
-    /// Whether the hologram follows it.
+    /// True if the hologram follows the pupil.
     pub steered: bool,
-    /// Multiplex sets a second of the display.
+    /// The multiplex sets of the display per second.
     pub sets_per_second: f64,
 }
 
-/// What its user asked for.
+/// A request of the user of the sidecar window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UserRequest {
-    /// Nothing.
+    /// The user made no request.
     Nothing,
-    /// To end the session.
+    /// The user ends the session.
     Close,
-    /// That the hologram follows the eye, or does not.
+    /// The user turns refinement for the tracked pupil on or off.
     Steer(bool),
 }
 
-/// The window. Nothing of it may wait: it has a fraction of a video frame.
+/// A window next to the display. Its calls must not wait, because they have a fraction of a video frame.
 pub trait SidecarWindow {
-    /// Another set is on the display. It carries its phases.
+    /// Receives another set that is on the display, with its phases.
     fn shown(&mut self, set: &FinishedSet);
 
-    /// Takes what its user did, and shows what is new.
+    /// Handles the input of the user and shows new content.
     ///
     /// # Errors
-    /// In a sentence; it is closed then, and the display goes on.
+    /// Returns the failure as a sentence. The window is then closed, and the display continues.
     fn serve(&mut self, now: &Now) -> Result<UserRequest, String>;
 }
 
-/// Opens it, on the present thread. Fails in a sentence.
+/// Opens a sidecar window on the present thread. A failure is returned as a sentence.
 pub type SidecarOpener = Box<dyn FnOnce(&mut Desktop) -> Result<Box<dyn SidecarWindow>, String> + Send>;
 
-/// The display's switchable sources that light a set from its beginning on.
+/// The switchable sources of the display that light a set from its beginning on.
 #[derive(Debug, Clone, Copy)]
 pub struct LitSources<'a> {
-    /// The set's number.
+    /// The number of the set.
     pub set: u64,
-    /// When it begins, on the player's clock, nanoseconds.
+    /// The beginning of the set (ns on the clock of the player).
     pub start_ns: i64,
-    /// The sources, colour by colour, by their places from 0; none where the display has none, or they are not steered.
+    /// The indices of the sources for each color, from 0. The lists are empty if the display has no sources or they are
+    /// not switched.
     pub colors: &'a [Vec<usize>],
 }
 
-/// Switches the display's sources: told of each new set on the present thread, when it is handed to the display, a video frame before
-/// its light. It must not wait.
+/// Switches the sources of the display. The present thread calls it for each new set when the set is handed to the
+/// display, a video frame before its light. It must not wait.
 pub type SourceSwitch = Box<dyn FnMut(&LitSources<'_>) + Send>;

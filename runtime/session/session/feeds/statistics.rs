@@ -1,4 +1,4 @@
-//! What came of a session, in numbers.
+//! Holds the statistics of a session.
 
 use crate::present::Interference;
 use crate::session::feeds::showing::ContentReport;
@@ -9,25 +9,25 @@ use crate::session::refinement::live_refiner::Policy;
 use crate::session::refinement::pupil_tracker::TrackerCounts;
 use serde_json::{Value, json};
 
-/// Why a session ended.
+/// The reason why a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Ending {
-    /// The content was over.
+    /// The content reached its end.
     End,
-    /// A user closed the display, or a window beside it.
+    /// A user closed the display or the sidecar window.
     Closed,
-    /// Its duration was over.
+    /// The duration of the session passed.
     Duration,
-    /// It was stopped.
+    /// The session was stopped.
     Stopped,
-    /// Something failed.
+    /// An error ended the session.
     #[default]
     Failed,
 }
 
 impl Ending {
-    /// For people and statistics.
+    /// Returns the name for people and statistics.
     pub fn name(self) -> &'static str {
         match self {
             Self::End => "the end",
@@ -39,75 +39,76 @@ impl Ending {
     }
 }
 
-/// What was shown, and how late.
+/// The statistics of the content that a session showed, with its delays.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct Statistics {
-    /// What was shown when.
+    /// The report of the playback.
     pub report: Report,
-    /// Why it ended.
+    /// The reason why the session ended.
     pub ended_by: Ending,
-    /// The display, for people.
+    /// The description of the display for people.
     pub presenter: String,
-    /// How it was known when video frames lit up.
+    /// The source of the times at which video frames lit up.
     pub timed_by: &'static str,
-    /// Video frames a second.
+    /// The video frames per second.
     pub display_hz: f64,
-    /// Content frames a second.
+    /// The content frames per second.
     pub content_hz: f64,
-    /// Video frames of a multiplex set.
+    /// The video frames of a multiplex set.
     pub set_frames: u64,
-    /// Between waking and what had to be done, ms.
+    /// The margin between waking and the deadline (ms).
     pub margin_ms: f64,
-    /// Pictures that a recording did not keep: the disk was slower than the display.
+    /// The pictures that a recording skipped because the disk was slower than the display.
     pub pictures_left_out: u64,
-    /// What changed or blanked the display's picture, in the order in which it began, as far as the system reports it.
+    /// The events that changed or blanked the picture of the display, in the order of their beginning, as far as the
+    /// system reports them.
     pub interference: Vec<Interference>,
-    /// What the validation layer found.
+    /// The messages of the validation layer.
     pub validation: Vec<String>,
-    /// Of a live hologram.
+    /// The statistics of a live hologram, if the session showed one.
     pub live: Option<LiveStatistics>,
 }
 
-/// What following the eye did.
+/// The statistics of the refinement for the tracked pupil.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct LiveStatistics {
-    /// The tracker, for people.
+    /// The description of the tracker for people.
     pub tracker: String,
-    /// What became of its samples.
+    /// The counts of its samples.
     pub samples: TrackerCounts,
-    /// How the hologram followed.
+    /// The policy of the refinement.
     pub policy: Policy,
-    /// Sets that were new when they were decided on.
+    /// The sets that were new when they were decided on.
     pub sets_new: u64,
-    /// Sets that were shown again,
+    /// The sets that were shown again.
     pub sets_repeated: u64,
-    /// by their cause, in the order of [`RepeatReason::ALL`].
+    /// The repeated sets by reason, in the order of [`RepeatReason::ALL`].
     pub repeats: [u64; 6],
-    /// Whether sets roll: every video frame is one that may be new.
+    /// True if updates roll, so that every video frame may be new.
     pub rolls: bool,
-    /// Sub-frames lit, of all colours: in a set's first light of them, and again.
+    /// The sub-frames that were lit, of all colors, first for the first time and then again.
     pub sub_frames: [u64; 2],
-    /// Steps over all colours.
+    /// The steps over all colors.
     pub steps: u64,
-    /// How often it began again with the hologram for the whole eyebox.
+    /// The restarts from the hologram for the whole eyebox.
     pub restarts: u64,
-    /// Sets that were refined for what moves in them.
+    /// The sets that were refined for motion.
     pub sets_moving: u64,
-    /// How often the phases were moved with the content.
+    /// The number of times that the phases were shifted with the content.
     pub phases_moved: u64,
-    /// The smallest and the largest depth that sets on the screen were made for, metres; none where all were for the whole
-    /// eyebox.
+    /// The smallest and the largest depth that sets on the screen were made for (m). It is `None` if all were for the
+    /// whole eyebox.
     pub focus: Option<[f64; 2]>,
-    /// From the sample to the light.
+    /// The latency from the sample to the light.
     pub latency: Latency,
-    /// The account of what was to be seen, where that changes.
+    /// The statistics of the content, if it changes.
     pub showing: Option<ContentReport>,
 }
 
 impl Statistics {
-    /// For programs: the keys are those of `docs/playback.md` and `docs/live.md`.
+    /// Returns the statistics for programs, with the keys of `docs/playback.md` and `docs/live.md`.
     pub fn to_json(&self) -> Value {
         let mut all = self.report.to_json();
         if let Some(live) = &self.live {

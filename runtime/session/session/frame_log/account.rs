@@ -1,78 +1,78 @@
-//! What was shown when, in numbers that add up.
+//! Counts the shown and dropped content frames in numbers that add up.
 
 use serde::Serialize;
 
-/// Why a content frame was dropped, or a set came late.
+/// The cause of a dropped content frame or a late set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Cause {
-    /// Content is faster than the sets: nobody's fault.
+    /// Content is faster than the sets, which is no error.
     Rates,
-    /// It was not read from the disk in time.
+    /// The content frame was not read from the disk in time.
     LateContent,
-    /// It was not encoded or uploaded in time.
+    /// The content frame was not encoded or uploaded in time.
     LateGpu,
-    /// The display showed another video frame once more than it was told.
+    /// The display showed the previous video frame once more than requested.
     MissedPresent,
-    /// Its checksum is wrong.
+    /// The checksum of the content frame is wrong.
     Damaged,
 }
 
 impl Cause {
-    /// All of them, in the order of the account.
+    /// All causes in the order of the statistics.
     pub const ALL: [Self; 5] = [Self::Rates, Self::LateContent, Self::LateGpu, Self::MissedPresent, Self::Damaged];
 
-    /// For people.
+    /// Returns the name for people.
     pub fn name(self) -> &'static str {
         ["rates", "late content", "late GPU", "missed present", "damaged"][self as usize]
     }
 }
 
-/// Counts since the start.
+/// Counts since the start of a session.
 ///
-/// `due == shown + dropped + pending`, and, where every set was shown to its end,
-/// `video_frames == sets x video frames a set + missed_presents + held_video_frames`;
-/// `sets == shown + repeats + idle_sets + late sets that showed nothing new`.
+/// The identity `due == shown + dropped + pending` always holds. If every set was shown to its end, `video_frames ==
+/// sets x video frames per set + missed_presents + held_video_frames` and `sets == shown + repeats + idle_sets + late
+/// sets that showed nothing new` hold too.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Account {
-    /// Video frames of the display, shown or missed.
+    /// The video frames of the display, shown or missed.
     pub video_frames: u64,
-    /// Video frames for which nothing came: the one before stayed.
+    /// The video frames for which no new frame arrived, so that the previous one stayed.
     pub missed_presents: u64,
-    /// Video frames held so that sets keep their phase.
+    /// The video frames that were held so that sets keep their phase.
     pub held_video_frames: u64,
-    /// Multiplex sets begun.
+    /// The multiplex sets that began.
     pub sets: u64,
-    /// Of them, those of the idle picture, or of a picture held while content begins anew.
+    /// The sets of the idle picture, or of a picture held while content starts again.
     pub idle_sets: u64,
-    /// Of them, repeats because nothing new was due.
+    /// The sets that were repeated because nothing new was due.
     pub repeats: u64,
-    /// Of them, those at whose start the content frame that was due could not be shown, by cause: an older one came, or a
+    /// The sets that could not show the content frame due at their start, by cause. They showed an older frame or a
     /// repeat.
     pub late_sets: [u64; 5],
-    /// Sets during which a present was missed: whole, with a video frame that lasted longer.
+    /// The sets with a missed present. They are whole, but one of their video frames lasted longer.
     pub stretched_sets: u64,
-    /// Content frames that were due.
+    /// The content frames that were due.
     pub due: u64,
-    /// Content frames shown.
+    /// The content frames that were shown.
     pub shown: u64,
-    /// Content frames dropped, by cause.
+    /// The content frames that were dropped, by cause.
     pub dropped: [u64; 5],
 }
 
 impl Account {
-    /// Content frames dropped for any cause.
+    /// Returns the content frames that were dropped for any cause.
     pub fn drops(&self) -> u64 {
         self.dropped.iter().sum()
     }
 
-    /// Dropped for one cause.
+    /// Returns the content frames that were dropped for one cause.
     pub fn dropped_for(&self, cause: Cause) -> u64 {
         self.dropped[cause as usize]
     }
 
-    /// The causes that dropped anything, for people: "3 late content, 1 missed present".
+    /// Lists the causes of dropped frames for people, such as "3 late content, 1 missed present".
     pub fn causes(&self) -> String {
         let one = |cause: &Cause| match self.dropped_for(*cause) {
             0 => None,
@@ -82,27 +82,27 @@ impl Account {
     }
 }
 
-/// Why a set of what is refined is shown again: what was the matter when the next was decided on.
+/// The reason why a refined set is shown again, taken when the next set was decided on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum RepeatReason {
-    /// Nothing has changed, and nothing is refined.
+    /// The content is unchanged, and refinement is off.
     #[default]
     Unchanged,
-    /// Steps were under way: they take longer than there is from one set to the next.
+    /// Steps were still running, because they take longer than the time between sets.
     StepTooLong,
-    /// Another scene was being made ready.
+    /// Another scene was being prepared.
     SceneTooLong,
-    /// It was being encoded.
+    /// The set was being encoded.
     EncodingTooLong,
-    /// The engine was lost, and another was being made.
+    /// The engine was lost, and another one was being opened.
     EngineLost,
-    /// Refinement has ended.
+    /// Refinement has ended for good.
     RefinementEnded,
 }
 
 impl RepeatReason {
-    /// All of them, in the order of accounts.
+    /// All reasons in the order of the statistics.
     pub const ALL: [Self; 6] = [
         Self::Unchanged,
         Self::StepTooLong,
@@ -112,7 +112,7 @@ impl RepeatReason {
         Self::RefinementEnded,
     ];
 
-    /// For people and statistics.
+    /// Returns the name for people and statistics.
     pub fn name(self) -> &'static str {
         ["unchanged", "step too long", "scene too long", "encoding too long", "engine lost", "refinement ended"]
             [self as usize]

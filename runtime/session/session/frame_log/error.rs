@@ -1,4 +1,4 @@
-//! What can go wrong in a session.
+//! Defines the errors of a session.
 
 use crate::calibrate::CalibrateError;
 use crate::encode::EncodeError;
@@ -11,55 +11,55 @@ use crate::solve::SolveError;
 use crate::trackers::TrackerError;
 use eyebox_base::error::Reason;
 
-/// What can go wrong in a session.
+/// An error of a session.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[error(transparent)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The display: refused, or lost.
+    /// The display refused to open or was lost.
     Present(#[from] PresentError),
-    /// The holograms.
+    /// The holograms caused an error.
     Hologram(#[from] HologramError),
-    /// The encoding.
+    /// The encoding caused an error.
     Encode(#[from] EncodeError),
-    /// An engine, or the encoder's device.
+    /// An engine or the device of the encoder failed.
     Engine(#[from] EngineError),
-    /// A file.
+    /// A file could not be read or written.
     File(#[from] FileError),
-    /// The solver refused.
+    /// The solver refused its input.
     Solve(#[from] SolveError),
-    /// A tracker.
+    /// The tracker caused an error.
     Tracker(#[from] TrackerError),
-    /// A calibration, or a setting of the way from sample to pupil.
+    /// The calibration of a tracker or a setting of the gaze filter is not valid.
     Gaze(#[from] GazeError),
-    /// The camera of a bench, or the fit to its pictures.
+    /// The camera of a bench or the fit to its pictures failed.
     Calibrate(#[from] CalibrateError),
-    /// What takes an application's frames.
+    /// The input of frames from an application failed.
     #[cfg(target_os = "linux")]
     #[serde(serialize_with = "eyebox_base::error::as_text")]
     LiveInput(#[from] eyebox_live_input::LiveError),
-    /// A thread that could not be started, or failed.
+    /// A thread could not be started, or it failed.
     #[error("the thread that {what} {reason}")]
     Thread {
-        /// What it does.
+        /// The task of the thread, as a verb phrase.
         what: &'static str,
-        /// What happened to it.
+        /// The event that ended the thread.
         reason: String,
     },
-    /// Nothing was ever known of the eye that a live hologram was to follow.
-    #[error("{tracker}: {reason}: the hologram followed nothing")]
+    /// No pupil position was ever known for a live hologram that was to follow the eye.
+    #[error("{tracker}: {reason}, so the hologram was not refined for a pupil")]
     NotFollowed {
-        /// The tracker.
+        /// The description of the tracker.
         tracker: String,
-        /// What it said, or did not.
+        /// The state of its samples.
         reason: String,
     },
-    /// A window beside the display.
-    #[error("the window beside the display: {0}")]
+    /// The sidecar window next to the display failed.
+    #[error("the window next to the display: {0}")]
     #[serde(rename = "companion")]
     SidecarWindow(Reason),
-    /// A setting that cannot be.
+    /// A setting is not valid.
     #[error("{0}")]
     Setting(Reason),
 }
@@ -71,7 +71,7 @@ impl From<Reason> for SessionError {
 }
 
 impl SessionError {
-    /// Whether the display was refused or lost, and nothing else is wrong.
+    /// Returns true if the display refused or was lost, and nothing else is wrong.
     pub fn is_of_display(&self) -> bool {
         matches!(self, Self::Present(PresentError::Display { .. }))
     }

@@ -1,59 +1,60 @@
-//! From the sample to the light: what each set that was shown took, stage by stage.
+//! Measures the time from the sample to the light of each set, stage by stage.
 
 use serde_json::{Value, json};
 
-/// When things happened to a set, nanoseconds on the player's clock.
+/// The times of the events of a set (ns on the clock of the player).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Timestamps {
-    /// When the newest sample was taken that its pupil was predicted from; none before the first.
+    /// The time of the newest sample that its pupil was predicted from, or `None` before the first sample.
     pub sample_ns: Option<i64>,
-    /// When that sample had arrived and was decoded.
+    /// The time at which that sample had arrived and was decoded.
     pub decoded_ns: Option<i64>,
-    /// When it was filtered.
+    /// The time at which it was filtered.
     pub filtered_ns: Option<i64>,
-    /// When refinement for the set began.
+    /// The time at which refinement for the set began.
     pub refine_start_ns: i64,
-    /// When it last asked where the pupil will be.
+    /// The time at which refinement last requested the predicted pupil.
     pub aimed_ns: i64,
-    /// When it ended.
+    /// The time at which refinement ended.
     pub refine_end_ns: i64,
-    /// When it was encoded and handed over.
+    /// The time at which the set was encoded and handed over.
     pub handed_over_ns: i64,
-    /// The middle of its light, as it was predicted for.
+    /// The predicted middle of its light.
     pub predicted_light_ns: i64,
 }
 
-/// A stage, or a sum of them.
+/// A stage of the latency, or a sum of stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stage {
-    /// From the sample to its arrival.
+    /// The time from the sample to its arrival.
     Tracker,
-    /// From there through the filter.
+    /// The time from the arrival through the filter.
     Filter,
-    /// From there until refinement last asked where the pupil will be: the sample's age.
+    /// The time from the filter until refinement last requested the predicted pupil, which is the age of the sample.
     Waiting,
-    /// From there to the end of refinement.
+    /// The time from that request to the end of refinement.
     Refinement,
-    /// Encoding and handing over.
+    /// The time of encoding and handing over.
     Encoding,
-    /// From there until it was presented.
+    /// The time from there until the set was presented.
     HandOver,
-    /// From there until it was lit, in the middle of its first showing.
+    /// The time from there until the set was lit, in the middle of its first light.
     Display,
-    /// From the sample to the light: all of these, of sets that are the first to follow their sample. A tracker that has
-    /// nothing new to say makes no latency.
+    /// The time from the sample to the light, which is the sum of these stages, for sets that are the first to follow
+    /// their sample. A tracker without new samples adds no latency.
     SampleToLight,
-    /// How old the newest sample was at the light of any set.
+    /// The age of the newest sample at the light of any set.
     SampleAge,
-    /// All refinement for the set: it looks again at the eye meanwhile.
+    /// The whole refinement for the set, during which it reads the predicted pupil repeatedly.
     AllRefinement,
-    /// From the sample's arrival to the light, of sets that are the first to follow it: what eyebox adds to the tracker's own.
+    /// The time from the arrival of the sample to the light, for sets that are the first to follow it. This is the time
+    /// that eyebox adds to the latency of the tracker.
     ArrivalToLight,
 }
 
 impl Stage {
-    /// All of them.
+    /// All stages in the order of the statistics.
     pub const ALL: [Self; 11] = [
         Self::Tracker,
         Self::Filter,
@@ -68,7 +69,7 @@ impl Stage {
         Self::ArrivalToLight,
     ];
 
-    /// For programs.
+    /// Returns the name for programs.
     pub fn name(self) -> &'static str {
         match self {
             Self::Tracker => "tracker",
@@ -86,7 +87,7 @@ impl Stage {
     }
 }
 
-/// Counts in even bins, of constant size: percentiles to half a bin.
+/// A histogram with even bins and constant size. Its percentiles are exact to half a bin.
 #[derive(Debug, Clone)]
 pub struct Histogram {
     bin: f64,
@@ -97,12 +98,12 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Of values from 0 on, in so many bins of this width; larger ones count as the last bin's.
+    /// Creates a histogram of values from 0 on, in `bins` bins of width `bin`. Larger values count in the last bin.
     pub fn new(bin: f64, bins: usize) -> Self {
         Self { bin, counts: vec![0; bins.max(1)], count: 0, sum: 0.0, largest: 0.0 }
     }
 
-    /// One more. What is no number is left out.
+    /// Adds a value. NaN is ignored.
     pub fn add(&mut self, value: f64) {
         if value.is_nan() {
             return;
@@ -116,12 +117,13 @@ impl Histogram {
         self.largest = self.largest.max(value);
     }
 
-    /// How many.
+    /// Returns the number of values.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The value that this share of all is not above; none where there is nothing. In the last bin, the largest of all.
+    /// Returns the value that this share of all values does not exceed, or `None` without values. In the last bin it
+    /// returns the largest value.
     pub fn percentile(&self, share: f64) -> Option<f64> {
         let wanted = (share.clamp(0.0, 1.0) * self.count as f64).ceil().max(1.0) as u64;
         let mut seen = 0;
@@ -135,7 +137,7 @@ impl Histogram {
         Some(((bin as f64 + 0.5) * self.bin).min(self.largest))
     }
 
-    /// Mean, median, 90 and 99 of 100, and the largest.
+    /// Returns the mean, the median, the percentiles 90 and 99, and the largest value.
     pub fn to_json(&self) -> Value {
         let mean = (self.count > 0).then(|| self.sum / self.count as f64);
         json!({
@@ -145,14 +147,14 @@ impl Histogram {
     }
 }
 
-/// The account of all sets shown: milliseconds by stage, and how far the pupil was from where it was expected.
+/// The latencies of all shown sets, in ms for each stage, and the distance of the pupil from its predicted position.
 #[derive(Debug, Clone)]
 pub struct Latency {
     stages: Vec<Histogram>,
     error_mm: Histogram,
-    /// What the set before followed.
+    /// The sample that the previous set followed.
     sample_ns: Option<i64>,
-    /// How old the newest sample was at the newest light, ms.
+    /// The age of the newest sample at the newest light (ms).
     age_ms: Option<f64>,
 }
 
@@ -164,12 +166,12 @@ impl Default for Latency {
 }
 
 impl Latency {
-    /// A set was presented for the first time, and is lit for the first time about `light_ns` (the middle of it).
+    /// Records that a set was presented for the first time. `light_ns` is the middle of its first light.
     pub fn shown(&mut self, timestamps: &Timestamps, presented_ns: i64, light_ns: i64) {
         let ms = |from: i64, to: i64| to.saturating_sub(from) as f64 * 1e-6;
         let since = |from: Option<i64>, to: Option<i64>| from.zip(to).map(|(from, to)| ms(from, to));
         let aimed = Some(timestamps.aimed_ns);
-        // What an earlier set has followed already did not wait for this one.
+        // A sample that an earlier set followed did not wait for this one.
         let fresh = Some(*timestamps).filter(|t| t.sample_ns != self.sample_ns).unwrap_or_default();
         self.sample_ns = timestamps.sample_ns;
         self.age_ms = since(timestamps.sample_ns, Some(light_ns));
@@ -193,27 +195,27 @@ impl Latency {
         }
     }
 
-    /// At a set's light the pupil was so far from where the set was made for, metres.
+    /// Records the distance (m) of the pupil from its predicted position at the light of a set.
     pub(crate) fn missed_by(&mut self, error: f64) {
         self.error_mm.add(error * 1e3);
     }
 
-    /// Of one stage, milliseconds.
+    /// Returns the histogram of a stage (ms).
     pub fn of(&self, stage: Stage) -> &Histogram {
         &self.stages[stage as usize]
     }
 
-    /// How far the pupil was from where it was expected, millimetres.
+    /// Returns the histogram of the distance of the pupil from its predicted position (mm).
     pub fn error_mm(&self) -> &Histogram {
         &self.error_mm
     }
 
-    /// How old the newest sample was at the newest light, milliseconds.
+    /// Returns the age of the newest sample at the newest light (ms).
     pub fn sample_age_ms(&self) -> Option<f64> {
         self.age_ms
     }
 
-    /// For programs.
+    /// Returns the latencies for programs.
     pub fn to_json(&self) -> Value {
         let stages: serde_json::Map<String, Value> =
             Stage::ALL.iter().map(|s| (format!("{}_ms", s.name()), self.of(*s).to_json())).collect();
@@ -241,13 +243,13 @@ mod tests {
         assert_eq!(histogram.percentile(1.0), Some(1e9), "what no bin holds is not made smaller");
     }
 
-    /// A mouse that rests: its last sample is followed by set after set.
+    /// While a mouse rests, many sets follow its last sample.
     #[test]
     fn a_sample_that_grows_old_is_no_latency() {
         let mut latency = Latency::default();
         let ms = 1_000_000;
         for set in 0..1000 {
-            // It moves for ten sets, and rests.
+            // The mouse moves for ten sets and then rests.
             let sample = 16 * ms * set.min(10);
             let timestamps = Timestamps { sample_ns: Some(sample), decoded_ns: Some(sample), ..Timestamps::default() };
             latency.shown(&timestamps, 16 * ms * set + 20 * ms, 16 * ms * set + 30 * ms);
@@ -281,7 +283,7 @@ mod tests {
         assert!((median(Stage::AllRefinement) - 15.0).abs() < 0.05);
         assert!((median(Stage::ArrivalToLight) - 31.0).abs() < 0.05);
         assert!((latency.error_mm().percentile(0.5).unwrap() - 0.2).abs() < 0.01);
-        // Before the first sample there is no way to account for, and nothing is made up.
+        // Before the first sample there is no latency to record.
         latency.shown(&Timestamps { sample_ns: None, decoded_ns: None, filtered_ns: None, ..timestamps }, 0, 0);
         assert_eq!(latency.of(Stage::SampleToLight).count(), 1);
         assert_eq!(latency.of(Stage::Refinement).count(), 2);

@@ -1,4 +1,4 @@
-//! What was shown and why: the account of video frames, latencies, notes and the trace, with the threads that write them.
+//! Records the video frames, latencies, notes and the trace of a session, and holds the threads that write them.
 
 pub(crate) mod account;
 pub(crate) mod error;

@@ -1,22 +1,22 @@
-//! What the threads of a session have to tell a user.
+//! Passes notes from the threads of a session to the user.
 
 use crate::mailbox::Mailbox;
 use std::time::Duration;
 
-/// Something that happened.
+/// An event of a session.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SessionEvent {
-    /// A line that a user wants to read: a hologram left out, a device lost, a tracker gone.
+    /// A note for the user, such as a skipped hologram, a lost device or a lost tracker.
     Note(String),
-    /// It has ended; [`Session::stop`](crate::session::Session::stop) says how.
+    /// The session has ended. [`Session::stop`](crate::session::Session::stop) returns the result.
     Ended,
 }
 
-/// Notes that wait for a reader at most; further ones are dropped.
+/// The number of notes that can wait for a reader. Further notes are dropped.
 const NOTES: usize = 64;
 
-/// Where notes go, one for all threads of a session.
+/// The sink for notes, shared by all threads of a session.
 #[derive(Debug, Clone)]
 pub(crate) struct Notes(Mailbox<SessionEvent>);
 
@@ -43,12 +43,12 @@ impl Notes {
         }
     }
 
-    /// Tells the end when it is dropped, however its thread ends: who waits for a note waits no longer.
+    /// Sends the end when it is dropped, however its thread ends, so that a waiting reader continues.
     pub(crate) fn until_the_end(&self) -> EndNote {
         EndNote(self.clone())
     }
 
-    /// Tells `note` if the thread that holds this ends in a panic.
+    /// Sends `note` if the thread that holds this ends in a panic.
     pub(crate) fn on_panic(&self, note: &'static str) -> PanicNote {
         PanicNote { notes: self.clone(), note }
     }
@@ -62,7 +62,7 @@ impl Drop for EndNote {
     }
 }
 
-/// Told when its thread panics.
+/// Sends its note when its thread panics.
 pub(crate) struct PanicNote {
     notes: Notes,
     note: &'static str,

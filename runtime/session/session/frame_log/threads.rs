@@ -1,4 +1,4 @@
-//! Threads of a session: how they start and end, and how they pass things on without waiting for ever.
+//! Starts and ends the threads of a session, and passes items between them without endless waits.
 
 use crate::files::{FileError, GrowingFile};
 use crate::mailbox::Mailbox;
@@ -6,7 +6,7 @@ use crate::session::frame_log::error::SessionError;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Starts the thread that `what`: "reads tiles".
+/// Starts the thread with the task `what`, a verb phrase such as "reads tiles".
 pub(crate) fn spawn<T: Send + 'static>(
     what: &'static str,
     run: impl FnOnce() -> T + Send + 'static,
@@ -15,13 +15,13 @@ pub(crate) fn spawn<T: Send + 'static>(
     std::thread::Builder::new().name(format!("eyebox {what}")).spawn(run).map_err(failed)
 }
 
-/// Waits for the end of the thread that `what`.
+/// Waits for the end of the thread with the task `what`.
 pub(crate) fn join<T>(what: &'static str, thread: JoinHandle<T>) -> Result<T, SessionError> {
     let failed = |_| SessionError::Thread { what, reason: "failed, which is a fault of eyebox".into() };
     thread.join().map_err(failed)
 }
 
-/// Puts an item as soon as there is room for it, and looks every `interval` whether to give up.
+/// Puts an item as soon as there is room for it, and checks after every `interval` if it should give up.
 pub(crate) fn put_unless<T>(to: &Mailbox<T>, mut item: T, interval: Duration, gives_up: impl Fn() -> bool) {
     while let Err(back) = to.put_within(item, interval) {
         if gives_up() {
@@ -31,27 +31,28 @@ pub(crate) fn put_unless<T>(to: &Mailbox<T>, mut item: T, interval: Duration, gi
     }
 }
 
-/// How often a file that grows is tended where nothing comes.
+/// The interval of maintenance for a growing file while no entries arrive.
 const TEND_INTERVAL: Duration = Duration::from_millis(200);
 
-/// What a writer has to bring to its file.
+/// An item for the writer of a file.
 pub(crate) enum Moment<E> {
     Begin,
     Entry(E),
     End,
 }
 
-/// Brings entries to a file that grows, on a thread of its own.
+/// Writes entries to a growing file on a thread of its own.
 #[derive(Debug)]
 pub(crate) struct EntryWriter<E> {
     what: &'static str,
-    /// Where entries go. `None` ends the thread.
+    /// The mailbox of entries. `None` ends the thread.
     pub entries: Mailbox<Option<E>>,
     thread: JoinHandle<Result<(), FileError>>,
 }
 
 impl<E: Send + 'static> EntryWriter<E> {
-    /// Starts the thread that `what`. At most `waiting` entries wait for it. After a failure it takes entries without writing them.
+    /// Starts the thread with the task `what`. At most `waiting` entries wait for it. After a failure it takes entries
+    /// without writing them.
     pub(crate) fn start(
         what: &'static str,
         waiting: usize,
@@ -76,10 +77,10 @@ impl<E: Send + 'static> EntryWriter<E> {
         Ok(Self { what, entries, thread: spawn(what, run)? })
     }
 
-    /// Writes what still waits, and the end.
+    /// Writes the waiting entries and the end.
     ///
     /// # Errors
-    /// [`SessionError::File`], [`SessionError::Thread`].
+    /// Returns [`SessionError::File`] or [`SessionError::Thread`].
     pub(crate) fn finish(self) -> Result<(), SessionError> {
         put_unless(&self.entries, None, TEND_INTERVAL, || self.thread.is_finished());
         Ok(join(self.what, self.thread)??)

@@ -1,5 +1,7 @@
-//! What each thread did when, in the format of Chrome's tracing (`chrome://tracing`, Perfetto): an array of events, one a line,
-//! which those read without its end, too. A thread of its own writes it while it grows.
+//! Writes the activity of each thread in the format of Chrome's tracing (`chrome://tracing`, Perfetto).
+//!
+//! A trace is an array of events, one per line, which these tools also read without its end. A thread of its own writes
+//! it while it grows.
 
 use crate::encode::Packed;
 use crate::files::GrowingFile;
@@ -12,7 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Spans that wait to be written: a second of thousands.
+/// The number of spans that can wait to be written, which is a second of thousands.
 const WAITING: usize = 1 << 14;
 
 #[derive(Debug, Clone)]
@@ -23,43 +25,43 @@ enum Entry {
     Light { thread: u64, at_ns: u64, light: Light },
 }
 
-/// A new set of a refined hologram: times in nanoseconds on the player's clock.
+/// A new set of a refined hologram, with times in ns on the clock of the player.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Lit {
-    /// Its number, and that of the scene that it shows, where scenes follow each other.
+    /// The number of the set, and the number of the scene that it shows, if scenes follow each other.
     pub set: u64,
     pub content: Option<u64>,
-    /// How that came.
+    /// The freshness of the scene.
     pub supply: &'static str,
-    /// When the newest sample was taken that it follows.
+    /// The time of the newest sample that it follows.
     pub sample_ns: Option<i64>,
     /// The middle of its light.
     pub light_ns: i64,
-    /// Steps over all colours, and what the last of them saw.
+    /// The steps over all colors, and the estimated PSNR (dB) of the last of them.
     pub steps: u32,
     pub estimated_db: Option<f64>,
 }
 
-/// The light of one video frame of a refined hologram: of all of its sub-frames.
+/// The light of all sub-frames in one video frame of a refined hologram.
 #[derive(Debug, Clone)]
 pub(crate) struct Light {
-    /// Of its set; the light is this video frame's.
+    /// The set, with the light of this video frame.
     pub lit: Lit,
-    /// Which of the set.
+    /// The number of the video frame in the set.
     pub video_frame: u64,
-    /// Why it is not the first light of these sub-frames, where it is not.
+    /// The reason why these sub-frames are lit again, or `None` for their first light.
     pub again: Option<&'static str>,
-    /// Which sub-frames a video frame holds.
+    /// The packing, which gives the sub-frames of a video frame.
     pub packed: Arc<Packed>,
 }
 
-/// Hands out tracks of one beginning.
+/// A source of tracks with a common origin of time.
 #[derive(Debug, Clone)]
 pub struct Trace {
     origin: Instant,
     out: Option<Mailbox<Option<Entry>>>,
     tracks: Arc<AtomicU64>,
-    /// Spans for which there was no room.
+    /// The number of spans that found no room.
     lost: Arc<AtomicU64>,
 }
 
@@ -71,15 +73,15 @@ pub struct Written {
 }
 
 impl Trace {
-    /// One that keeps nothing.
+    /// Creates a trace that keeps nothing.
     pub fn none() -> Self {
         Self { origin: Instant::now(), out: None, tracks: Arc::default(), lost: Arc::default() }
     }
 
-    /// One that is written to a file until [`Written::finish`].
+    /// Starts a trace that is written to a file until [`Written::finish`].
     ///
     /// # Errors
-    /// [`SessionError::File`], [`SessionError::Thread`].
+    /// Returns [`SessionError::File`] or [`SessionError::Thread`].
     pub fn write(file: &Path) -> Result<Written, SessionError> {
         let trace = Self::none();
         let lost = Arc::clone(&trace.lost);
@@ -95,7 +97,7 @@ impl Trace {
         Ok(Written { trace: Self { out: Some(writer.entries.clone()), ..trace }, writer })
     }
 
-    /// A track for a thread.
+    /// Creates a track for a thread.
     pub fn track(&self, name: &'static str) -> Track {
         let track = Track { thread: self.tracks.fetch_add(1, Ordering::Relaxed), trace: self.clone() };
         track.put(Entry::Track { thread: track.thread, name });
@@ -104,15 +106,15 @@ impl Trace {
 }
 
 impl Written {
-    /// What hands out its tracks.
+    /// Returns the source of its tracks.
     pub fn trace(&self) -> Trace {
         self.trace.clone()
     }
 
-    /// Writes what still waits, and the end.
+    /// Writes the waiting spans and the end.
     ///
     /// # Errors
-    /// [`SessionError::File`], of any time; what was written before is whole.
+    /// Returns the first [`SessionError::File`] that occurred. The entries before it are complete.
     pub fn finish(self) -> Result<(), SessionError> {
         self.writer.finish()
     }
@@ -155,7 +157,7 @@ fn arguments(lit: &Lit) -> Value {
     })
 }
 
-/// The spans of one thread. They wait in a buffer that is made once: where it is full, further ones are only counted.
+/// The spans of one thread. They wait in a buffer of fixed size. If it is full, further spans are only counted.
 #[derive(Debug)]
 pub struct Track {
     thread: u64,
@@ -163,7 +165,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// Something that began at `start` and ends now, for a content frame by its number.
+    /// Records a span that began at `start` and ends now. The number of its content frame is `position`.
     pub fn span(&mut self, name: &'static str, position: u64, start: Instant) {
         let nanoseconds = |d: Duration| u64::try_from(d.as_nanos()).unwrap_or(u64::MAX);
         let start_ns = nanoseconds(start.saturating_duration_since(self.trace.origin));
@@ -171,7 +173,7 @@ impl Track {
         self.put(Entry::Span { thread: self.thread, name, position, start_ns, duration_ns });
     }
 
-    /// A new set is on its way to the light.
+    /// Records that a new set is about to be lit.
     pub(crate) fn lit(&mut self, lit: Lit) {
         self.put(Entry::Lit { thread: self.thread, at_ns: self.now_ns(), lit });
     }

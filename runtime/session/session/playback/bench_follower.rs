@@ -1,8 +1,11 @@
-//! A bench that is followed while a scene is shown on it: a camera takes a picture of the hologram on the screen now and then, the
-//! display's model follows the pictures, and the scene is solved again for the new model.
+//! Updates the display model from pictures of a camera while a scene is shown, and solves the scene again.
 //!
-//! A picture is only taken of the newest version of the hologram, once that is on the screen, and is thrown away if the screen changed
-//! during the exposure. [`NewestHologram`] has both from the present thread, so nothing here depends on how long sets are under way.
+//! The camera of the bench takes a picture of the hologram on the screen at intervals, the display model is fitted to
+//! the pictures, and the scene is solved again for the new model.
+//!
+//! A picture is taken only of the newest version of the hologram, once that is on the screen. It is discarded if the
+//! screen changed during the exposure. [`NewestHologram`] receives both facts from the present thread, so nothing here
+//! depends on the latency of sets.
 
 use crate::calibrate::{CalibrateError, Calibration, CameraCommand, Follower, Look, Report};
 use crate::files::asked_to_end;
@@ -16,30 +19,30 @@ use std::sync::atomic::Ordering;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How often a wait looks at the screen, and whether the show is over.
+/// The interval at which a wait checks the screen and the end of the show.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// An event while a bench is followed.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum FollowEvent<'a> {
-    /// A picture was thrown away, because the screen changed during its exposure.
+    /// A picture was discarded because the screen changed during its exposure.
     Discarded,
-    /// The model does not explain the latest pictures, and stays.
+    /// The model does not explain the latest pictures and stays unchanged.
     Unexplained(&'a Report),
-    /// The latest pictures agree with the model, which was checked for drift today.
+    /// The latest pictures agree with the model, which counts as a new check for drift.
     Agrees(&'a Calibration),
-    /// The model followed the bench. The scene is solved for it next.
+    /// The model was updated from the bench. The scene is solved for it next.
     Followed(&'a Calibration),
     /// This version of the hologram was solved for the new model. It appears with the next set that is made.
     Replaced(u64),
-    /// A picture or a fit failed, and the model stays. The next picture is taken all the same.
+    /// A picture or a fit failed, and the model stays unchanged. The next picture is taken nevertheless.
     Failed(&'a CalibrateError),
-    /// The camera was lost. The model follows no more, and the show goes on.
+    /// The camera was lost. The model is no longer updated, and the show continues.
     Lost(&'a CalibrateError),
 }
 
-/// A bench whose model follows it while a scene is shown in one color.
+/// A bench whose model is updated while a scene is shown in one color.
 pub struct BenchFollower<'a> {
     follower: Follower<'a>,
     display: Display,
@@ -47,15 +50,17 @@ pub struct BenchFollower<'a> {
     every: Duration,
 }
 
-/// Takes a picture of these phases. The function returns, after the exposure, whether they were on the screen all the time.
+/// Takes a picture of these phases. After the exposure it calls the function, which returns true if the phases were on
+/// the screen all the time.
 type TakesPicture<'a> = dyn FnMut(&[f32], &dyn Fn() -> bool) -> Result<Look, CalibrateError> + 'a;
 
 impl<'a> BenchFollower<'a> {
-    /// Starts the camera's command, and shows the dots on `output`, which is closed again before this returns. `settle` is the time
-    /// from when the dots light up until the modulator stands, and `every` the time from one picture to the next.
+    /// Starts the command of the camera, and shows the dots on `output`, which is closed before this returns. The time
+    /// `settle` lasts from the light of the dots until the modulator is stable. The time `every` lasts from one picture
+    /// to the next.
     ///
     /// # Errors
-    /// [`SessionError::Calibrate`]; those of [`PatternOutput::open`].
+    /// Returns [`SessionError::Calibrate`], and the errors of [`PatternOutput::open`].
     pub fn open(
         (display, color): (&Display, Color),
         (output, settle): (&Output, Duration),
@@ -68,12 +73,12 @@ impl<'a> BenchFollower<'a> {
         Ok(Self { follower, display: display.clone(), color, every })
     }
 
-    /// Follows the bench until the show `is_over`. A session plays `newest` meanwhile, on another thread. `solve` solves the scene for a
-    /// model that followed the bench.
+    /// Updates the model until the show `is_over`. A session plays `newest` at the same time on another thread. `solve`
+    /// solves the scene for an updated model.
     ///
     /// # Errors
-    /// Those of `solve` and `observe`; [`SessionError::Setting`] for a hologram of another shape. The show goes on without the
-    /// follower.
+    /// Returns the errors of `solve` and `observe`, and [`SessionError::Setting`] for a hologram of another shape. The
+    /// show continues without the follower.
     pub fn follow<E: From<SessionError>>(
         mut self,
         newest: &NewestHologram,
@@ -98,7 +103,7 @@ impl<'a> BenchFollower<'a> {
         Ok(())
     }
 
-    /// The model becomes that of the fit, if the pictures are explained, and the scene is solved for it.
+    /// Adopts the model of the fit if it explains the pictures, and solves the scene for it.
     fn take_over<E: From<SessionError>>(
         &mut self,
         fitted: &Calibration,
@@ -118,7 +123,7 @@ impl<'a> BenchFollower<'a> {
         let other = |_| {
             SessionError::Setting(reason!(
                 "other-size",
-                "the scene was solved for another number of sub-frames or pixels"
+                "the solved scene has a different number of sub-frames or pixels"
             ))
         };
         let version = newest.replace(solve(&self.display)?).map_err(other)?;
@@ -126,7 +131,7 @@ impl<'a> BenchFollower<'a> {
     }
 }
 
-/// Whether the show still goes on after this time.
+/// Waits for this time. Returns true if the show continues after it.
 fn waited(time: Duration, is_over: &dyn Fn() -> bool) -> bool {
     let begun = Instant::now();
     while begun.elapsed() < time && !is_over() {
@@ -135,8 +140,8 @@ fn waited(time: Duration, is_over: &dyn Fn() -> bool) -> bool {
     !is_over()
 }
 
-/// Waits until the newest version is on the screen, and takes a picture of it, again if the screen changed during the exposure. None
-/// once the show is over.
+/// Waits until the newest version is on the screen and takes a picture of it. If the screen changed during the
+/// exposure, it takes another one. Returns `None` after the end of the show.
 fn picture<E>(
     newest: &NewestHologram,
     is_over: &dyn Fn() -> bool,
@@ -164,7 +169,7 @@ mod tests {
     use std::cell::{Cell, RefCell};
     use std::collections::VecDeque;
 
-    /// Every phase is this one.
+    /// Creates a hologram whose phases all have this value.
     fn hologram(phase: f32) -> Hologram {
         let text = "resolution = [4, 4]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
         let display = Display::from_toml(text, "test").unwrap();
@@ -173,9 +178,9 @@ mod tests {
         Hologram::on(&display, 1, vec![color])
     }
 
-    /// Has pictures taken while the screen shows one thing after the other, one at each look, until there are no more. The second
-    /// `OnScreen` is what the screen shows by the end of an exposure. Returns for each picture the phase, the version on the screen, and
-    /// whether it was kept.
+    /// Takes pictures while the screen follows a script, one entry for each look, until the script ends. The second
+    /// `OnScreen` is the state of the screen at the end of an exposure. Returns for each picture the phase, the version
+    /// on the screen, and if it was kept.
     fn pictures(newest: &NewestHologram, script: &[[Option<OnScreen>; 2]]) -> (Vec<(f32, u64, bool)>, bool) {
         let script = RefCell::new(VecDeque::from(script.to_vec()));
         let (after, taken, discarded) = (Cell::new(None), RefCell::new(Vec::new()), Cell::new(0));
@@ -207,14 +212,14 @@ mod tests {
     fn a_picture_is_taken_of_the_newest_version_alone_and_thrown_away_if_the_screen_changed() {
         let newest = NewestHologram::new(hologram(1.0));
         let at = |version, since| Some(OnScreen { version, since });
-        // Nothing is on the screen before the show is over.
+        // The screen shows no version before the show is over.
         assert_eq!(pictures(&newest, &[[None; 2]; 3]), (vec![], false));
         let still = [at(0, 3); 2];
         assert_eq!(pictures(&newest, &[[None; 2], still]), (vec![(1.0, 0, true)], true));
-        // After it was replaced, the old version may be on the screen for long.
+        // After a replacement, the old version may be on the screen for a long time.
         newest.replace(hologram(2.0)).unwrap();
         assert_eq!(pictures(&newest, &[still, still, [None; 2], [at(1, 9); 2]]), (vec![(2.0, 1, true)], true));
-        // Changes during an exposure: to another version, to none, and to something else and back.
+        // The screen changes during an exposure, to another version, to none, and to something else and back.
         for by_the_end in [at(2, 12), None, at(1, 12)] {
             let script = [[at(1, 9), by_the_end], [None; 2], [at(1, 20); 2]];
             assert_eq!(pictures(&newest, &script), (vec![(2.0, 1, false), (2.0, 1, true)], true), "{by_the_end:?}");

@@ -1,18 +1,18 @@
-//! What cameras and photodiodes find sub-frames by.
+//! Draws marks by which cameras and photodiodes find sub-frames.
 //!
-//! A phase shows no intensity by itself, but a grating sends its light to one side. So the first sub-frame of a set
-//! carries a grating along x, which a detector beside the optical axis sees as one flash a set, and the others one along
-//! y.
+//! A phase has no intensity by itself, but a grating sends its light to one side. The first sub-frame of a set carries
+//! a grating along x. A detector at one side of the optical axis records it as one flash per set. The other sub-frames
+//! carry a grating along y.
 
-/// Period of the gratings, pixels.
+/// The period of the gratings (pixels).
 const PERIOD: usize = 8;
 
-/// A grating's phase, radians in [-pi, pi).
+/// Returns the phase of a grating, in radians in [-pi, pi).
 fn grating(at: usize) -> f32 {
     (at % PERIOD) as f32 * (std::f32::consts::TAU / PERIOD as f32) - std::f32::consts::PI
 }
 
-/// The sync picture's phases, (colour, sub-frame, row, column): whole sub-frames of gratings.
+/// Returns the phases of the sync picture (color, sub-frame, row, column), whose sub-frames are whole gratings.
 pub(crate) fn sync_phases([colors, frames, height, width]: [usize; 4]) -> Vec<f32> {
     let mut phases = Vec::with_capacity(colors * frames * height * width);
     for _ in 0..colors {
@@ -25,8 +25,10 @@ pub(crate) fn sync_phases([colors, frames, height, width]: [usize; 4]) -> Vec<f3
     phases
 }
 
-/// Puts a mark of `side` pixels into the upper left corner of a hologram's phases, (colour, sub-frame, row, column). Of content frames with an odd number the
-/// gratings are exchanged, so that a detector tells a new frame from a repeat.
+/// Puts a mark of `side` pixels into the upper left corner of the phases of a hologram (color, sub-frame, row, column).
+///
+/// In content frames with an odd number the gratings are exchanged, so that a detector can distinguish a new frame from
+/// a repeat.
 pub(crate) fn mark_corner(phases: &mut [f32], [_, frames, height, width]: [usize; 4], side: usize, position: u64) {
     let (rows, columns) = (side.min(height), side.min(width));
     if rows == 0 || columns == 0 || frames == 0 {

@@ -1,4 +1,4 @@
-//! Shows multiplex sets on time: which content frame is due, what the next video frame shows, and when to wake for it.
+//! Shows multiplex sets on time, and decides on the content frame, the next video frame and the time to wake.
 
 pub(crate) mod bench_follower;
 pub(crate) mod marks;

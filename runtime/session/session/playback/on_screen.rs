@@ -1,27 +1,28 @@
-//! Which version of a hologram that may be replaced is on the screen, as the present thread knows it.
+//! Stores which version of a replaceable hologram is on the screen, as the present thread knows it.
 
 use crate::hologram::{NewestHologram, OnScreen};
 
-/// More video frames than a swapchain holds. Timing that depends on acquiring an image may miss every video frame, but one that so
-/// many have followed has lit up.
+/// More video frames than a swapchain holds. Timing that depends on the acquisition of an image may miss every video
+/// frame, but a frame that this many have followed has lit up.
 const IN_FLIGHT: u64 = 16;
 
-/// Follows versions from their first video frame until their second set lights up. Dropped, it leaves the screen without one.
+/// Tracks versions from their first video frame until their second set lights up. When it is dropped, no version is on
+/// the screen.
 pub(crate) struct VersionLog {
     newest: NewestHologram,
     set_frames: u64,
-    /// The version that was handed over last, and its first video frame; no version for the idle picture.
+    /// The version that was handed over last, and its first video frame. It is `None` for the idle picture.
     handed_over: Option<OnScreen>,
 }
 
 impl VersionLog {
-    /// For sets of this many video frames.
+    /// Creates a log for sets of this many video frames.
     pub(crate) fn new(newest: NewestHologram, set_frames: u64) -> Self {
         newest.put_on_screen(None);
         Self { newest, set_frames, handed_over: None }
     }
 
-    /// Called before a video frame goes to the display, which may show it at once.
+    /// Records a video frame before it goes to the display, which may show it at once.
     pub(crate) fn hands_over(&mut self, id: u64, version: Option<u64>) {
         if version != self.handed_over.map(|shown| shown.version) {
             self.handed_over = version.map(|version| OnScreen { version, since: id });
@@ -30,9 +31,9 @@ impl VersionLog {
         self.lit(id.saturating_sub(IN_FLIGHT));
     }
 
-    /// A video frame has lit up, and those before it have.
+    /// Records that a video frame and all before it have lit up.
     pub(crate) fn lit(&mut self, id: u64) {
-        // With the second set, the lag of the pixels is that of the same set.
+        // In the second set, the lag of the pixels comes from the same set.
         if let Some(shown) = self.handed_over.filter(|shown| id >= shown.since + self.set_frames) {
             self.newest.put_on_screen(Some(shown));
         }

@@ -1,4 +1,4 @@
-//! Where a session's video frames go.
+//! Opens the output of the video frames of a session.
 
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::present::{
@@ -11,53 +11,55 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// Where video frames go.
+/// The output of video frames.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum Output {
-    /// A window over all of a monitor: by its index, its name or its size as rows x columns; without, the first of the video
-    /// frame's size.
+    /// A window over all of a monitor.
     Window {
-        /// Which.
+        /// The index of the monitor, its name or its size as rows x columns. If it is `None`, the first monitor with
+        /// the size of the video frame is used.
         monitor: Option<String>,
     },
-    /// A display that no desktop drives: by its index, its connector or its monitor; without, the first that has a mode of the
-    /// video frame's size.
+    /// A display that no desktop drives.
     #[cfg(feature = "direct-display")]
     Direct {
-        /// Which.
+        /// The index of the display, its connector or its monitor. If it is `None`, the first display with a mode of
+        /// the size of the video frame is used.
         display: Option<String>,
     },
-    /// Memory.
+    /// Video frames go to memory.
     Memory {
-        /// Whether time passes as fast as content comes, and waits for it; else it is the system's.
+        /// True if time is simulated, and passes as fast as content arrives. If it is false, the clock of the system is
+        /// used.
         simulated: bool,
-        /// Where every video frame goes besides.
+        /// The file that also receives every video frame.
         sink: Option<SinkFile>,
     },
-    /// The program itself, which takes each when it wants it: [`TickedSession`](crate::session::TickedSession) makes it.
+    /// The program takes each video frame when it needs it. [`TickedSession`](crate::session::TickedSession) creates
+    /// this output.
     Ticked(TickedOutput),
 }
 
-/// A file that takes video frames ([`Sink`]).
+/// A file that receives video frames ([`Sink`]).
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub enum SinkFile {
-    /// All of them, one after the other.
+    /// The file receives all video frames in sequence.
     Raw(PathBuf),
-    /// The newest.
+    /// The file holds the newest video frame.
     Shared(PathBuf),
 }
 
 impl SinkFile {
-    /// Refuses a place that is somebody's, before anything is computed for it.
+    /// Checks that the place of the file is free, before anything is computed for it.
     ///
     /// # Errors
-    /// [`SessionError::Present`], [`FileError::Taken`](crate::files::FileError::Taken) in it.
+    /// Returns [`SessionError::Present`] with [`FileError::Taken`](crate::files::FileError::Taken) in it.
     pub fn check(&self) -> Result<(), SessionError> {
         match self {
             Self::Raw(file) => Ok(Sink::check_raw(file)?),
-            // One of ours may be there: it is looked at when it is opened.
+            // A file of eyebox may exist there. It is checked when it is opened.
             Self::Shared(_) => Ok(()),
         }
     }
@@ -66,7 +68,7 @@ impl SinkFile {
 pub(crate) struct OpenDisplay {
     kind: Kind,
     pub clock: Rc<dyn Clock>,
-    /// The same, where it is the system's.
+    /// The same clock if it is the clock of the system.
     pub real_clock: Option<RealClock>,
     pub rate: Rate,
 }
@@ -77,8 +79,8 @@ enum Kind {
 }
 
 impl Output {
-    /// Opens it for video frames of (rows, columns, channels), at the `rate` that is asked for or its own. A display is
-    /// shown on from `gpu`, or from a device of its own.
+    /// Opens the output for video frames of (rows, columns, channels), at the requested `rate` or its own. A display
+    /// shows from `gpu`, or from a device of its own.
     pub(crate) fn open(
         &self,
         size: [usize; 3],
@@ -103,7 +105,7 @@ impl Output {
             #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
                 let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
-                // Its own rate is the mode's, which may be 59.94 where 60 was asked for.
+                // The rate of the mode counts, which may be 59.94 Hz if 60 Hz was requested.
                 let known = display.rate.or(rate);
                 (Kind::Other(Box::new(display), None), known)
             }
@@ -138,19 +140,20 @@ impl OpenDisplay {
         }
     }
 
-    /// The desktop that a window beside the display stands on.
+    /// Returns the desktop for a window next to the display.
     pub(crate) fn desktop(&mut self) -> Result<&mut Desktop, PresentError> {
         match &mut self.kind {
             Kind::Window(window) => window.desktop().ok_or_else(|| PresentError::Display {
                 presenter: "the window".into(),
-                reason: reason!("no-desktop", "it stands on no desktop"),
+                reason: reason!("no-desktop", "it has no desktop"),
             }),
             Kind::Other(_, Some(desktop)) => Ok(desktop),
             Kind::Other(_, none) => Ok(none.insert(Box::new(Desktop::open()?))),
         }
     }
 
-    /// Takes events of windows beside the display; a window of its own takes them while it is asked for its own.
+    /// Takes the events of windows next to the display. A display that is a window takes these events while it takes
+    /// its own.
     pub(crate) fn pump(&mut self) -> Result<(), PresentError> {
         match &mut self.kind {
             Kind::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO),

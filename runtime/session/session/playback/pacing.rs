@@ -1,68 +1,68 @@
-//! When to wake for the next video frame, and when it will light up: after Monado's and Granite's pacers.
+//! Predicts when to wake for the next video frame and when it lights up, after the pacers of Monado and Granite.
 //!
-//! The next present is predicted by whole periods from the last one known; the present thread wakes so much before that
-//! what it has to do and a margin fit in between. A miss widens the margin at once, a run of presents without one
-//! narrows it slowly. Pure: times come in as numbers.
+//! The next present is predicted by whole periods from the last known one. The present thread wakes early enough that
+//! its work and a margin fit before it. A miss widens the margin at once, and a run of presents without a miss narrows
+//! it slowly. The module is pure and takes times as numbers.
 
 use crate::present::Rate;
 use std::collections::VecDeque;
 
-/// The next video frame.
+/// The predicted times of the next video frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Prediction {
-    /// Which; those that were missed are counted too.
+    /// The number of the video frame. Missed ones count too.
     pub vblank: u64,
-    /// When to begin with it.
+    /// The time at which the present thread wakes.
     pub wake_time_ns: i64,
-    /// When it must be with the display.
+    /// The time by which the display must have the video frame.
     pub desired_present_time_ns: i64,
-    /// When it lights up.
+    /// The time at which it lights up.
     pub predicted_display_time_ns: i64,
 }
 
-/// What feedback said about a video frame.
+/// The feedback about a video frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
-    /// The video frame, as it came out.
+    /// The number of the video frame as it was shown.
     pub vblank: u64,
-    /// Periods that it came late.
+    /// The number of periods that it was late.
     pub missed: u64,
-    /// Actual less predicted time, without whole periods.
+    /// The actual minus the predicted time, without whole periods.
     pub jitter_ns: i64,
 }
 
-/// Presents without a miss after which the margin narrows.
+/// The number of presents without a miss after which the margin narrows.
 const EVIDENCE: u32 = 120;
 
-/// Periods that the first answer may come later than guessed without a miss.
+/// The number of periods that the first feedback may be later than predicted without counting as a miss.
 const FIRST: i64 = 8;
 
-/// Predicts; learns from what happened.
+/// Predicts video frames and learns from feedback.
 #[derive(Debug, Clone)]
 pub struct Pacer {
     rate: Rate,
-    /// A video frame whose time is known, filtered over the last ones.
+    /// A video frame and its time, filtered over the last ones.
     anchor: Option<(u64, i64)>,
-    /// Whether the anchor came from the display.
+    /// True if the anchor came from the display.
     known: bool,
     last: Option<u64>,
-    /// Handed over and not known to be shown: their number and their video frame.
+    /// The video frames that were handed over without feedback, by their ids and their numbers.
     in_flight: VecDeque<(u64, u64)>,
     compute_ns: i64,
-    /// The margin between waking and what has to be done.
+    /// The margin between waking and the deadline (ns).
     pub(crate) margin_ns: i64,
     good: u32,
 }
 
 impl Pacer {
-    /// For a display of this rate.
+    /// Creates a pacer for a display of this rate.
     pub fn new(rate: Rate) -> Self {
         let margin_ns = rate.period_ns() / 8;
         let in_flight = VecDeque::with_capacity(64);
         Self { rate, anchor: None, known: false, last: None, in_flight, compute_ns: 0, margin_ns, good: 0 }
     }
 
-    /// The next video frame: the one after the last, or the first that can still be reached.
+    /// Predicts the next video frame, which is the one after the last, or the first that can still be reached.
     pub fn predict(&mut self, now_ns: i64) -> Prediction {
         let ahead = self.compute_ns + self.margin_ns;
         let (first, time) = *self.anchor.get_or_insert((0, now_ns.saturating_add(ahead)));
@@ -85,10 +85,10 @@ impl Pacer {
         }
     }
 
-    /// A video frame was handed over, `compute_ns` after waking for it. `id` rises.
+    /// Records that a video frame was handed over, `compute_ns` after waking for it. `id` increases.
     pub(crate) fn submitted(&mut self, id: u64, vblank: u64, compute_ns: i64) {
         self.last = Some(vblank);
-        // A maximum that is forgotten in some tens of frames.
+        // This maximum decays over some tens of frames.
         self.compute_ns = (self.compute_ns - self.compute_ns / 32).max(compute_ns.clamp(0, self.rate.period_ns()));
         if self.in_flight.len() == self.in_flight.capacity() {
             self.in_flight.pop_front();
@@ -96,7 +96,8 @@ impl Pacer {
         self.in_flight.push_back((id, vblank));
     }
 
-    /// The video frame `id` lit up at this time. None for one that is not known, or older than one that is.
+    /// Records that the video frame `id` lit up at this time. Returns `None` for an unknown frame, or one older than a
+    /// known one.
     pub fn presented(&mut self, id: u64, actual_display_time_ns: i64) -> Option<Outcome> {
         while self.in_flight.front().is_some_and(|f| f.0 < id) {
             self.in_flight.pop_front();
@@ -104,7 +105,7 @@ impl Pacer {
         let (_, vblank) = self.in_flight.pop_front().filter(|f| f.0 == id)?;
         let period = self.rate.period_ns();
         let off = actual_display_time_ns - self.time_of(vblank);
-        // Until the first answer the display's phase is a guess, and so is how many frames it keeps in line.
+        // Until the first feedback, the phase of the display and the number of queued frames are unknown.
         if !std::mem::replace(&mut self.known, true) && off < FIRST * period {
             self.anchor = Some((vblank, actual_display_time_ns));
             return Some(Outcome { vblank, missed: 0, jitter_ns: 0 });
@@ -113,7 +114,7 @@ impl Pacer {
         let vblank = vblank + missed;
         let jitter_ns = actual_display_time_ns - self.time_of(vblank);
         if missed > 0 {
-            // What is queued behind it comes after it.
+            // The frames that are queued after it are shown after it.
             let mut before = vblank;
             for (_, queued) in &mut self.in_flight {
                 *queued = (*queued).max(before + 1);

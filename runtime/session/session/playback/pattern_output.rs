@@ -1,4 +1,4 @@
-//! Patterns for a camera, on a display of this machine's own.
+//! Shows calibration patterns for a camera on a display of this machine.
 
 use crate::calibrate::ShowsPatterns;
 use crate::encode::{EncodeError, Encoder, PhaseSet};
@@ -9,12 +9,12 @@ use crate::session::playback::output::{OpenDisplay, Output};
 use eyebox_base::reason;
 use std::time::{Duration, Instant};
 
-/// Sub-frames that a video frame may hold.
+/// The largest number of sub-frames that a video frame may hold.
 const MOST: usize = 24;
-/// A pattern that is not known to have lit up after so long is taken to have.
+/// After this time without feedback, a pattern is assumed to have lit up.
 const LIT: Duration = Duration::from_secs(1);
 
-/// Shows one pattern after the other, each in one video frame, which stands until the next.
+/// Shows patterns in sequence. Each takes one video frame and stays until the next.
 pub struct PatternOutput {
     display: OpenDisplay,
     encoders: Vec<(Color, Encoder)>,
@@ -23,27 +23,28 @@ pub struct PatternOutput {
 }
 
 impl PatternOutput {
-    /// Opens it for some colours of a display, one at a time. `settle`: what the modulator takes until a pattern stands, after it
-    /// lit up.
+    /// Opens an output for some colors of a display, one at a time. `settle` is the time from the light of a pattern
+    /// until the modulator is stable.
     ///
     /// # Errors
-    /// [`SessionError`]; [`SessionError::Setting`] for a display that shows no set of one colour in one video frame.
+    /// Returns [`SessionError`], and [`SessionError::Setting`] if the display shows no set of one color in one video
+    /// frame.
     pub fn open(output: &Output, display: &Display, colors: &[Color], settle: Duration) -> Result<Self, SessionError> {
         let encoders = colors.iter().map(|color| Ok((*color, alone(display, *color)?)));
         let encoders = encoders.collect::<Result<Vec<_>, SessionError>>()?;
         let Some((_, first)) = encoders.first() else {
-            return Err(reason!("no-color", "patterns are of one colour at least").into());
+            return Err(reason!("no-color", "`colors` is empty, but patterns need at least one color").into());
         };
         let frames = first.frames();
         let display = output.open([frames.height, frames.width, frames.channels], None, None)?;
         Ok(Self { display, encoders, settle, shown: 0 })
     }
 
-    /// Shows a video frame, and waits until it stands.
+    /// Shows a video frame and waits until it is stable.
     fn put(&mut self, frame: &[u8]) -> Result<(), SessionError> {
         let clock = std::rc::Rc::clone(&self.display.clock);
         let presenter = self.display.presenter();
-        // The second of two is what says that the first is on, and the last one stays.
+        // The feedback of the second of two frames shows that the first is on, and the last one stays.
         let first = self.shown + 1;
         for id in [first, first + 1] {
             presenter.upload(frame)?;
@@ -77,17 +78,17 @@ impl ShowsPatterns for PatternOutput {
 
     fn show(&mut self, color: Color, phases: &[f32]) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
         let Some((_, encoder)) = self.encoders.iter_mut().find(|(c, _)| *c == color) else {
-            return Err(format!("it was opened for other colours than {color}").into());
+            return Err(format!("the output was opened without the color {color}").into());
         };
         let [height, width] = encoder.hologram_size();
-        // A set of fewer is shown so often.
+        // A set with fewer sub-frames is repeated until the video frame is full.
         let all = phases.repeat(encoder.plan().sub_frames * height * width / phases.len().max(1));
         let frame = encoder.encode(&PhaseSet::new(&[&all], [height, width])?)?.frame(0).to_vec();
         Ok(self.put(&frame)?)
     }
 }
 
-/// What makes video frames of one colour alone, each a whole set.
+/// Creates the encoder for one color alone, whose video frame holds a whole set.
 fn alone(display: &Display, color: Color) -> Result<Encoder, SessionError> {
     let mut first: Option<EncodeError> = None;
     for sub_frames in 1..=MOST {

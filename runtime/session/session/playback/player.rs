@@ -1,4 +1,4 @@
-//! The present thread's loop, one video frame at a time: predict, wake, decide, hand over, learn.
+//! Runs one video frame of the present thread, which predicts, wakes, decides, hands over and learns.
 
 use crate::encode::VideoFrames;
 use crate::gpu::Pictures;
@@ -15,52 +15,54 @@ use crate::session::playback::timeline::Speed;
 use std::rc::Rc;
 use std::time::Instant;
 
-/// Content that can be shown: what the present thread sees of a [`Stream`](crate::session::Stream). None of it blocks but
-/// [`settle`](Self::settle).
+/// Content that can be shown, as the present thread uses a [`Stream`](crate::session::Stream). Only
+/// [`settle`](Self::settle) may block.
 pub(crate) trait SetSource: Content {
-    /// Takes in what arrived, and says which positions may still be of use. Fails with what ended the threads behind it.
+    /// Takes the arrived sets. `useful_from` is the first position that may still be of use. Returns the error that
+    /// ended the threads of the content.
     fn poll(&mut self, useful_from: u64) -> Result<(), SessionError>;
 
-    /// Waits until it is known what comes of a position: with simulated clocks, for which it takes no time.
+    /// Waits for the outcome of a position. This is for simulated clocks, on which it takes no time.
     fn settle(&mut self, position: u64, target: Target) -> Result<(), SessionError>;
 
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
 
-    /// What is on the screen, and which frame of the file it is.
+    /// Returns the set on the screen, and the number of its frame in the file.
     fn on_screen(&self) -> Option<(&VideoFrames, u64)>;
 
-    /// What is on the screen, where it is on the display's device; the video frames above then hold nothing.
+    /// Returns the set on the screen if it is on the device of the display. The video frames of `on_screen` are then
+    /// empty.
     fn pictures(&self) -> Option<&Pictures> {
         None
     }
 
-    /// The version of what is on the screen, if it is a hologram that may be replaced.
+    /// Returns the version of the set on the screen, if it is a replaceable hologram.
     fn version(&self) -> Option<u64> {
         None
     }
 
-    /// Content from another frame of the file on; positions begin anew.
+    /// Continues with another frame of the file. Positions start at 0 again.
     fn seek(&mut self, index: u64);
 }
 
-/// What a user can ask for.
+/// A command of the user.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Command {
-    /// Stand still, or go on.
+    /// Pauses or resumes the content.
     Pause(bool),
-    /// One content frame on, and stand still.
+    /// Advances by one content frame and pauses.
     Step,
-    /// So many frames of the file further than what is on the screen.
+    /// Moves by this number of frames of the file from the frame on the screen.
     Seek(i64),
-    /// So many times the content's own rate.
+    /// Plays at this multiple of the rate of the content.
     Speed(f64),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flow {
     Continue,
-    /// The last set was up for its time.
+    /// The last set was shown for its time.
     Ended,
     /// A user closed the presenter.
     Closed,
@@ -69,41 +71,41 @@ pub(crate) enum Flow {
 /// A video frame as it was handed over.
 #[derive(Debug, Clone, Copy)]
 pub struct PresentedFrame<'a> {
-    /// Which video frame of the display.
+    /// The number of the video frame of the display.
     pub vblank: u64,
-    /// When it is to light up, on the player's clock.
+    /// The predicted time of its light (ns on the clock of the player).
     pub predicted_display_time_ns: i64,
-    /// Which frame of the file it belongs to; none for the idle picture.
+    /// The number of its frame in the file, or `None` for the idle picture.
     pub index: Option<u64>,
-    /// Which video frame of the set.
+    /// The number of the video frame in the set.
     pub video_frame: u64,
-    /// Whether the set is new.
+    /// True if the set is new.
     pub new: bool,
-    /// Why not, or why late.
+    /// The cause why the set is not new, or late.
     pub late: Option<Cause>,
-    /// The bytes; none where the video frame goes from the device that encodes it to the display without the host.
+    /// The bytes of the video frame. They are empty if it goes directly from the device that encodes it to the display.
     pub picture: &'a [u8],
 }
 
-/// Joins clock, scheduler and pacer.
+/// Connects the clock, the scheduler and the pacer.
 pub(crate) struct Player {
     clock: Rc<dyn Clock>,
-    /// What was shown, and why not more.
+    /// The scheduler, with the counts of the content that was shown.
     pub(crate) scheduler: Scheduler,
     pub(crate) pacer: Pacer,
     idle: VideoFrames,
     id: u64,
-    /// How well predictions were met.
+    /// The accuracy of the predictions.
     pub(crate) timing: Timing,
     pub(crate) track: Track,
-    /// When the last video frame handed over is to light up.
+    /// The predicted time of the light of the last video frame that was handed over.
     pub(crate) display_time_ns: i64,
-    /// Stores which version of a hologram is on the screen.
+    /// The log of the version of a hologram that is on the screen.
     versions: Option<VersionLog>,
 }
 
 impl Player {
-    /// `idle` is shown while there is no content: a set of video frames like content's.
+    /// Creates a player. `idle` is shown without content, and is a set of video frames like a set of the content.
     pub(crate) fn new(clock: Rc<dyn Clock>, scheduler: Scheduler, idle: VideoFrames, track: Track) -> Self {
         let pacer = Pacer::new(scheduler.schedule().display_rate);
         Self {
@@ -119,12 +121,12 @@ impl Player {
         }
     }
 
-    /// Stores from now on which version of a hologram is on the screen.
+    /// Starts to store which version of a hologram is on the screen.
     pub(crate) fn follows(&mut self, newest: NewestHologram) {
         self.versions = Some(VersionLog::new(newest, self.scheduler.schedule().set_frames));
     }
 
-    /// Does what a user asked for, from the next video frame on.
+    /// Applies a command of the user from the next video frame on.
     pub(crate) fn command(&mut self, command: Command, source: &mut dyn SetSource) {
         let next_display_time_ns = self.display_time_ns + self.rate().period_ns();
         match command {
@@ -143,7 +145,7 @@ impl Player {
         }
     }
 
-    /// One video frame. `observe` sees what was handed over.
+    /// Runs one video frame. `observe` receives the video frame that was handed over.
     pub(crate) fn tick(
         &mut self,
         presenter: &mut dyn Presenter,
@@ -218,8 +220,8 @@ impl Player {
         Ok(Flow::Continue)
     }
 
-    /// Ends playing, however that came: unless it was the display that was lost, it is left on the idle picture's first
-    /// video frame, which is a defined one. Fails with what ended it, or else with what became of the presenter.
+    /// Ends playback for any reason. Unless the display was lost, it is left on the first video frame of the idle
+    /// picture, which is defined. Returns the error that ended playback, or else the error of the presenter.
     pub(crate) fn end<T>(
         &mut self,
         presenter: &mut dyn Presenter,

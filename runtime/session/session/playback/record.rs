@@ -1,5 +1,6 @@
-//! Keeping what was shown: a picture of every video frame of every new set, and a line for every video frame. In real time
-//! it has a thread of its own: the display does not wait for the disk.
+//! Records each video frame of every new set as a picture, and a line for every video frame.
+//!
+//! In real time it has a thread of its own, so that the display does not wait for the disk.
 
 use crate::files::{FileError, encode_png8, write_file};
 use crate::mailbox::Mailbox;
@@ -22,12 +23,12 @@ pub(crate) struct Recorder {
 }
 
 impl Recorder {
-    /// Makes the folder, which must be new or empty, for pictures of (rows, columns, channels).
+    /// Creates the folder, which must be new or empty, for pictures of (rows, columns, channels).
     fn new(folder: &Path, size: [usize; 3]) -> Result<Self, FileError> {
         fs::create_dir_all(folder).map_err(|e| FileError::write(folder, e))?;
         let mut entries = fs::read_dir(folder).map_err(|e| FileError::read(folder, e))?;
         if entries.next().is_some() {
-            let reason = reason!("not-empty", "holds something: recordings go to a new or an empty folder");
+            let reason = reason!("not-empty", "is not empty, but a recording needs a new or an empty folder");
             return Err(FileError::Taken { path: folder.display().to_string(), reason });
         }
         let file = folder.join("shown.csv");
@@ -37,7 +38,7 @@ impl Recorder {
         Ok(Self { folder: folder.to_path_buf(), list, size })
     }
 
-    /// The name of a picture: of the idle one, or of a frame of the file.
+    /// Returns the name of a picture, of the idle picture or of a frame of the file.
     fn picture_name(index: Option<u64>, video_frame: u64) -> String {
         match index {
             Some(index) => format!("set-{index:06}-{video_frame:02}.png"),
@@ -67,18 +68,18 @@ impl Recorder {
     }
 }
 
-/// Pictures that wait for the disk.
+/// The number of pictures that can wait for the disk.
 const WAITING: usize = 16;
-/// How often the thread looks whether it is to end.
+/// The interval at which the thread checks for its end.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// A video frame on its way to the disk: without its picture, and that.
+/// A video frame on its way to the disk, as the frame without its picture, and the picture.
 type RecordedFrame = (PresentedFrame<'static>, Vec<u8>);
 
 pub(crate) enum Recording {
-    /// Every video frame, as it is shown: with a simulated clock.
+    /// On a simulated clock, every video frame is written as it is shown.
     Inline(Box<Recorder>),
-    /// As many as the disk takes.
+    /// On a real clock, as many video frames are written as the disk allows.
     Behind {
         send: Mailbox<RecordedFrame>,
         free: Mailbox<Vec<u8>>,
@@ -88,7 +89,7 @@ pub(crate) enum Recording {
 }
 
 impl Recording {
-    /// Into a new or an empty folder: pictures of (rows, columns, channels).
+    /// Starts a recording in a new or empty folder, with pictures of (rows, columns, channels).
     pub(crate) fn start(folder: &Path, size: [usize; 3], simulated: bool) -> Result<Self, SessionError> {
         let mut recorder = Recorder::new(folder, size)?;
         if simulated {
@@ -118,7 +119,7 @@ impl Recording {
             Self::Behind { send, free, left_out, .. } => match free.take() {
                 Some(mut picture) => {
                     picture.copy_from_slice(frame.picture);
-                    // There is a place for every buffer.
+                    // The mailbox has a place for every buffer.
                     let _ = send.put((PresentedFrame { picture: &[], ..*frame }, picture));
                 }
                 None => *left_out += 1,
@@ -127,7 +128,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Brings all to the disk: how many video frames were not kept.
+    /// Writes everything to the disk. Returns the number of video frames that were skipped.
     pub(crate) fn finish(self) -> Result<u64, SessionError> {
         match self {
             Self::Inline(recorder) => recorder.finish().map(|()| 0),

@@ -1,11 +1,11 @@
-//! How well video frames came when they were predicted, and the summary of a playback.
+//! Measures the accuracy of predicted video frames, and summarizes a playback.
 
 use crate::session::frame_log::account::{Account, Cause};
 use crate::session::playback::pacing::Outcome;
 use crate::session::playback::scheduler::Scheduler;
 use serde_json::{Value, json};
 
-/// Of the video frames of which it is known when they lit up.
+/// The accuracy of the predictions, over the video frames with known times of light.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Timing {
     count: u64,
@@ -24,61 +24,61 @@ impl Timing {
         self.largest_ns = self.largest_ns.max(outcome.jitter_ns.saturating_abs());
     }
 
-    /// How many.
+    /// Returns the number of video frames with known times.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Actual less predicted times: root of the mean square, ms.
+    /// Returns the root mean square of actual minus predicted times (ms).
     pub fn jitter_ms(&self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.squares / self.count as f64).sqrt() / 1e6 }
     }
 
-    /// The largest of them, ms.
+    /// Returns the largest of these differences (ms).
     pub fn largest_jitter_ms(&self) -> f64 {
         self.largest_ns as f64 / 1e6
     }
 
-    /// Video frames a second as they came; none before there were two.
+    /// Returns the measured video frames per second, or `None` before the second one.
     pub(crate) fn measured_hz(&self) -> Option<f64> {
         let ((v0, t0), (v1, t1)) = (self.first?, self.last?);
         (t1 > t0).then(|| (v1 - v0) as f64 * 1e9 / (t1 - t0) as f64)
     }
 }
 
-/// What came of a playback.
+/// The report of a playback.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
-    /// The account.
+    /// The counts of sets and content frames.
     pub account: Account,
-    /// Content frames that were due at the end and not shown.
+    /// The content frames that were due at the end and not shown.
     pub pending: u64,
-    /// Seconds on the player's clock.
+    /// The duration of the playback (s on the clock of the player).
     pub seconds: f64,
-    /// Sub-frames that a set holds, of all colours.
+    /// The sub-frames of a set, over all colors.
     pub planes: u64,
-    /// The timing.
+    /// The accuracy of the predicted times.
     pub timing: Timing,
 }
 
 impl Report {
-    /// Of a scheduler, after some time.
+    /// Creates the report of a scheduler after `seconds`.
     pub fn new(scheduler: &Scheduler, timing: &Timing, seconds: f64, planes: u64) -> Self {
         let (account, pending) = (*scheduler.account(), scheduler.pending() as u64);
         Self { account, pending, seconds, planes, timing: *timing }
     }
 
-    /// New content frames a second.
+    /// Returns the new content frames per second.
     pub fn content_fps(&self) -> f64 {
         self.account.shown as f64 / self.seconds.max(1e-9)
     }
 
-    /// Multiplex sets a second.
+    /// Returns the multiplex sets per second.
     pub fn sets_per_second(&self) -> f64 {
         self.account.sets as f64 / self.seconds.max(1e-9)
     }
 
-    /// For programs.
+    /// Returns the report for programs.
     pub fn to_json(&self) -> Value {
         let by_cause = |counts: &[u64; 5]| -> Value {
             let one = |c: &Cause| (c.name().replace(' ', "-").to_lowercase(), Value::from(counts[*c as usize]));

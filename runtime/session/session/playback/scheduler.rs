@@ -1,81 +1,83 @@
-//! What to show at the next video frame: pure, without a clock, a thread or a device.
+//! Decides what the next video frame shows, without a clock, a thread or a device.
 //!
-//! A multiplex set takes some video frames of the display, one after the other. Only before the first of them is
-//! anything decided: the newest content frame that is due and ready is shown, else the set on screen is repeated, whole.
-//! Each content frame that is never shown is dropped for one cause: what was the matter at the last start of a set at
-//! which it was due. If there was no such start, it is a missed present where a start was missed at which it would have
-//! been due, and else the rates: content is faster than the sets.
+//! A multiplex set takes some successive video frames of the display. A decision is made only before the first of them.
+//! It shows the newest content frame that is due and ready, or repeats the set on the screen as a whole.
+//!
+//! Each content frame that is never shown is dropped for one cause. The cause is the state at the last start of a set
+//! at which the frame was due. Without such a start, the cause is a missed present if the frame would have been due at
+//! a missed start. Otherwise the cause is the rates, because content is faster than the sets.
 
 use crate::present::Rate;
 use crate::session::frame_log::account::{Account, Cause};
 use crate::session::playback::timeline::{Speed, Timeline};
 use std::collections::VecDeque;
 
-/// A set to come.
+/// The times of a set to come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Target {
-    /// When it begins to be lit.
+    /// The time at which it begins to be lit.
     pub start_ns: i64,
-    /// When it has to be handed over.
+    /// The time at which it has to be handed over.
     pub hand_over_ns: i64,
-    /// Of sets that roll: the video frame whose turn it is then.
+    /// With rolling updates, the video frame of the set whose turn it is then.
     pub turn: u64,
 }
 
-/// How far a content frame has come.
+/// The progress of a content frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Readiness {
-    /// Not read from the disk.
+    /// It is not read from the disk.
     Unread,
-    /// Read, and not encoded or not on the device yet.
+    /// It is read, but not encoded or not on the device.
     Read,
-    /// Can be shown now.
+    /// It can be shown now.
     Ready,
-    /// Will never be: its checksum is wrong.
+    /// It can never be shown because its checksum is wrong.
     Damaged,
 }
 
-/// Content as the scheduler sees it, by position on the [`Timeline`].
+/// Content as the scheduler uses it, by position on the [`Timeline`].
 pub trait Content {
-    /// How far a position has come.
+    /// Returns the progress of a position.
     fn readiness(&self, position: u64) -> Readiness;
-    /// The first position that will never be, once that is known.
+    /// Returns the first position after the end, once the source has found it.
     fn end(&self) -> Option<u64>;
 }
 
-/// When position 0 is due.
+/// The rule for the start of position 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// As soon as it is ready, after so many sets of the idle picture.
+    /// Content starts as soon as it is ready, after some sets of the idle picture.
     WhenReady {
-        /// Sets of the idle picture that come first, whatever is ready.
+        /// The sets of the idle picture that come first, even if content is ready.
         idle_sets: u64,
     },
-    /// At this time, whether ready or not: what several displays agree on.
+    /// Content starts at this time even if it is not ready, so that several displays can agree on a time.
     At {
-        /// On the player's clock.
+        /// The start time (ns on the clock of the player).
         display_time_ns: i64,
     },
 }
 
-/// What does not change while playing.
+/// The settings that do not change during playback.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Schedule {
-    /// Video frames a second.
+    /// The video frames per second.
     pub display_rate: Rate,
-    /// Content frames a second.
+    /// The content frames per second.
     pub content_rate: Rate,
-    /// Of content.
+    /// The speed of the content.
     pub speed: Speed,
-    /// Video frames of a multiplex set.
+    /// The video frames of a multiplex set.
     pub set_frames: u64,
-    /// Sets roll: every video frame is decided on, and shows the one of the newest set whose turn it is, so that the newest
-    /// sub-frames replace the oldest. What is counted as a set is one such decision.
+    /// True for rolling updates. Each video frame is then a decision of its own. It comes from the newest set, and is
+    /// the video frame whose turn it is, so that the newest sub-frames replace the oldest. One such decision counts as
+    /// a set.
     pub rolls: bool,
-    /// When content begins.
+    /// The start of the content.
     pub start: Start,
-    /// Sets start only a multiple of `set_frames` after the first, however many presents are missed: for lasers that
-    /// count video frames by themselves.
+    /// True if sets start only a multiple of `set_frames` after the first, despite missed presents. This is for lasers
+    /// that count video frames by themselves.
     pub keep_phase: bool,
 }
 
@@ -85,63 +87,63 @@ impl Schedule {
     }
 }
 
-/// What a video frame shows.
+/// The content of a video frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum What {
-    /// The idle picture (a sync frame, or flat).
+    /// The idle picture is shown, which is a sync frame or flat.
     Idle,
-    /// The same set as before.
+    /// The set on the screen stays.
     Keep,
-    /// The set of this position, new.
+    /// The new set of this position is shown.
     Set(u64),
-    /// Nothing more: the last set was up for its time.
+    /// The playback ends, because the last set was shown for its time.
     End,
 }
 
-/// A decision.
+/// A decision for a video frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Slot {
-    /// What is shown.
+    /// The content of the video frame.
     pub what: What,
-    /// Which video frame of the set.
+    /// The number of the video frame in the set.
     pub video_frame: u64,
-    /// Why a set that should have been new is not, or is late.
+    /// The cause why a set that should be new is not, or is late.
     pub late: Option<Cause>,
 }
 
-/// How many content frames behind the one that is due may still be shown, when nothing newer is ready.
+/// The content frames behind the one that is due that may still be shown if nothing newer is ready.
 const LATEST: usize = 64;
-/// Starts of sets missed in one piece that are looked at one by one.
+/// The missed starts of sets in one gap that are examined one by one.
 const LONGEST_MISS: u64 = 1 << 20;
 
-/// Decides, and keeps the account.
+/// Decides on video frames and keeps the counts.
 #[derive(Debug, Clone)]
 pub struct Scheduler {
     schedule: Schedule,
     timeline: Option<Timeline>,
     start: Start,
     account: Account,
-    /// Newest position on screen, of this run of positions.
+    /// The newest position on the screen, since positions last started at 0.
     shown: Option<u64>,
-    /// Whether the set on screen is content at all.
+    /// True if the set on the screen is content.
     content_on_screen: bool,
-    /// First position of which it is not yet known whether it was due.
+    /// The first position that has not been checked for being due.
     considered: u64,
-    /// Positions that were due and are not shown yet, ascending, each with its cause.
+    /// The positions that were due and are not shown yet, ascending, each with its cause.
     pending: VecDeque<(u64, Cause)>,
-    /// Video frame and predicted time of the last set's start.
+    /// The video frame and the predicted time of the start of the last set.
     last_start: Option<(u64, i64)>,
     last_vblank: Option<u64>,
     first_start: Option<u64>,
     next_video_frame: u64,
-    /// Of sets that roll, the video frame whose turn is next.
+    /// With rolling updates, the video frame whose turn is next.
     turn: u64,
     stretched: bool,
     idle_sets: u64,
 }
 
 impl Scheduler {
-    /// Nothing was shown yet.
+    /// Creates a scheduler that has shown nothing.
     pub fn new(schedule: Schedule) -> Self {
         let schedule = Schedule { set_frames: schedule.set_frames.max(1), ..schedule };
         Self {
@@ -163,34 +165,35 @@ impl Scheduler {
         }
     }
 
-    /// What was shown so far, and why not more.
+    /// Returns the counts of the content that was shown or dropped.
     pub fn account(&self) -> &Account {
         &self.account
     }
 
-    /// The rates and the like.
+    /// Returns the settings of the schedule.
     pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
 
-    /// Whether content stands still.
+    /// Returns true if content is paused.
     pub fn is_paused(&self) -> bool {
         self.timeline.as_ref().is_some_and(Timeline::is_paused)
     }
 
-    /// The oldest position that a set starting at `predicted_display_time_ns` would still show; readers may leave out
-    /// what is older.
+    /// Returns the oldest position that a set starting at `predicted_display_time_ns` would still show. Readers may
+    /// skip older ones.
     pub(crate) fn useful_from(&self, predicted_display_time_ns: i64) -> u64 {
         let due = self.due(predicted_display_time_ns).unwrap_or(0);
         due.max(self.shown.map_or(0, |s| s + 1))
     }
 
-    /// Of sets that roll, the video frame whose turn it is with the next content that is shown; else 0.
+    /// Returns, with rolling updates, the video frame whose turn it is with the next content, otherwise 0.
     pub(crate) fn turn(&self) -> u64 {
         if self.account.shown == 0 { 0 } else { self.turn }
     }
 
-    /// The position that a video frame lighting up then would show new, were it ready; none where nothing new is due.
+    /// Returns the position that a video frame lit then would show as new if it were ready, or `None` if nothing new is
+    /// due.
     pub fn wanted(&self, predicted_display_time_ns: i64) -> Option<u64> {
         if self.next_video_frame > 0 && self.next_video_frame < self.schedule.decided_every() {
             return None;
@@ -206,21 +209,21 @@ impl Scheduler {
         self.due(predicted_display_time_ns).filter(|due| self.shown.is_none_or(|s| s < *due))
     }
 
-    /// Content stands still from a display time on, or goes on from it.
+    /// Pauses or resumes content from a display time on.
     pub fn pause(&mut self, paused: bool, display_time_ns: i64) {
         if let Some(t) = &mut self.timeline {
             t.pause(paused, display_time_ns);
         }
     }
 
-    /// One content frame on, and stands still.
+    /// Advances by one content frame and pauses.
     pub fn step(&mut self, display_time_ns: i64) {
         if let Some(t) = &mut self.timeline {
             t.step(1, display_time_ns);
         }
     }
 
-    /// Another speed from a display time on.
+    /// Sets another speed from a display time on.
     pub fn set_speed(&mut self, speed: Speed, display_time_ns: i64) {
         self.schedule.speed = speed;
         if let Some(t) = &mut self.timeline {
@@ -228,8 +231,8 @@ impl Scheduler {
         }
     }
 
-    /// Positions begin at 0 again, with content from elsewhere; it starts when it is ready, and what is on screen stays
-    /// until then. What was due and not shown is dropped.
+    /// Starts positions at 0 again, with other content. It starts when it is ready, and the picture on the screen stays
+    /// until then. Frames that were due and not shown are dropped.
     pub fn restart(&mut self) {
         self.give_up();
         self.timeline = None;
@@ -237,12 +240,12 @@ impl Scheduler {
         (self.shown, self.considered) = (None, 0);
     }
 
-    /// What the video frame at `vblank` shows, which is predicted to light up at `predicted_display_time_ns`. Video
-    /// frames are asked for in order; a gap is a missed present.
+    /// Decides on the video frame at `vblank`, which is predicted to light up at `predicted_display_time_ns`. Video
+    /// frames are requested in order, and a gap is a missed present.
     pub fn next(&mut self, vblank: u64, predicted_display_time_ns: i64, content: &dyn Content) -> Slot {
         let missed = self.last_vblank.map_or(0, |last| vblank.saturating_sub(last.saturating_add(1)));
         if self.last_vblank.is_some_and(|last| vblank <= last) {
-            // Not a new video frame: the caller's fault, and what is on screen stays.
+            // The video frame is not new, which is an error of the caller. The picture on the screen stays.
             return Slot { what: What::Keep, video_frame: self.next_video_frame.saturating_sub(1), late: None };
         }
         self.last_vblank = Some(vblank);
@@ -267,8 +270,8 @@ impl Scheduler {
         if self.schedule.rolls { self.in_turn(slot) } else { slot }
     }
 
-    /// Of sets that roll: one video frame after the other, beginning with the first when content does, and never skipping one:
-    /// what the eye adds up is always as many of each as of the others.
+    /// Takes the video frames of rolling sets in order, from the first when content starts, and never skips one. The
+    /// eye then always adds up equally many of each.
     fn in_turn(&mut self, slot: Slot) -> Slot {
         let begins = self.account.shown == 1 && matches!(slot.what, What::Set(_));
         let video_frame = if begins { 0 } else { self.turn };
@@ -338,7 +341,7 @@ impl Scheduler {
         self.timeline = begin.map(|begin| Timeline::new(content_rate, speed, begin));
     }
 
-    /// Nothing more: what was counted for this video frame is not shown.
+    /// Ends the playback and removes this video frame from the counts, because it is not shown.
     fn ended(&mut self) -> Slot {
         self.account.sets -= 1;
         self.account.video_frames -= 1;
@@ -355,8 +358,9 @@ impl Scheduler {
         Slot { what, video_frame: 0, late: None }
     }
 
-    /// The position due for a set that starts then. A content frame goes to the first set that starts no more than 3/8 of
-    /// a video frame before its time: jitter of the display's time does no harm, and 24 a second on 60 is no tie.
+    /// Returns the position that is due for a set starting then. A content frame goes to the first set that starts no
+    /// more than 3/8 of a video frame before its time. Then jitter of the display does no harm, and 24 Hz content on a
+    /// 60 Hz display has no ties.
     fn due(&self, time_ns: i64) -> Option<u64> {
         self.timeline.as_ref().and_then(|t| t.due(time_ns.saturating_add(self.early_ns())))
     }
@@ -365,7 +369,7 @@ impl Scheduler {
         self.schedule.display_rate.period_ns() * 3 / 8
     }
 
-    /// Positions that were due at starts of sets that did not happen.
+    /// Counts positions that were due at starts of sets that did not happen.
     fn pass_missed_starts(&mut self, vblank: u64) {
         let Some((last, time_ns)) = self.last_start else { return };
         let step = self.schedule.decided_every();
@@ -378,7 +382,8 @@ impl Scheduler {
         }
     }
 
-    /// Everything up to `due` was due; what was not before is pending from now on, `due` itself for this cause.
+    /// Marks everything up to `due` as due. Positions that were not due before are pending from now on, and `due` has
+    /// this cause.
     fn pass(&mut self, due: u64, cause: Cause) {
         if due < self.considered {
             return;
@@ -405,7 +410,7 @@ impl Scheduler {
         }
     }
 
-    /// Content frames that were due, are not shown, and still may be.
+    /// Returns the content frames that were due, are not shown, and still may be.
     pub fn pending(&self) -> usize {
         self.pending.len()
     }

@@ -1,9 +1,10 @@
-//! Reading ahead and encoding ahead, on two threads, through queues of buffers that are made once.
+//! Reads and encodes ahead on two threads, through queues of buffers that are allocated once.
 //!
-//! The reader fills phase buffers from the file, checked; the encoder turns them into video frames; the present thread
-//! takes those without ever waiting, and gives the buffers back. In the steady state nothing is allocated. A reader that
-//! is late leaves out what is no longer of use, so that it catches up. A thread that fails, or panics, is an error of the
-//! next [`poll`](SetSource::poll).
+//! The reader fills phase buffers from the file and checks them. The encoder turns them into video frames. The present
+//! thread takes the video frames without waiting and returns the buffers. In the steady state nothing is allocated.
+//!
+//! A reader that is late skips frames that are no longer of use, so that it catches up. If a thread fails or panics,
+//! the next [`poll`](SetSource::poll) returns an error.
 
 mod encoding;
 mod reader;
@@ -31,7 +32,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// A file under way to the display.
+/// A file that is being streamed to the display.
 pub(crate) struct Stream {
     shared: Arc<Shared>,
     epoch: u64,
@@ -43,8 +44,8 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    /// Starts reading and encoding: on a `device` as long as it is there, and on the CPU, which gives the same bytes. Refuses holograms
-    /// that do not have the encoder's shape.
+    /// Starts to read and to encode. It encodes on a `device` while there is one, then on the CPU, which gives the same
+    /// bytes. Refuses holograms whose shape is not the shape of the encoder.
     pub(crate) fn start(
         sequence: Sequence,
         encoder: Encoder,
@@ -77,7 +78,7 @@ impl Stream {
         for _ in 0..PHASES {
             let _ = free_phases.put(vec![0.0; sequence.values()]);
         }
-        // One more waits to be exchanged for the one on the screen.
+        // One more buffer waits to be exchanged for the one on the screen.
         let free = Mailbox::new(ahead + 2);
         for _ in 0..ahead + 1 {
             let _ = free.put(std::mem::replace(&mut probe, encoder.frames()));
@@ -115,13 +116,13 @@ impl Stream {
         Ok(Self { shared, epoch: 0, arriving, free, ready, on_screen: None, threads })
     }
 
-    /// Ends the threads: what they did.
+    /// Ends the threads and returns their tracks.
     pub(crate) fn stop(mut self) -> Vec<Track> {
         self.shared.stop.store(true, Ordering::Release);
         self.threads.drain(..).filter_map(|t| t.join().ok().flatten()).collect()
     }
 
-    /// The reader (0) or the encoder (1) panics from a position on.
+    /// Makes the reader (0) or the encoder (1) panic from a position on.
     #[cfg(test)]
     pub(crate) fn pretend_panic_from(&self, thread: usize, position: u64) {
         self.shared.panics[thread].store(position, Ordering::Release);
@@ -137,7 +138,7 @@ impl Stream {
 
     fn give_back(&self, frames: Option<VideoFrames>) {
         if let Some(frames) = frames {
-            // There is room for all of them.
+            // The mailbox has room for all of them.
             let _ = self.free.put(frames);
         }
     }
@@ -183,7 +184,7 @@ impl SetSource for Stream {
             let Some(item) = self.arriving.take() else { break };
             self.take(item);
         }
-        // Of what is too old, the newest may still be shown when nothing newer comes.
+        // The newest of the frames that are too old may still be shown if nothing newer arrives.
         while self.ready.get(1).is_some_and(|second| second.position < useful_from) {
             if let Some(old) = self.ready.pop_front() {
                 self.give_back(old.frames);
@@ -238,7 +239,7 @@ impl SetSource for Stream {
     }
 }
 
-/// Starts a thread. One that panics has failed, and the others end with it.
+/// Starts a thread. A panic counts as a failure and ends the other threads too.
 fn spawn(
     shared: &Arc<Shared>,
     what: &'static str,

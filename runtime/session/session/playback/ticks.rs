@@ -1,4 +1,6 @@
-//! What passes between a program that ticks and the thread that decides what it is given ([`TickedSession`](crate::session::TickedSession)).
+//! Passes video frames to a ticking program.
+//!
+//! The session of the program is a [`TickedSession`](crate::session::TickedSession).
 
 use crate::mailbox::Mailbox;
 use crate::present::{Clock, Feedback, PresentError, Presenter, Rate, RealClock};
@@ -8,31 +10,31 @@ use std::cell::Cell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// A video frame, as a program takes it.
+/// A video frame as a program takes it.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct TickedFrame {
-    /// (row, column, channel) of 8 bits.
+    /// The bytes of the picture (row, column, channel).
     pub picture: Vec<u8>,
-    /// Which video frame of the display; those that no tick was for are counted.
+    /// The number of the video frame of the display. Frames without a tick count too.
     pub number: u64,
-    /// Which hologram of what is played, or which refined set; none for the idle picture.
+    /// The number of the hologram or of the refined set, or `None` for the idle picture.
     pub content: Option<u64>,
-    /// Which video frame of its set.
+    /// The number of the video frame in its set.
     pub video_frame: u64,
-    /// Whether a set begins with it; `content` says whether it is another one.
+    /// True if a set begins with it. `content` shows if the set is a different one.
     pub new: bool,
-    /// Why there is no newer one, where one was due.
+    /// The cause if a newer one was due and is not shown.
     pub late: Option<Cause>,
 }
 
-/// What passes between the program and the thread that decides.
+/// The mailboxes between the program and the present thread.
 #[derive(Debug, Clone)]
 pub(crate) struct Ticks {
-    /// When the next video frame is to light up, on the steady clock; none to end.
+    /// The time at which the next video frame lights up (ns on the steady clock), or `None` to end.
     pub asks: Mailbox<Option<u64>>,
     pub frames: Mailbox<Option<TickedFrame>>,
-    /// Memory of video frames that were taken.
+    /// The memory of video frames that were taken.
     pub spare: Mailbox<Vec<u8>>,
 }
 
@@ -42,7 +44,7 @@ impl Ticks {
     }
 }
 
-/// Dropped, it has the thread wait for no more ticks.
+/// Ends the wait of the thread for ticks when it is dropped.
 pub(crate) struct LastTick(pub Ticks);
 
 impl Drop for LastTick {
@@ -51,7 +53,7 @@ impl Drop for LastTick {
     }
 }
 
-/// The thread's end: when it is dropped no more will come.
+/// The end of the present thread. When it is dropped, no more video frames follow.
 pub(crate) struct TickProducer(pub Ticks);
 
 impl TickProducer {
@@ -76,7 +78,7 @@ impl Drop for TickProducer {
 pub struct TickedOutput(pub(crate) Ticks);
 
 impl TickedOutput {
-    /// The clock that waits for ticks, and the display.
+    /// Returns the clock that waits for ticks, and the display.
     pub(crate) fn open(&self, real: RealClock, rate: Rate) -> (Rc<dyn Clock>, Box<dyn Presenter>) {
         let clock = Rc::new(TickedClock { real, ticks: self.0.clone(), lit_ns: Cell::new(0), over: Cell::new(false) });
         let presenter = TickedPresenter { clock: Rc::clone(&clock), rate, feedback: VecDeque::with_capacity(4) };
@@ -84,11 +86,11 @@ impl TickedOutput {
     }
 }
 
-/// The system's steady clock, on which nothing is waited for but ticks.
+/// The steady clock of the system, which waits only for ticks.
 struct TickedClock {
     real: RealClock,
     ticks: Ticks,
-    /// When the video frame that was asked for last lights up.
+    /// The time at which the last requested video frame lights up (ns).
     lit_ns: Cell<i64>,
     over: Cell<bool>,
 }
@@ -111,7 +113,7 @@ impl Clock for TickedClock {
     }
 }
 
-/// Says that video frames light up when the program said.
+/// Reports that video frames light up at the times that the program gave.
 struct TickedPresenter {
     clock: Rc<TickedClock>,
     rate: Rate,
@@ -128,7 +130,7 @@ impl Presenter for TickedPresenter {
     }
 
     fn upload(&mut self, _picture: &[u8]) -> Result<(), PresentError> {
-        // The session's observer takes it.
+        // The observer of the session takes the picture.
         Ok(())
     }
 

@@ -1,8 +1,8 @@
-//! Content time: which content frame is due at a time of the display. Pausing, stepping, speed.
+//! Computes the content frame that is due at a display time, with pause, step and speed.
 
 use crate::present::{Rate, SECOND_NS};
 
-/// How fast content runs, as a fraction of its own rate: 1/4 to 4 and the like.
+/// The speed of content as a fraction of its own rate, such as 1/4 to 4.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Speed {
     thousandths: u32,
@@ -11,59 +11,59 @@ pub struct Speed {
 impl Speed {
     pub(crate) const ONE: Self = Self { thousandths: 1000 };
 
-    /// From a factor; thousandths count. None unless it is 0.001 to 1000.
+    /// Creates a speed from a factor, rounded to thousandths. Returns `None` unless the factor is 0.001 to 1000.
     pub fn new(factor: f64) -> Option<Self> {
         (0.001..=1000.0).contains(&factor).then(|| Self { thousandths: (factor * 1000.0).round() as u32 })
     }
 
-    /// The factor.
+    /// Returns the factor of the speed.
     pub fn factor(self) -> f64 {
         f64::from(self.thousandths) / 1000.0
     }
 }
 
-/// Positions count content frames from where playing (or the last seek) began: the reader knows which frames of the
-/// file they are, for a loop comes to the same ones again.
+/// The time of content in positions. Positions count content frames from the start of playback or the last seek. The
+/// reader maps them to frames of the file, because a loop shows the same frames again.
 #[derive(Debug, Clone)]
 pub struct Timeline {
     rate: Rate,
     speed: Speed,
     paused: bool,
-    /// Since when the position grows from `from`.
+    /// The time since which the position grows from `from`.
     anchor_time_ns: i64,
-    /// Position at the anchor, in parts of which [`Self::unit`] make one content frame.
+    /// The position at the anchor, in parts of which [`Self::unit`] make one content frame.
     from: i128,
 }
 
 impl Timeline {
-    /// Position 0 is due at `start_time_ns`.
+    /// Creates a timeline whose position 0 is due at `start_time_ns`.
     pub fn new(rate: Rate, speed: Speed, start_time_ns: i64) -> Self {
         Self { rate, speed, paused: false, anchor_time_ns: start_time_ns, from: 0 }
     }
 
-    /// The position due at a display time; none before the start.
+    /// Returns the position that is due at a display time, or `None` before the start.
     pub fn due(&self, display_time_ns: i64) -> Option<u64> {
         u64::try_from(self.parts(display_time_ns).div_euclid(self.unit())).ok()
     }
 
-    /// Whether content stands still.
+    /// Returns true if content is paused.
     pub fn is_paused(&self) -> bool {
         self.paused
     }
 
-    /// Content stands still from a display time on, or goes on from it.
+    /// Pauses or resumes content from a display time on.
     pub fn pause(&mut self, paused: bool, display_time_ns: i64) {
         self.anchor(display_time_ns);
         self.paused = paused;
     }
 
-    /// Another speed from a display time on.
+    /// Sets another speed from a display time on.
     pub fn set_speed(&mut self, speed: Speed, display_time_ns: i64) {
         self.anchor(display_time_ns);
         self.speed = speed;
     }
 
-    /// Some content frames on, to the start of one. Content stands still from then on.
+    /// Advances to the start of a content frame, by `frames` frames. Content is paused from then on.
     pub fn step(&mut self, frames: u32, display_time_ns: i64) {
         self.pause(true, display_time_ns);
         let unit = self.unit();
@@ -103,7 +103,7 @@ mod tests {
     fn frames_are_due_to_the_nanosecond() {
         let t = at("59.94");
         assert_eq!((t.due(999), t.due(1_000)), (None, Some(0)));
-        // Frame 60000 after exactly 1001 seconds.
+        // Frame 60000 is due after exactly 1001 seconds.
         assert_eq!((t.due(1_001_000_000_999), t.due(1_001_000_001_000)), (Some(59_999), Some(60_000)));
     }
 

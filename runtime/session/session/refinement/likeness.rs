@@ -1,14 +1,14 @@
-//! Whether content that comes is another picture altogether.
+//! Detects if new content is a completely different picture.
 
 use crate::solve::Problem;
 
-/// Pictures are alike whose correlation coefficient is this or more.
+/// Two pictures are alike if their correlation coefficient is at least this.
 const ALIKE: f64 = 0.5;
-/// A picture is even whose variance is this share of its mean brightness, squared, or less.
+/// A picture is even if its variance is at most this share of the square of its mean brightness.
 const EVEN: f64 = 1e-4;
 
-/// Whether two scenes are different pictures, by the smallest copy of their middle views: in time that counts for nothing. What
-/// fades, or becomes brighter, is the same picture.
+/// Returns true if two scenes are different pictures. It compares the smallest copies of their middle views, which
+/// takes a negligible time. A picture that fades or becomes brighter is the same picture.
 pub(crate) fn differ(before: &Problem, after: &Problem) -> bool {
     let (Some((before, width)), Some((after, new_width))) = (picture(before), picture(after)) else { return true };
     if (before.len(), width) != (after.len(), new_width) {
@@ -32,7 +32,7 @@ pub(crate) fn differ(before: &Problem, after: &Problem) -> bool {
     }
 }
 
-/// The smallest copy of the middle view, linear light, and its width.
+/// Returns the smallest copy of the middle view in linear light, and its width.
 fn picture(problem: &Problem) -> Option<(Vec<f64>, usize)> {
     let (pyramid, views) = (&problem.pyramid, &problem.views);
     let level = pyramid.levels.last()?;

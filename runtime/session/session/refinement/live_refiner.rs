@@ -1,4 +1,4 @@
-//! All colours of a hologram under refinement, without threads: where to aim, when to begin again, what to do next.
+//! Refines all colors of a hologram without threads, with the aim, the restarts and the order of steps.
 
 pub(crate) mod look_up;
 pub(crate) mod together;
@@ -17,19 +17,20 @@ use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// No eye is known better than this, metres: its spread as a solver takes it.
+/// The smallest spread of a pupil for the solver (m). No tracker is more precise.
 const SHARPEST: f64 = 0.1e-3;
 const MOST_COLORS: usize = 3;
 
-/// Opens an engine, as often as it is called.
+/// Opens an engine each time it is called.
 pub type EngineOpener = Box<dyn FnMut() -> Result<Box<dyn Engine>, EngineError> + Send>;
 
-/// How a hologram follows the eye.
+/// The policy of the refinement for the tracked pupil.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Policy {
-    /// A jump of so many pupil diameters begins again with the hologram for the whole eyebox; infinite: never.
+    /// The size of a jump, in pupil diameters, after which refinement starts again from the hologram for the whole
+    /// eyebox. An infinite value means never.
     pub restart: f64,
-    /// The refinement.
+    /// The settings of the refinement.
     pub steering: RefineSettings,
 }
 
@@ -41,19 +42,19 @@ impl Default for Policy {
 
 struct OneColor {
     refiner: Refiner,
-    /// As they were read last.
+    /// The phases as they were read last.
     phases: Vec<f32>,
-    /// The last step's.
+    /// The loss of the last step.
     loss: Option<f64>,
-    /// Of a piece of a far field: its middle, and how far it goes from there, metres.
+    /// For a piece of a far field, its middle and its reach from there (m).
     piece: Option<([f64; 2], [f64; 2])>,
-    /// What pictures begin with that bring no phases.
+    /// The table of first phases for pictures that bring no phases.
     table: Option<Arc<StartTable>>,
-    /// The scene is another picture altogether, and nothing was begun with for it yet.
+    /// True if the scene is a different picture, for which no first phases were chosen yet.
     needs_reinit: bool,
 }
 
-/// Phases of each colour, as they are read for every set: (frames, height, width), radians.
+/// The phases of each color as they are read for every set (frames, height, width), in radians.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PhasesOfColors<'a> {
     colors: [&'a [f32]; MOST_COLORS],
@@ -79,19 +80,19 @@ impl<'a> Deref for PhasesOfColors<'a> {
     }
 }
 
-/// What another scene was begun with.
+/// The start of refinement for another scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Followed {
-    /// Colours that began with the scene's own phases.
+    /// The colors that started with the phases of the scene.
     pub own: u32,
-    /// Colours that went on with the phases before, though there were others to begin with.
+    /// The colors that continued with the previous phases, although the scene brought others.
     pub kept: u32,
-    /// Losses that were looked at to decide.
+    /// The losses that were compared for the decision.
     pub looks: u32,
 }
 
 impl OneColor {
-    /// A step's loss, if one has ended: with one that is no finite number it begins again.
+    /// Takes the loss of a finished step, if there is one. After a loss that is not finite, refinement starts again.
     fn heard(&mut self, loss: Option<f64>) -> Result<(), EngineError> {
         match loss {
             Some(loss) if !loss.is_finite() => self.refiner.begin_again(),
@@ -104,45 +105,46 @@ impl OneColor {
     }
 }
 
-/// All colours, each with its engine.
+/// All colors, each with its engine.
 pub struct LiveRefiner {
     colors: Vec<OneColor>,
     policy: Policy,
     next: usize,
-    /// Where the last steps went to.
+    /// The aim of the last steps.
     aimed: Option<PupilDistribution>,
     restarts: u64,
     steps: u64,
-    /// Of a far field, all of it, and what makes an engine for another piece.
+    /// For a far field, all of its phases, and the function that opens an engine for another piece.
     field: Option<(Field, EngineOpener)>,
-    /// By how many pixels each sub-frame of a colour is moved.
+    /// The pixels by which each sub-frame of a color is shifted.
     shifts: Vec<[f64; 2]>,
-    /// The drives that all colours share, where they do.
+    /// The drives, if all colors share them.
     shared: Option<SharedDrives>,
 }
 
 impl LiveRefiner {
-    /// Begins with the holograms for the whole eyebox; `engine` makes an engine for each colour.
+    /// Starts with the holograms for the whole eyebox. `engine` opens an engine for each color.
     ///
     /// # Errors
-    /// [`SessionError::Setting`] for no colour or a policy that cannot be; those of [`Refiner::new`] and of `engine`.
+    /// Returns [`SessionError::Setting`] for no color or a policy that is not valid, and the errors of [`Refiner::new`]
+    /// and `engine`.
     pub fn new(
         colors: Vec<LiveColor>,
         policy: Policy,
         mut engine: impl FnMut() -> Result<Box<dyn Engine>, EngineError>,
     ) -> Result<Self, SessionError> {
         if colors.is_empty() {
-            return Err(reason!("no-color", "there is no colour to refine").into());
+            return Err(reason!("no-color", "there is no color to refine").into());
         }
         if colors.len() > MOST_COLORS {
             let count = colors.len();
             return Err(
-                reason!("colors-count", "{count} colours to refine: a display has {MOST_COLORS} at most").into()
+                reason!("colors-count", "{count} colors to refine, but a display has at most {MOST_COLORS}").into()
             );
         }
         if policy.restart.is_nan() || policy.restart < 0.0 {
             let wrong = policy.restart;
-            return Err(reason!("restart", "restart after {wrong} pupil diameters: it must be 0 or more").into());
+            return Err(reason!("restart", "`restart` {wrong}: it must be 0 or more pupil diameters").into());
         }
         let lasers = Self::lasers_of(&colors)?;
         let steering = if lasers.is_some() { for_joint_colors(policy.steering)? } else { policy.steering };
@@ -164,7 +166,8 @@ impl LiveRefiner {
         Ok(Self { colors, policy, next: 0, aimed, restarts: 0, steps: 0, field, shifts, shared })
     }
 
-    /// What it refines, `colors`, is a piece of this far field; `engine` makes an engine for every further piece of each colour.
+    /// States that the refined `colors` are a piece of this far field. `engine` opens an engine for every further piece
+    /// of each color.
     #[must_use]
     pub fn in_field(mut self, colors: &[LiveColor], field: Field, engine: EngineOpener) -> Self {
         for (color, begun) in self.colors.iter_mut().zip(colors) {
@@ -173,16 +176,19 @@ impl LiveRefiner {
         Self { field: Some((field, engine)), ..self }
     }
 
-    /// Another piece of the far field is refined from now on. What was refined before stays where it is; the piece begins with
-    /// its phases as they are there, or as they were solved, whichever loses less through the pupils of the next step.
+    /// Refines another piece of the far field from now on. The refined phases of the previous piece stay in the far
+    /// field.
+    ///
+    /// The piece starts with its present phases or with its solved phases, whichever have the lower loss through the
+    /// pupils of the next step.
     ///
     /// # Errors
-    /// [`SessionError::Setting`] for pieces of no far field; those of the engines.
+    /// Returns [`SessionError::Setting`] for a piece of no far field, and the errors of the engines.
     pub fn move_to(&mut self, piece: TileRect, colors: &[LiveColor]) -> Result<Followed, SessionError> {
         self.settle()?;
         self.phases()?;
         let Some((field, engine)) = self.field.as_mut().filter(|_| colors.len() == self.colors.len()) else {
-            return Err(reason!("other-piece", "a piece of another hologram than the one that is refined").into());
+            return Err(reason!("other-piece", "the piece belongs to a different hologram than the refined one").into());
         };
         field.piece = piece;
         let mut followed = Followed::default();
@@ -212,11 +218,12 @@ impl LiveRefiner {
         Ok(followed)
     }
 
-    /// The eye will be there. After a jump the hologram begins again as it was for the whole eyebox: what it gained was
-    /// for another place, and it lost a little everywhere else. Returns whether it does.
+    /// Aims at the predicted pupil. Returns true if refinement starts again from the hologram for the whole eyebox.
+    ///
+    /// It does so after a jump, because the refined phases gained for another place and lost a little everywhere else.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn aim(&mut self, aim: PupilDistribution) -> Result<bool, EngineError> {
         let aim = PupilDistribution { spread: aim.spread.max(SHARPEST), ..aim };
         let diameter = |a: &PupilDistribution| 0.5 * (a.diameter[0] + a.diameter[1]);
@@ -235,10 +242,11 @@ impl LiveRefiner {
         Ok(jumped)
     }
 
-    /// What moves while the sub-frames of a set are lit, in pixels of the first colour; `times`: when those of each colour are.
+    /// Sets the motion during the light of a set, in pixels of the first color. `times` are the times of the sub-frames
+    /// of each color.
     ///
     /// # Errors
-    /// [`SessionError::Solve`](SessionError) for what cannot be.
+    /// Returns [`SessionError::Solve`](SessionError) for a motion that is not valid.
     pub fn moves(&mut self, motion: &Motion, times: &[LitTimes]) -> Result<(), SessionError> {
         let pixel = self.colors.first().map_or(1.0, |c| c.refiner.problem().pixel());
         for (i, color) in self.colors.iter_mut().enumerate() {
@@ -253,17 +261,19 @@ impl LiveRefiner {
         Ok(())
     }
 
-    /// What moves, for each colour.
+    /// Returns the motion of each color.
     pub fn motions(&self) -> Vec<Motion> {
         self.colors.iter().map(|color| color.refiner.motion()).collect()
     }
 
-    /// Goes on with the phases moved by whole pixels (x, y) of the first colour, as the picture is, those that are lit with each
-    /// turn of `lighting` by as many as `pixels` says of it; where it has to `look`, only where that loses less through the pupils
-    /// of the next step. Returns whether they are moved, and how many losses were looked at.
+    /// Shifts the phases by whole pixels (x, y) of the first color, as the picture moves.
+    ///
+    /// `pixels` holds the shift of the sub-frames that are lit with each turn of `lighting`. If `look` is true, the
+    /// shift is kept only if it lowers the loss through the pupils of the next step. Returns true if the phases were
+    /// shifted, and the number of losses that were compared.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn shift_phases(
         &mut self,
         pixels: &[[i64; 2]],
@@ -294,10 +304,10 @@ impl LiveRefiner {
         Ok((moved, if look { 2 * self.colors.len() as u32 } else { 0 }))
     }
 
-    /// Begins again with the hologram for the whole eyebox.
+    /// Starts again from the hologram for the whole eyebox.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn restart(&mut self) -> Result<(), EngineError> {
         self.aimed = None;
         self.restarts += 1;
@@ -307,19 +317,21 @@ impl LiveRefiner {
         self.colors.iter_mut().try_for_each(|c| c.refiner.begin_again())
     }
 
-    /// Another scene, before the same display. Where it brings phases, its own hologram for the whole eyebox, that is what
-    /// [`restart`](Self::restart) comes back to from now on; and each colour goes on with these, or with those that were
-    /// refined before, whichever loses less through the pupils of the next step. Where it brings none, [`fit`](Self::fit) decides.
+    /// Follows another scene before the same display.
+    ///
+    /// If the scene brings phases, which are its own hologram for the whole eyebox, [`restart`](Self::restart) returns
+    /// to them from now on. Each color then continues with these phases or with the refined ones, whichever have the
+    /// lower loss through the pupils of the next step. If the scene brings no phases, [`fit`](Self::fit) decides.
     ///
     /// # Errors
-    /// [`SessionError::Setting`] for a scene of other colours; those of the engines.
+    /// Returns [`SessionError::Setting`] for a scene of other colors, and the errors of the engines.
     pub fn follow(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
         if scene.len() != self.colors.len() {
             let (found, must) = (scene.len(), self.colors.len());
-            return Err(reason!("colors-of-scene", "a scene of {found} colours, where {must} are refined").into());
+            return Err(reason!("colors-of-scene", "the scene has {found} colors, but {must} are refined").into());
         }
         self.check_lasers(scene)?;
-        // Colours that share their drives begin together, or not at all.
+        // Colors that share their drives start together or not at all.
         let none = self.shared.is_some() && scene.iter().any(|new| new.phases.is_empty());
         for (color, new) in self.colors.iter_mut().zip(scene) {
             let other = color.table.is_some() && likeness::differ(color.refiner.problem(), &new.problem);
@@ -353,23 +365,24 @@ impl LiveRefiner {
         Ok(followed)
     }
 
-    /// What was refined is of no use for the next scene that brings phases.
+    /// States that the refined phases are of no use for the next scene that brings phases.
     pub(crate) fn forget_aim(&mut self) {
         self.aimed = None;
     }
 
-    /// What the pupils of the last steps saw, by their losses, mean over the colours, dB; none before every colour took one.
+    /// Returns the estimated PSNR through the pupils of the last steps (dB), from the mean of the losses over the
+    /// colors. It is `None` before every color took a step.
     pub fn estimated_db(&self) -> Option<f64> {
         let sum: f64 = self.colors.iter().map(|c| c.loss).sum::<Option<f64>>()?;
         Some(-10.0 * (sum / self.colors.len().max(1) as f64).max(1e-12).log10())
     }
 
-    /// The display's switchable sources that are lit for each colour, by their places.
+    /// Returns the indices of the switchable sources of the display that are lit for each color.
     pub fn sources(&self) -> impl Iterator<Item = &[usize]> {
         self.colors.iter().map(|color| color.refiner.sources())
     }
 
-    /// Begins again, in the light that the holograms for the whole eyebox were solved for.
+    /// Starts again in the light that the holograms for the whole eyebox were solved for.
     pub(crate) fn show_whole(&mut self) -> Result<(), EngineError> {
         self.colors.iter_mut().for_each(|color| color.refiner.forget_sources());
         self.restart()
@@ -379,7 +392,7 @@ impl LiveRefiner {
         self.colors.len()
     }
 
-    /// What one step of every colour is expected to take.
+    /// Returns the expected time of one step of every color.
     pub fn round(&self) -> Duration {
         match &self.shared {
             Some(shared) => shared.expected(&self.colors),
@@ -387,13 +400,16 @@ impl LiveRefiner {
         }
     }
 
-    /// Steps, colour by colour in turn, one of each at most, while `may_begin` says of each, told how many it is and what it is expected
-    /// to take with what is under way before it, that it may; how many were taken. Of colours that share their sub-frames it is asked
-    /// once, for as many steps as there are colours. A colour whose loss is no finite number begins
-    /// again. On a device the last ones are under way when this returns: [`settle`](Self::settle) waits for them.
+    /// Takes at most one step of each color in turn, while `may_begin` returns true. Returns the number of steps.
+    ///
+    /// `may_begin` receives the number of steps and their expected time, with the running steps before them. Colors
+    /// that share their sub-frames call it once, for as many steps as there are colors.
+    ///
+    /// A color whose loss is not finite starts again. On a device the last steps still run when this returns, and
+    /// [`settle`](Self::settle) waits for them.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn round_while(&mut self, mut may_begin: impl FnMut(u32, Duration) -> bool) -> Result<u32, EngineError> {
         if self.shared.is_some() {
             return self.step_together(&mut may_begin);
@@ -412,10 +428,10 @@ impl LiveRefiner {
         Ok(self.colors.len() as u32)
     }
 
-    /// Waits for the steps that are under way.
+    /// Waits for the steps that still run.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn settle(&mut self) -> Result<(), EngineError> {
         for color in &mut self.colors {
             let loss = color.refiner.settle()?;
@@ -424,10 +440,10 @@ impl LiveRefiner {
         Ok(())
     }
 
-    /// The phases as they are now, colour by colour: (frames, height, width), radians.
+    /// Returns the present phases of each color (frames, height, width), in radians.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn phases(&mut self) -> Result<PhasesOfColors<'_>, EngineError> {
         if let Some(shared) = &self.shared {
             return Ok(shared.phases().iter().map(Vec::as_slice).collect());
@@ -442,26 +458,28 @@ impl LiveRefiner {
         Ok(field.phases.iter().map(Vec::as_slice).collect())
     }
 
-    /// The phases where they are, colour by colour, if all of them are in a device's memory: for an encoder on that device.
+    /// Returns the phases of each color in the memory of a device, for an encoder on that device. It is `None` unless
+    /// all of them are there.
     pub fn phases_on_device(&self) -> Option<Vec<PhasesOnDevice<'_>>> {
-        // The rest of a far field is on the host, and so are drives that colours share.
+        // The rest of a far field is on the host, and so are drives that colors share.
         let alone = self.field.is_none() && self.shared.is_none();
         self.colors.iter().map(|color| color.refiner.phases_on_device().filter(|_| alone)).collect()
     }
 
-    /// How often it began again, and how many steps it took.
+    /// Returns the number of restarts and the number of steps.
     pub fn counts(&self) -> [u64; 2] {
         [self.restarts, self.steps]
     }
 }
 
-/// The middle of a piece of a far field, and how far it goes from there, metres.
+/// Returns the middle of a piece of a far field and its reach from there (m).
 fn reach_of(problem: &Problem) -> ([f64; 2], [f64; 2]) {
     let optics = &problem.optics;
     (optics.center(), [optics.width, optics.height].map(|n| n as f64 * optics.pitch / 2.0))
 }
 
-/// An aim as near as its pupils are within a piece: until the piece around the eye is there, the one before goes on.
+/// Moves an aim to the nearest place whose pupils are within a piece. The present piece stays in use until the piece
+/// around the eye is read.
 fn within(aim: PupilDistribution, ([x, y], [right, below]): ([f64; 2], [f64; 2])) -> PupilDistribution {
     let near = |at: f64, middle: f64, reach: f64| {
         let room = (reach - aim.reach()).max(0.0);

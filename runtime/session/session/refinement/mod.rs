@@ -1,4 +1,4 @@
-//! Refines holograms for the tracked pupil: the refiner without threads, the pupil that it refines for, and what moves while a set is lit.
+//! Refines holograms for the tracked pupil, with the refiner, the source of pupils and the motion during a set.
 
 pub(crate) mod field;
 pub(crate) mod likeness;

@@ -1,4 +1,4 @@
-//! What moves while a set is lit (OPTICS 15): content, by the frames of it that came; the eye, by its tracker.
+//! Estimates the motion during a set (OPTICS 15): of content from its frames, and of the eye from its tracker.
 
 use crate::encode::{Lighting, LitTimes};
 use crate::scene::displacement;
@@ -6,84 +6,88 @@ use crate::session::refinement::field::LiveColor;
 use crate::session::refinement::pupil_tracker::PupilEstimate;
 use crate::solve::{Motion, Problem};
 
-/// Content that moves by less in a set stands still, pixels.
+/// Content that moves by less than this in a set is still (pixels).
 const STILL_BELOW_PX: f64 = 0.5;
-/// Two displacements in a row are one motion where they differ by no more than this share of it, and so many pixels a frame.
+/// Two successive displacements are one motion if they differ by at most this share of it, plus the next constant in
+/// pixels per frame.
 const SAME_MOTION_RATIO: f64 = 0.5;
 const SAME_MOTION_PX: f64 = 1.0;
-/// Frames farther apart say nothing of each other, seconds.
+/// Frames that are farther apart than this give no motion (s).
 const MAX_FRAME_GAP_S: f64 = 0.15;
-/// Frames nearer in time than this show one moment: two answers to requests for one light differ by a nanosecond, and one
-/// pixel in that would be 16,666,666 pixels per set. Content has 480 frames per second at most.
+/// Frames that are closer than this show one time (s). Two answers to requests for one light differ by a nanosecond,
+/// and one pixel in that time would be 16,666,666 pixels per set. Content has at most 480 frames per second.
 const ONE_MOMENT: f64 = 2e-3;
-/// So many intervals after its last frame content has stopped.
+/// Content has stopped after this many intervals without a new frame.
 const STOPPED: f64 = 2.5;
-/// Views from places farther apart than this show another parallax, metres.
+/// Views from places that are farther apart than this show another parallax (m).
 const SAME_PLACE: f64 = 0.25e-3;
-/// A velocity is known to differ from another beyond so many standard deviations.
+/// Two velocities differ for certain if they differ by more than this many standard deviations.
 const SURE: f64 = 3.0;
-/// A pupil that moves by less in a set rests, metres.
+/// A pupil that moves by less than this in a set rests (m).
 const RESTS: f64 = 2e-5;
 
-/// The view that motion is told by.
+/// The view from which motion is estimated.
 struct ReferenceView {
     picture: Vec<f32>,
     size: [usize; 2],
-    /// A pixel of it, radians.
+    /// The angle of a pixel of the picture (radians).
     pixel: f64,
     center: [f64; 2],
     shows_ns: i64,
 }
 
-/// What moves, as a session knows it. By default nothing does: all sub-frames of a set are taken to be lit at once.
+/// The estimated motion of content and eye. The default has no motion, and treats all sub-frames of a set as lit at the
+/// same time.
 #[derive(Default)]
 pub struct MotionCompensation {
-    /// When the sub-frames of each colour are lit, and how long a set is, nanoseconds; none where that does not count.
+    /// The times of the sub-frames of each color, and the duration of a set (ns). It is `None` if motion is not
+    /// compensated.
     lit: Option<(Lighting, i64)>,
     seen: Option<ReferenceView>,
-    /// Where the content was, radians, when the last displacement ended: at this time, nanoseconds.
+    /// The position of the content (radians) at the end of the last displacement, and the time of that end (ns).
     since: Option<([f64; 2], i64)>,
-    /// The last displacement, and the time between its frames, seconds; then, if the one before agrees, the velocity, radians a
-    /// second.
+    /// The last displacement and the time between its frames (s). The next field is the velocity (radians per second),
+    /// which is set if the previous displacement agrees.
     displaced: Option<([f64; 2], f64)>,
     velocity: [f64; 2],
-    /// Where the content of the last frame stands, since it is one content, radians; and where the phases show it that are lit with
-    /// each turn.
+    /// The position of the content in the last frame, since the content began (radians). The next field is the position
+    /// at which the phases of each turn show it.
     position: [f64; 2],
     carried: Vec<[f64; 2]>,
-    /// By how many whole pixels of the first colour these have to be moved.
+    /// The whole pixels of the first color by which the phases of each turn have to be shifted.
     shifts: Vec<[i64; 2]>,
-    /// Side of a pixel of the first colour, radians.
+    /// The angle of a pixel of the first color (radians).
     pixel: f64,
-    /// Phases that were moved with this motion lost less.
+    /// True if phases that were shifted with this motion had a lower loss.
     trusted: bool,
 }
 
 impl MotionCompensation {
-    /// With sub-frames at times of their own, in sets that follow each other after `set_ns`; `pixel` is the first colour's, radians.
+    /// Creates a compensation for sub-frames at times of their own, in sets that follow each other after `set_ns`.
+    /// `pixel` is the angle of a pixel of the first color (radians).
     pub fn of(lighting: Lighting, set_ns: i64, pixel: f64) -> Self {
         let (carried, shifts) = (vec![[0.0; 2]; lighting.turns()], vec![[0; 2]; lighting.turns()]);
         Self { lit: Some((lighting, set_ns)), pixel, carried, shifts, ..Self::default() }
     }
 
-    /// Of these colours on a display that lights sub-frames so, where it `counts`.
+    /// Creates a compensation for these colors on a display with this lighting, if `counts` is true.
     pub(crate) fn when(counts: bool, lighting: Lighting, set_ns: i64, colors: &[LiveColor]) -> Self {
         let first = colors.first().filter(|_| counts);
         first.map_or_else(Self::default, |first| Self::of(lighting, set_ns, first.problem.pixel()))
     }
 
-    /// When the sub-frames of each colour are lit from this turn on.
+    /// Returns the times of the sub-frames of each color from this turn on.
     pub fn times(&self, turn: usize) -> &[LitTimes] {
         self.lit.as_ref().map_or(&[], |(lighting, _)| lighting.times(turn))
     }
 
-    /// What the display lights when, and by how many pixels of the first colour [`find_shifts`](Self::find_shifts) has found that what is lit
-    /// with each turn has to be moved.
+    /// Returns the shifts that [`find_shifts`](Self::find_shifts) found for the sub-frames of each turn, in pixels of
+    /// the first color. Returns the lighting of the display with them.
     pub fn shifts(&self) -> Option<(&[[i64; 2]], &Lighting)> {
         self.lit.as_ref().map(|(lighting, _)| (self.shifts.as_slice(), lighting))
     }
 
-    /// Another content frame, which shows the moment `shows_ns`.
+    /// Takes another content frame, which shows the time `shows_ns`.
     pub fn follow(&mut self, colors: &[LiveColor], shows_ns: i64) {
         let Some(first) = colors.first().filter(|_| self.lit.is_some()) else { return };
         let new = view_of(&first.problem, shows_ns);
@@ -97,7 +101,7 @@ impl MotionCompensation {
         let elapsed = new.shows_ns.saturating_sub(since_ns) as f64 * 1e-9;
         let near = (0..2).all(|i| (new.center[i] - last.center[i]).abs() <= SAME_PLACE);
         if !near && elapsed > 0.0 && elapsed <= MAX_FRAME_GAP_S {
-            // The eye has moved, and the views with it: the content is taken to go on as it did.
+            // The eye has moved, and the views with it. The content is assumed to continue its motion.
             self.position = [0, 1].map(|i| from[i] + self.velocity[i] * elapsed);
             (self.displaced, self.since) = (before, Some((self.position, new.shows_ns)));
             return;
@@ -109,10 +113,10 @@ impl MotionCompensation {
             self.cut();
             return;
         };
-        // Phases go where the picture went.
+        // The phases follow the picture.
         self.position = [0, 1].map(|i| self.position[i] + moved[i]);
         if elapsed < ONE_MOMENT {
-            // The same moment again, a little elsewhere. That is no velocity.
+            // The same time is shown again at a slightly different place, which gives no velocity.
             self.displaced = before;
             return;
         }
@@ -127,25 +131,26 @@ impl MotionCompensation {
         if steady {
             self.velocity = speed((moved, elapsed));
         } else {
-            // A jump, or the beginning of a motion: nothing is foreseen.
+            // This is a jump or the start of a motion, so no motion is predicted.
             (self.velocity, self.trusted) = ([0.0; 2], false);
         }
         self.displaced = Some((moved, elapsed));
     }
 
-    /// Other content, which begins where it is.
+    /// Starts with other content, at its present position.
     fn cut(&mut self) {
         (self.displaced, self.velocity, self.trusted) = (None, [0.0; 2], false);
         self.since = self.seen.as_ref().map(|seen| (self.position, seen.shows_ns));
         self.carried.fill(self.position);
     }
 
-    /// The phases are those that were solved for the last frame.
+    /// States that the phases were solved for the last frame.
     pub fn begun_again(&mut self) {
         self.carried.fill(self.position);
     }
 
-    /// Whether the content moves by the light at `light_ns`: radians a second, and since when it is where the last frame has it.
+    /// Returns the velocity of the content (radians per second) and the time since the last frame, if the content still
+    /// moves at `light_ns`.
     fn content(&self, light_ns: i64) -> Option<([f64; 2], f64)> {
         let (seen, (_, set_ns)) = (self.seen.as_ref()?, self.lit.as_ref()?);
         let (_, interval) = self.displaced?;
@@ -156,9 +161,11 @@ impl MotionCompensation {
         moves.then_some((self.velocity, since))
     }
 
-    /// Finds by how many whole pixels of the first colour the phases have to be moved to show the content where it is when they
-    /// are lit: those whose turn it is at `light_ns`, the others one after the other until it is their turn again. Whether it has to
-    /// be looked whether that is better; none where nothing need be moved.
+    /// Finds the whole pixels of the first color by which the phases have to be shifted to show the content at their
+    /// light.
+    ///
+    /// The sub-frames of `turn` are lit at `light_ns`, and the others one after the other until their next turn.
+    /// Returns true if the losses have to be compared first, and `None` if no shift is needed.
     pub fn find_shifts(&mut self, light_ns: i64, turn: usize) -> Option<bool> {
         let (lighting, set_ns) = self.lit.as_ref()?;
         let turns = lighting.turns();
@@ -173,7 +180,7 @@ impl MotionCompensation {
         self.shifts.iter().any(|shift| *shift != [0; 2]).then_some(!self.trusted)
     }
 
-    /// The phases were moved so, or stay as they are for that is better.
+    /// Records that the phases were shifted, or that they stay because that has the lower loss.
     pub fn carried(&mut self, moved: bool) {
         for (carried, shift) in self.carried.iter_mut().zip(&self.shifts) {
             *carried = [0, 1].map(|i| carried[i] + shift[i] as f64 * self.pixel);
@@ -181,8 +188,8 @@ impl MotionCompensation {
         self.trusted = moved && self.velocity != [0.0; 2];
     }
 
-    /// What moves while a set is lit that is reckoned from `light_ns`, for an eye of which this is known: in pixels of the first
-    /// colour.
+    /// Returns the motion during a set with the reference time `light_ns`, for this estimate of the eye, in pixels of
+    /// the first color.
     pub fn motion(&self, light_ns: i64, eye: &PupilEstimate) -> Motion {
         let Some((_, set_ns)) = &self.lit else { return Motion::default() };
         let set = *set_ns as f64 * 1e-9;
@@ -199,8 +206,8 @@ impl MotionCompensation {
     }
 }
 
-/// How the eye turns, pixels a set, and how surely: it rests, follows the content, or does as the tracker says; none where it may as
-/// well rest as follow.
+/// Returns the rotation of the eye in pixels per set, and its spread. The eye rests, follows the content, or moves as
+/// the tracker measures. It is `None` if the eye may rest or follow.
 fn turns(content: [f64; 2], turning: Option<([f64; 2], f64)>) -> (Option<[f64; 2]>, f64) {
     let Some((turning, spread)) = turning else { return (None, 0.0) };
     let off = |from: [f64; 2]| (turning[0] - from[0]).hypot(turning[1] - from[1]);
@@ -214,7 +221,7 @@ fn turns(content: [f64; 2], turning: Option<([f64; 2], f64)>) -> (Option<[f64; 2
     }
 }
 
-/// The middle view, at a size that is soon compared.
+/// Returns the middle view at a size that is quick to compare.
 fn view_of(problem: &Problem, shows_ns: i64) -> Option<ReferenceView> {
     let pyramid = &problem.pyramid;
     let level = pyramid.levels.get(pyramid.compared()?)?;
@@ -236,7 +243,7 @@ mod tests {
     const SET_NS: i64 = 16_666_667;
     const SIDE: usize = 64;
 
-    /// A picture of blobs that stands `shift` pixels to the right, round its edges.
+    /// A picture of blobs that is `shift` pixels to the right, with wraparound at the edges.
     fn frame(display: &Display, shift: usize, seed: u64) -> Vec<LiveColor> {
         let mut random = fastrand::Rng::with_seed(seed);
         let blobs: Vec<[f64; 2]> = (0..40).map(|_| [0, 1].map(|_| SIDE as f64 * random.f64())).collect();
@@ -261,8 +268,9 @@ mod tests {
         PupilEstimate { velocity: EyeVelocity { turning, ..EyeVelocity::default() }, ..PupilEstimate::of(whole) }
     }
 
-    /// Content at 30 frames a second on 60 sets, 4 pixels a frame: two pixels a set from the third frame on, extrapolated between
-    /// frames; phases are moved with it, by whole pixels, looked at the first time alone.
+    /// Content has 30 frames per second on 60 sets, with 4 pixels per frame. This is two pixels per set from the third
+    /// frame on, extrapolated between frames. Phases are shifted with it by whole pixels, and losses are compared only
+    /// the first time.
     #[test]
     fn content_that_moves_is_foreseen_and_phases_go_with_it() {
         let display = display();
@@ -289,19 +297,19 @@ mod tests {
                 }
             }
         }
-        // Of the last frame's second set.
+        // The last two pixels come from the second set of the last frame.
         assert_eq!(shown, 4 * 4 + 2);
-        // Half a second later it has stopped where the last frame has it.
+        // Half a second later it has stopped at its position in the last frame.
         assert!(moments.motion(4 * frame_ns + 500_000_000, &eye(None)).is_still());
         assert_eq!(moments.find_shifts(4 * frame_ns + 500_000_000, 0), Some(false));
         assert_eq!(moments.shifts, [[-2, 0]]);
-        // Another picture is another content.
+        // Another picture is other content.
         moments.follow(&frame(&display, 0, 2), 5 * frame_ns);
         assert!(moments.motion(5 * frame_ns, &eye(None)).is_still() && moments.find_shifts(5 * frame_ns, 0).is_none());
     }
 
-    /// Two answers to requests for one light, whose moments differ by nanoseconds: a pixel between them is no velocity, and the
-    /// motion of the content stays what it is.
+    /// Two answers to requests for one light differ in time by nanoseconds. A pixel between them is no velocity, and
+    /// the motion of the content stays the same.
     #[test]
     fn two_frames_of_one_light_are_no_motion() {
         let display = display();
@@ -317,7 +325,7 @@ mod tests {
                     for again in [false, true] {
                         let [x, y] = moments.motion(k * frame_ns, &eye(None)).content;
                         let want = if k < 2 { 0.0 } else { moving as f64 / 2.0 };
-                        // What the second answer shows elsewhere is taken back by the next frame.
+                        // The next frame reverses the displacement of the second answer.
                         assert!((x - want).abs() < 0.1 && y.abs() < 0.1, "{gap_ns} ns, {apart} px, {k} {again}: {x}");
                         moments.follow(&frame(&display, shift + apart, 1), k * frame_ns + gap_ns);
                     }
@@ -330,7 +338,8 @@ mod tests {
         }
     }
 
-    /// Of sets that roll, what was lit moves on by a set's motion for its next turn, and what is still to be lit stays.
+    /// With rolling updates, sub-frames that were lit shift by the motion of a set for their next turn. Sub-frames that
+    /// are still to be lit stay.
     #[test]
     fn of_sets_that_roll_what_was_lit_moves_on_by_a_set() {
         let display = Display { height: SIDE, width: SIDE, ..Display::preset("grey8").unwrap() };
@@ -352,7 +361,7 @@ mod tests {
                 moments.carried(true);
             }
             for (i, stands) in stands.iter().enumerate().filter(|_| n >= 16) {
-                // Four pixels a set, each with its own turn.
+                // The content moves by four pixels per set, and each sub-frame is lit in its own turn.
                 let there = 4.0 * (n as f64 + ((i + 8 - turn) % 8) as f64) / 8.0;
                 assert!((f64::from(*stands as i32) - there).abs() <= 0.7, "{n}, {i}: {stands}, not {there}");
             }
@@ -371,7 +380,7 @@ mod tests {
         ] {
             assert_eq!(turns(content, turning), is, "{turning:?}");
         }
-        // Nothing moves: there is nothing to compute.
+        // Without motion there is nothing to compute.
         assert_eq!(turns([0.0; 2], Some(([1.0, 0.0], 1.0))), (Some([0.0; 2]), 0.0));
     }
 }

@@ -1,4 +1,4 @@
-//! Who is asked where the pupil will be.
+//! Supplies the predicted pupil of a session.
 
 use crate::gaze::Estimator;
 use crate::optics::PupilDistribution;
@@ -9,21 +9,22 @@ use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Who is asked where the pupil will be.
+/// The source of the predicted pupil.
 pub enum PupilSource {
-    /// A tracker, on its thread.
+    /// A tracker on its thread.
     Tracker(Arc<PupilTracker>),
-    /// A tracker that is asked for what has arrived, in simulated time.
+    /// A tracker whose arrived samples are read in simulated time.
     Samples(Box<Samples>),
-    /// Nobody: pupils are drawn over the whole eyebox.
+    /// No tracker. Pupils are drawn from the whole eyebox.
     Nobody(PupilDistribution),
 }
 
 impl PupilSource {
-    /// What is expected at `light_ns`, by what has arrived by `now_ns`: times on the trackers' clock.
+    /// Predicts the pupil at `light_ns` from the samples that arrived by `now_ns`. Both are times on the clock of the
+    /// trackers.
     ///
     /// # Errors
-    /// Those of a tracker in simulated time.
+    /// Returns the errors of a tracker in simulated time.
     pub fn expect(&mut self, now_ns: u64, light_ns: u64) -> Result<PupilEstimate, SessionError> {
         match self {
             Self::Tracker(tracker) => Ok(tracker.expect(light_ns)),
@@ -40,27 +41,27 @@ impl PupilSource {
     }
 }
 
-/// A tracker's samples, taken as they arrive in simulated time.
+/// The samples of a tracker, taken as they arrive in simulated time.
 pub struct Samples {
     source: Box<dyn Source>,
-    /// The filter that the samples go through.
+    /// The filter of the samples.
     pub estimator: Estimator,
     waiting: Option<Sample>,
-    /// When the newest was taken, had arrived and had gone through the filter.
+    /// The times at which the newest sample was taken, had arrived and was filtered (ns).
     newest: Option<[u64; 3]>,
     counts: Arc<AtomicCell<TrackerCounts>>,
 }
 
 impl Samples {
-    /// From a source that does not wait for real time.
+    /// Creates samples from a source that does not wait for real time.
     pub fn new(source: Box<dyn Source>, estimator: Estimator, counts: Arc<AtomicCell<TrackerCounts>>) -> Self {
         Self { source, estimator, waiting: None, newest: None, counts }
     }
 
-    /// Takes what has arrived by now.
+    /// Takes the samples that have arrived by `now_ns`.
     ///
     /// # Errors
-    /// [`SessionError::Tracker`].
+    /// Returns [`SessionError::Tracker`] if the source fails.
     pub fn arrive(&mut self, now_ns: u64) -> Result<(), SessionError> {
         loop {
             let sample = match self.waiting.take() {

@@ -1,4 +1,4 @@
-//! A tracker's samples on their way to the estimate of the pupil, on a thread of their own.
+//! Filters the samples of a tracker to an estimate of the pupil, on a thread of its own.
 
 use crate::gaze::place::{Counts, Refusal};
 use crate::gaze::{Estimator, EyeVelocity};
@@ -16,41 +16,41 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// What is expected of the eye at a time. Times on the trackers' clock ([`now_ns`]).
+/// The estimate of an eye at a time. Times are on the clock of the trackers ([`now_ns`]).
 #[derive(Debug, Clone, Copy)]
 pub struct PupilEstimate {
-    /// The pupil.
+    /// The distribution of the pupil.
     pub pupil: PupilDistribution,
-    /// How fast it moves, and the eye turns.
+    /// The velocity of the pupil and the rotation of the eye.
     pub velocity: EyeVelocity,
-    /// When the newest sample was taken, had arrived, and had gone through the filter; none before the first.
+    /// The times at which the newest sample was taken, had arrived and was filtered, or `None` before the first sample.
     pub sample_ns: Option<[u64; 3]>,
 }
 
 impl PupilEstimate {
-    /// Of an eye that nobody tracks.
+    /// Creates the estimate of an eye without a tracker.
     pub(crate) fn of(pupil: PupilDistribution) -> Self {
         Self { pupil, velocity: EyeVelocity::default(), sample_ns: None }
     }
 
-    /// Predicts an eye at a time from the estimator's samples. `sample_ns` are the newest sample's times.
+    /// Predicts an eye at a time from the samples of the estimator. `sample_ns` are the times of the newest sample.
     pub(crate) fn by(estimator: &Estimator, light_ns: u64, sample_ns: Option<[u64; 3]>) -> Self {
         Self { pupil: estimator.predict(light_ns), velocity: estimator.velocity(), sample_ns }
     }
 }
 
-/// The samples of a tracker so far.
+/// The counts of the samples of a tracker until now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct TrackerCounts {
-    /// Samples by what became of them.
+    /// The samples by their result.
     pub samples: Counts,
-    /// What was dropped before it was a sample, or of one.
+    /// The data that was dropped before it became a sample, or from a sample.
     pub dropped: Dropped,
 }
 
 impl TrackerCounts {
-    /// The counts for statistics, by reason.
+    /// Returns the counts by reason for statistics.
     pub fn to_json(&self) -> Value {
         let refused: Value = Refusal::ALL.iter().zip(self.samples.refused).map(|(r, n)| (r.key(), json!(n))).collect();
         let (received, placed) = (self.samples.samples(), self.samples.placed);
@@ -58,25 +58,25 @@ impl TrackerCounts {
     }
 }
 
-/// Refusals of one reason before it is said: blinks and single artefacts are usual.
+/// The refusals for one reason before a note is sent, because blinks and single artefacts are usual.
 const SAY: u64 = 20;
 
 struct State {
     estimator: Estimator,
     counts: Arc<AtomicCell<TrackerCounts>>,
-    /// Reasons that were said.
+    /// True for each reason that a note was sent for.
     said: [bool; Refusal::ALL.len()],
     newest: Option<[u64; 3]>,
-    /// Where the pupil was measured, for looking back: (time, position).
+    /// The measured positions of the pupil for later comparison, as (time, position).
     places: VecDeque<(u64, [f64; 2])>,
 }
 
-/// Places that are remembered: a second at 1 kHz.
+/// The number of positions that are kept, which is a second at 1 kHz.
 const REMEMBERED: usize = 1024;
-/// How long it waits for a sample before it looks whether it should stop.
+/// The longest wait for a sample before the thread checks for its end.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Follows the pupil; dropped, it stops.
+/// A thread that tracks the pupil. It stops when it is dropped.
 pub struct PupilTracker {
     state: Arc<Mutex<State>>,
     stop: Arc<AtomicBool>,
@@ -84,12 +84,13 @@ pub struct PupilTracker {
 }
 
 fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
-    // An estimate is whole between two samples, whatever became of who held it.
+    // An estimate is complete between two samples, even if the holder of the lock panicked.
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl PupilTracker {
-    /// Takes the samples of `stream` through `estimator` and counts them. `notes` receive its messages, `track` traces it.
+    /// Filters the samples of `stream` with `estimator` and counts them. `notes` receives its messages, and `track`
+    /// traces it.
     pub(crate) fn start(
         stream: Stream,
         estimator: Estimator,
@@ -103,16 +104,16 @@ impl PupilTracker {
         let (theirs, stopped) = (Arc::clone(&state), Arc::clone(&stop));
         let thread = spawn("follows", move || {
             let (mut ended, mut count) = (false, 0);
-            let _note = notes.on_panic("following the eye has ended by a fault of its own; the picture stays");
+            let _note = notes.on_panic("tracking of the pupil has ended by a fault of its own, and the picture stays");
             while !stopped.load(Ordering::Acquire) {
                 while let Some(note) = stream.note() {
                     notes.send(note);
                 }
-                // Asked before: what came before the end is still taken.
+                // The status is read first, so that samples from before the end are still taken.
                 let status = stream.status();
                 if let Some(sample) = stream.next(POLL_INTERVAL) {
                     if count == 0 {
-                        // A device is known once it has sent something.
+                        // A device gives its name with its first sample.
                         let note = stream.tracker().and_then(|name| locked(&theirs).estimator.note_on(&name));
                         note.into_iter().for_each(|note| notes.send(note));
                     }
@@ -138,14 +139,14 @@ impl PupilTracker {
         Ok(Self { state, stop, thread: Some(thread) })
     }
 
-    /// What is expected at a time to come.
+    /// Returns the estimate at a future time.
     pub fn expect(&self, light_ns: u64) -> PupilEstimate {
         let state = locked(&self.state);
         PupilEstimate::by(&state.estimator, light_ns, state.newest)
     }
 
-    /// Where the pupil was at a time that has passed, between the two measurements around it; none where it was not
-    /// seen within 20 ms before and after, or is not known yet.
+    /// Returns the position of the pupil at a past time, interpolated between the two measurements around it. Returns
+    /// `None` if these are more than 40 ms apart, or the later one has not arrived.
     pub fn measured(&self, time_ns: u64) -> Option<[f64; 2]> {
         let state = locked(&self.state);
         let after = state.places.iter().position(|p| p.0 >= time_ns)?;
@@ -158,12 +159,12 @@ impl PupilTracker {
         })
     }
 
-    /// Whether what was measured reaches this time.
+    /// Returns true if the measurements reach this time.
     pub fn reaches(&self, time_ns: u64) -> bool {
         locked(&self.state).places.back().is_some_and(|p| p.0 >= time_ns)
     }
 
-    /// Ends the thread: what it did.
+    /// Ends the thread and returns its track.
     pub fn stop(&mut self) -> Option<Track> {
         self.stop.store(true, Ordering::Release);
         self.thread.take().and_then(|t| t.join().ok())
@@ -177,13 +178,13 @@ impl Drop for PupilTracker {
 }
 
 impl State {
-    /// Takes a sample; a note, if one reason has refused many.
+    /// Takes a sample. Returns a note if one reason has refused many samples.
     fn take(&mut self, sample: &Sample, dropped: Dropped) -> Option<String> {
         let stages = self.estimator.update(sample);
         let samples = self.estimator.counts();
         self.counts.store(TrackerCounts { samples, dropped });
         if let Ok(placed) = &stages.placed {
-            // A clock that went back begins a new memory.
+            // A clock that was set back clears the positions.
             if self.places.back().is_some_and(|p| p.0 >= placed.time_ns) {
                 self.places.clear();
             }

@@ -1,59 +1,63 @@
-//! When sets begin, and which one can still be reached. Pure; it passes between threads in an `AtomicCell`.
+//! Computes when sets begin and which one can still be reached. It is pure and passes between threads in an
+//! `AtomicCell`.
 
 use crate::session::playback::scheduler::Target;
 use std::time::Duration;
 
-/// Nanoseconds, as many as there are.
+/// Returns a duration in ns, limited to the largest `i64`.
 pub(crate) fn as_ns(duration: Duration) -> i64 {
     i64::try_from(duration.as_nanos()).unwrap_or(i64::MAX)
 }
 
-/// When the display begins sets. Times in nanoseconds on the player's clock.
+/// The timing of the sets on the display (ns on the clock of the player).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SetTiming {
-    /// When the last set that was decided on begins to be lit.
+    /// The time at which the last set that was decided on begins to be lit.
     pub start_ns: i64,
-    /// From the beginning of a set to that of the next.
+    /// The time from the beginning of a set to the next beginning.
     pub period_ns: i64,
-    /// So long before it is lit, a set is decided on.
+    /// The time from the decision on a set to its light.
     pub lead_ns: i64,
-    /// Of sets that roll: the video frame of a set whose turn it was then, and how many there are; else 0 of 1.
+    /// With rolling updates, the video frame of the set whose turn it was then, and the number of video frames.
+    /// Otherwise it is 0 of 1.
     pub turn: [u64; 2],
 }
 
 impl SetTiming {
-    /// The lead to begin with, before any decision was seen: a player's margin, and a millisecond.
+    /// Returns the lead before any decision was observed, which is the margin of a player and a millisecond.
     pub fn usual_lead_ns(period_ns: i64) -> i64 {
         period_ns / 8 + 1_000_000
     }
 
-    /// Nothing is known but the period.
+    /// Creates a timing from the period alone.
     pub fn new(period_ns: i64) -> Self {
         Self { start_ns: 0, period_ns, lead_ns: Self::usual_lead_ns(period_ns), turn: [0, 1] }
     }
 
-    /// Of sets that roll, of so many video frames each; `period_ns` is from one of these to the next.
+    /// Sets rolling updates with `turns` video frames per set. `period_ns` is the time from one video frame to the
+    /// next.
     #[must_use]
     pub fn rolling(self, turns: u64) -> Self {
         Self { turn: [0, turns.max(1)], ..self }
     }
 
-    /// With the video frame whose turn it was.
+    /// Sets the video frame whose turn it was.
     #[must_use]
     pub fn at_turn(self, turn: u64) -> Self {
         let [_, turns] = self.turn;
         Self { turn: [turn % turns.max(1), turns], ..self }
     }
 
-    /// After a set that begins at `start_ns` was decided on at `decided_ns`.
+    /// Updates the timing after a set that begins at `start_ns` was decided on at `decided_ns`.
     #[must_use]
     pub fn after(self, start_ns: i64, decided_ns: i64) -> Self {
         let lead = start_ns.saturating_sub(decided_ns).clamp(0, 4 * self.period_ns.max(1));
-        // Earlier decisions count at once, later ones slowly: a set that comes too late waits for a whole period.
+        // A longer lead counts at once and a shorter one slowly, because a set that is too late waits for a whole
+        // period.
         Self { start_ns, lead_ns: lead.max(self.lead_ns - self.lead_ns / 16), ..self }
     }
 
-    /// The first set after the last one that something which takes `need_ns` from now on can still be handed over for.
+    /// Returns the first set after the last one for which work of `need_ns` from now on can still be handed over.
     pub fn reachable(&self, now_ns: i64, need_ns: i64) -> Target {
         let period = self.period_ns.max(1);
         let first = self.start_ns.saturating_add(period);
@@ -82,7 +86,7 @@ mod tests {
         assert_eq!(at(1061, 1000), 2100);
         assert_eq!(timing.reachable(1061, 1000).hand_over_ns, 2070);
         assert_eq!(timing.reachable(1061, 1000).turn, 0);
-        // The eleventh from the sixth of eight on.
+        // The turn is the eleventh after the sixth of eight.
         assert_eq!(timing.rolling(8).at_turn(5).reachable(1061, 1000).turn, 0);
         assert_eq!(timing.rolling(8).at_turn(5).reachable(0, 0).turn, 6);
     }
@@ -97,8 +101,9 @@ mod tests {
         assert_eq!(timing.lead_ns, 1_000_000);
     }
 
-    /// Something holds up one step for a while, in the middle of a session whose steps take 2 ms: as a refinement decides, by what
-    /// steps are expected to take and by the sets that can be reached. Gaps between sets that are longer than the usual, ms.
+    /// Stalls one step in the middle of a session whose steps take 2 ms. Decisions are made as in a refinement, from
+    /// the expected time of steps and the reachable sets. Returns the gaps between sets that are longer than usual
+    /// (ms).
     fn gaps_ms(stall_ms: f64) -> Vec<f64> {
         const MS: f64 = 1e6;
         const PERIOD_NS: i64 = 16_666_667;
@@ -115,7 +120,7 @@ mod tests {
                 taken += 1;
             }
             now_ns = now_ns.max(target.hand_over_ns);
-            // It comes to light with the first set that begins after it was handed over.
+            // It is lit with the first set that begins after it was handed over.
             let late = (now_ns - target.hand_over_ns + PERIOD_NS - 1) / PERIOD_NS;
             let start_ns = target.start_ns + late * PERIOD_NS;
             if taken > 0 && last_ns > 0 && start_ns - last_ns > PERIOD_NS {
@@ -129,7 +134,7 @@ mod tests {
         gaps
     }
 
-    /// A stall does not last twice: what held up one step is not expected of the next, and one set is late.
+    /// A stall does not count twice. The next step is not expected to take as long, and only one set is late.
     #[test]
     fn a_stall_makes_one_set_late() {
         assert_eq!(gaps_ms(2.0), Vec::<f64>::new());

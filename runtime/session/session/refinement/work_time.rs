@@ -1,25 +1,25 @@
-//! The time that work takes: as this machine takes it, or as it is said to take.
+//! Measures the time that work takes on this machine, or simulates it from fixed costs.
 
 use crate::present::RealClock;
 use crate::session::refinement::set_timing::as_ns;
 use std::time::{Duration, Instant};
 
-/// What work costs in a study's time, and in that of a session on a simulated clock.
+/// The cost of work in a study, and in a session on a simulated clock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cost {
-    /// What it takes on this machine.
+    /// The cost is measured on this machine.
     Measured,
-    /// The same on every machine, so that one study gives one result.
+    /// The cost is the same on every machine, so that one study gives one result.
     Fixed {
-        /// A step of one colour.
+        /// The time of a step of one color.
         step: Duration,
-        /// Encoding a set.
+        /// The time of the encoding of a set.
         encode: Duration,
     },
 }
 
 impl Cost {
-    /// What a step of each of so many colours is expected to take, where `measured` says it of this machine.
+    /// Returns the expected time of a step of each color (ns). `measured` returns the time on this machine.
     pub fn round_ns(self, colors: usize, measured: impl FnOnce() -> Duration) -> i64 {
         match self {
             Self::Measured => as_ns(measured()),
@@ -28,7 +28,7 @@ impl Cost {
     }
 }
 
-/// Time that passes by what work costs, nanoseconds.
+/// A time that advances by the cost of work (ns).
 pub struct WorkTime {
     cost: Cost,
     began_ns: i64,
@@ -37,18 +37,19 @@ pub struct WorkTime {
 }
 
 impl WorkTime {
-    /// Begins at a time, nanoseconds.
+    /// Starts at a time (ns).
     pub fn begin(cost: Cost, now_ns: i64) -> Self {
         Self { cost, began_ns: now_ns, begun: Instant::now(), spent: Duration::ZERO }
     }
 
-    /// Returns the time by now, nanoseconds.
+    /// Returns the current time (ns).
     pub fn now_ns(&self) -> i64 {
         let spent = if self.cost == Cost::Measured { self.begun.elapsed() } else { self.spent };
         self.began_ns.saturating_add(as_ns(spent))
     }
 
-    /// Whether so many steps, which are `expected` to take so long together where it is measured, end in time; if so, they are taken.
+    /// Returns true if this number of steps ends before the deadline, and then counts their time. `expected` is their
+    /// total time if it is measured.
     pub fn steps_before(&mut self, deadline_ns: i64, steps: u32, expected: Duration) -> bool {
         let cost = match self.cost {
             Cost::Measured => expected,
@@ -61,14 +62,14 @@ impl WorkTime {
         in_time
     }
 
-    /// So many losses were looked at: no more than as many steps.
+    /// Counts the time of compared losses. A loss costs at most as much as a step.
     pub(crate) fn looked(&mut self, looks: u32) {
         if let Cost::Fixed { step, .. } = self.cost {
             self.spent += step * looks;
         }
     }
 
-    /// A set was encoded.
+    /// Counts the time of the encoding of a set.
     pub fn encoded(&mut self) {
         if let Cost::Fixed { encode, .. } = self.cost {
             self.spent += encode;
@@ -76,17 +77,17 @@ impl WorkTime {
     }
 }
 
-/// The player's clock beside the trackers', which a simulated one is itself.
+/// Converts between the clock of the player and the clock of the trackers. A simulated clock is both.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Times(pub Option<RealClock>);
 
 impl Times {
-    /// What the trackers' clock says when the player's says `time_ns`.
+    /// Returns the time on the clock of the trackers for `time_ns` on the clock of the player.
     pub(crate) fn monotonic_ns(self, time_ns: i64) -> u64 {
         self.0.map_or_else(|| u64::try_from(time_ns).unwrap_or(0), |clock| clock.monotonic_ns(time_ns))
     }
 
-    /// What the player's clock said when the trackers' said `time_ns`.
+    /// Returns the time on the clock of the player for `time_ns` on the clock of the trackers.
     pub(crate) fn at_monotonic_ns(self, time_ns: u64) -> i64 {
         self.0.map_or_else(|| i64::try_from(time_ns).unwrap_or(i64::MAX), |clock| clock.at_monotonic_ns(time_ns))
     }

@@ -1,4 +1,4 @@
-//! Levels of 2 pi, tables, corrections and gratings.
+//! Tests levels of 2 pi, tables, corrections and gratings.
 
 use super::*;
 use eyebox_base::error::ErrorData;
@@ -6,7 +6,7 @@ use eyebox_base::error::ErrorData;
 #[test]
 fn the_grey_level_of_two_pi_is_where_it_was_said() {
     let here = here();
-    // 218: even; 200.5: not; 300: the SLM does not reach a turn.
+    // The value 218 is even, 200.5 is not, and with 300 the SLM does not reach a turn.
     for two_pi in [218.0, 200.5, 300.0, 3.0] {
         let display = with(&format!("two_pi_level = {two_pi}"), here.path(), [40, 50], 256);
         let phases = sets(1, 2000);
@@ -14,7 +14,7 @@ fn the_grey_level_of_two_pi_is_where_it_was_said() {
         let used = f64::min(f64::ceil(two_pi), 256.0) as u32;
         for (level, phase) in frames.frame(0).iter().zip(&phases[0]) {
             let near = is_nearest(*level, *phase, |l| f64::from(l) / two_pi, used);
-            // Of levels that are not even, the phase is taken to 1/65536 of a turn: ties may go either way.
+            // For uneven levels, the phase is rounded to 1/65536 of a turn, so ties may go either way.
             let tie = |by: f32| is_nearest(*level, phase + by, |l| f64::from(l) / two_pi, used);
             assert!(
                 near || (two_pi.fract() != 0.0 || two_pi > 256.0) && (tie(1e-4) || tie(-1e-4)),
@@ -30,7 +30,7 @@ fn the_grey_level_of_two_pi_is_where_it_was_said() {
 fn a_table_is_inverted_whether_it_rises_or_not() {
     let here = here();
     let folder = here.path();
-    // Falls, then rises, past a turn; phases in units of pi.
+    // The phases fall, then rise, past a turn. They are in units of pi.
     let turns = |l: u8| match l {
         0..=9 => 0.9 - 0.05 * f64::from(l),
         _ => 0.37 + 0.04 * f64::from(l),
@@ -62,7 +62,7 @@ fn a_table_is_inverted_whether_it_rises_or_not() {
     assert!(matches!(&gone, EncodeError::File(FileError::Read { file, .. }) if file.ends_with("red.csv")), "{gone}");
 }
 
-/// Three files with one correction: 8-bit PNG, 16-bit PNG, BMP, radians.
+/// Writes one correction in four files, as 8-bit PNG, BMP, 16-bit PNG and float32 radians, and returns its levels.
 fn write_corrections(folder: &std::path::Path, height: u32, width: u32) -> Vec<u8> {
     let levels: Vec<u8> = (0..height * width).map(|i| (i * 37 % 256) as u8).collect();
     let grey = image::GrayImage::from_raw(width, height, levels.clone()).unwrap();
@@ -98,7 +98,7 @@ fn corrections_of_every_format_are_added_as_phase() {
                 let off = (off - f64::from(two_pi) * (off / f64::from(two_pi)).round()).abs();
                 assert!(off < 0.5 + 1e-3 && i32::from(*level) < two_pi, "{file}: {exact} became {level}");
             }
-            // It is red's alone.
+            // It applies to red alone.
             let plain = with(&format!("two_pi_level = {two_pi}"), folder, [12, 17], 256);
             assert_eq!(encode(&display, &ALL[1..2], 1, &phases), encode(&plain, &ALL[1..2], 1, &phases));
         }

@@ -1,18 +1,19 @@
-//! The decoder undoes the encoder, and says what no encoder made.
+//! Tests that the decoder is the inverse of the encoder, and refuses frames that no encoder made.
 
 use super::*;
 use crate::encoded::{Encoded, is_encoded};
 use crate::optics::PRESETS;
 use eyebox_base::error::ErrorData;
 
-/// Colours and sub-frames that fill one set of a display.
+/// Returns colors and sub-frames that fill one set of a display.
 fn set_of(display: &Display) -> (Vec<Color>, usize) {
     let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
     let packed = [1, 8, 24].into_iter().find_map(|n| Packed::new(&display.encoding, &colors, n).ok());
     (colors, packed.expect("a set").sub_frames)
 }
 
-/// Decoded, phases are those that were encoded to within the widest step of the levels, and encode to the same bytes.
+/// Checks that decoded phases equal the encoded ones within the widest step of the levels, and encode to the same
+/// bytes.
 fn check(display: &Display, widest_turns: f64) {
     let (colors, n) = set_of(display);
     let decoder = Decoder::new(display, &colors, n, AsShown::default()).unwrap_or_else(|e| panic!("{e}"));
@@ -40,7 +41,7 @@ fn every_preset_is_undone() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Of every packing, with every turn, gratings, and corrections in either orientation.
+    /// Tests every packing, with every rotation, gratings, and corrections in either orientation.
     #[test]
     fn every_packing_turn_grating_and_correction_is_undone(
         h in 1usize..7, w in 1usize..20, packing in 0usize..6, flip in 0usize..4, quarter in 0u32..4,
@@ -75,7 +76,7 @@ proptest! {
     }
 }
 
-/// What is left as the SLM shows it is where the SLM has it.
+/// Steps that stay are on the SLM's pixels.
 #[test]
 fn what_is_left_is_what_the_slm_shows() {
     let here = here();
@@ -131,7 +132,7 @@ fn what_no_encoder_made_is_said() {
     assert!(decoder.decode(&other, |i| i.to_string()).is_err());
 }
 
-/// A folder says everything: the hologram comes back with its exposure, and no file of the display is needed any more.
+/// A folder is complete. The hologram returns with its exposure, and the file of the display is no longer needed.
 #[test]
 fn a_folder_holds_all_that_is_needed() {
     let here = here();
@@ -168,7 +169,7 @@ fn a_folder_holds_all_that_is_needed() {
     let again: Vec<Vec<f32>> = seen.colors.into_iter().map(|c| c.phases).collect();
     let kept = Display::load(folder.join("display.toml").to_str().unwrap()).unwrap();
     assert_eq!(encode(&kept, &ALL[1..], 2, &again), frames);
-    // Written again, it is replaced; with a file of the user's in it, left alone.
+    // A second write replaces it, and is refused if it holds a file of the user.
     encoder.save(&frames, None, &folder).unwrap_err();
     let encoder = Encoder::new(&kept, &ALL[1..], 2).unwrap();
     encoder.save(&frames, None, &folder).unwrap();
@@ -178,7 +179,7 @@ fn a_folder_holds_all_that_is_needed() {
     assert_eq!(ErrorData::of(&error).code, "file/taken/holds-something-else", "{error}");
 }
 
-/// Pictures of any origin: in the order of their numbers, grey or coloured, and refused where they do not fit.
+/// Pictures of any origin are in the order of their numbers, in gray or color, and refused if they do not fit.
 #[test]
 fn pictures_of_any_origin_are_decoded() {
     let here = here();

@@ -1,8 +1,8 @@
-//! Flips, rotations, offsets and cells, of whole pictures.
+//! Tests flips, rotations, offsets and cells of whole pictures.
 
 use super::*;
 
-/// The hologram's pixel that a pixel of the SLM shows, by moving whole pictures about.
+/// Returns the hologram's pixel that each pixel of the SLM shows, by moving whole pictures.
 fn turned(picture: &[f32], h: usize, w: usize, flip: (bool, bool), rotation: u32, [down, right]: [i32; 2]) -> Vec<f32> {
     let at = |p: &[f32], w: usize, y: usize, x: usize| p[y * w + x];
     let mut now: Vec<f32> = picture.to_vec();
@@ -14,7 +14,7 @@ fn turned(picture: &[f32], h: usize, w: usize, flip: (bool, bool), rotation: u32
         now = (0..h * w).map(|i| at(&now, w, h - 1 - i / w, i % w)).collect();
     }
     for _ in 0..rotation / 90 {
-        // Clockwise: the first column, read upwards, becomes the first row.
+        // Clockwise rotation makes the first column, read upwards, the first row.
         now = (0..h * w).map(|i| at(&now, w, h - 1 - i % h, i / h)).collect();
         (h, w) = (w, h);
     }
@@ -25,7 +25,7 @@ fn turned(picture: &[f32], h: usize, w: usize, flip: (bool, bool), rotation: u32
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Any turn of a hologram is the turn of the picture; and the turn back is the picture.
+    /// Any rotation of a hologram is the rotation of the picture, and the inverse rotation gives the picture.
     #[test]
     fn turns_are_those_of_whole_pictures(
         h in 1usize..14, w in 1usize..40, mirrored: bool, overturned: bool, quarter in 0u32..4,
@@ -40,7 +40,7 @@ proptest! {
         let phases = noise(h * w, (h * w) as u64);
         let mut sum = phases.clone();
         if correct {
-            // In the hologram's orientation: turned with it.
+            // In the hologram's orientation, the correction is rotated with it.
             let extra: Vec<f32> = (0..h * w).map(|i| (i % 7) as f32 * 0.5).collect();
             crate::files::write_npy(&here.path().join("c.npy"), &[h, w], &extra).unwrap();
             text += "[[encoding.correction]]\nfile = \"c.npy\"\nsign = 1\n";
@@ -52,10 +52,10 @@ proptest! {
         for (level, phase) in frames.frame(0).iter().zip(&wanted) {
             let exact = (f64::from(*phase) / TAU).rem_euclid(1.0) * 256.0;
             let off = (exact - f64::from(*level) + 128.0).rem_euclid(256.0) - 128.0;
-            // The sum above was rounded to float32: of 1e6, to 1.3 levels.
+            // The sum above was rounded to float32, which for 1e6 is an error of 1.3 levels.
             prop_assert!(off.abs() <= 0.51 || correct && phase.abs() > 1e4, "{exact} became {level}");
         }
-        // What was turned is turned back by the other way round: rotation, then flip undone by hand.
+        // The inverse is the other rotation, then the flip undone by hand.
         let mut undone = with(&format!("rotation_deg = {}", (360 - rotation) % 360), here.path(), [h, w], 256);
         undone.name = "back".into();
         let only = with(&format!("rotation_deg = {rotation}"), here.path(), [sh, sw], 256);
@@ -66,7 +66,7 @@ proptest! {
         prop_assert_eq!(encode(&undone, &ALL[..1], 1, &[levels]), encode(&plain, &ALL[..1], 1, &[phases]));
     }
 
-    /// A correction in the SLM's orientation stays where it is, however the hologram is turned.
+    /// A correction in the SLM's orientation stays in place for any rotation of the hologram.
     #[test]
     fn a_correction_of_the_slm_is_not_turned(h in 1usize..9, w in 1usize..9, quarter in 0u32..4, right in -9i32..9) {
         let here = here();
@@ -82,7 +82,7 @@ proptest! {
         }
     }
 
-    /// Cells of any shape and any flip of the video frame, undone pixel by pixel.
+    /// Tests cells of any shape and any flip of the video frame, pixel by pixel.
     #[test]
     fn cells_are_undone(
         h in 1usize..6, w in 1usize..40, shape in prop::sample::select(vec![(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (4, 1), (1, 4)]),

@@ -1,5 +1,6 @@
-//! What is read of a hologram in tiles on a display that is not ideal: crosstalk comes in from around a piece, and from beyond
-//! the SLM's edges.
+//! Reads tiles for a display that is not ideal, across the edges of the SLM.
+//!
+//! Crosstalk enters a piece from its surroundings, and from beyond the SLM's edges.
 
 use super::super::chunks::check_memory;
 use super::super::{HologramError, Metadata};
@@ -8,11 +9,11 @@ use crate::plan::ModelTables;
 use std::sync::Arc;
 
 impl Tiles {
-    /// The same of a rectangle no larger than the hologram that may hang over its edges, by as much as it is large: what lies
-    /// beyond one is what comes in on the other side.
+    /// Returns the phases of a rectangle no larger than the hologram, which may extend over its edges by up to its own
+    /// size. Phases beyond one edge come from the opposite side.
     ///
     /// # Errors
-    /// Those of [`read`](Self::read).
+    /// Returns the errors of [`read`](Self::read).
     pub(crate) fn read_around(&self, color: usize, at: [i64; 2], size: [usize; 2]) -> Result<Vec<f32>, HologramError> {
         let whole = [self.about.height, self.about.width];
         let runs = [0, 1].map(|k| runs(at[k], size[k], whole[k]));
@@ -33,11 +34,11 @@ impl Tiles {
         Ok(out)
     }
 
-    /// What the display that it was solved for does to one of its colours, over the whole SLM, for what is seen of it a piece at a
-    /// time; none for the ideal one.
+    /// Returns the model of its display for one of its colors, over the whole SLM, for pieces that are simulated one at
+    /// a time. Returns none for an ideal display.
     ///
     /// # Errors
-    /// [`HologramError::NoDisplay`]; [`HologramError::Optics`].
+    /// Returns [`HologramError::NoDisplay`] or [`HologramError::Optics`].
     pub fn model(&self, color: usize) -> Result<Option<&Arc<ModelTables>>, HologramError> {
         if self.models.get().is_none() {
             let one = |color| {
@@ -45,13 +46,13 @@ impl Tiles {
                 Ok(self.about.model(color, whole, whole)?.map(|model| model.for_pieces()))
             };
             let all = (0..self.about.colors.len()).map(one).collect::<Result<_, HologramError>>()?;
-            // Whoever was faster made the same.
+            // A faster thread made the same models.
             let _ = self.models.set(all);
         }
         Ok(self.models.get().and_then(|models| models[color].as_ref()))
     }
 
-    /// The same hologram, to be looked at with other metadata.
+    /// Returns the same hologram for reading, with other metadata.
     pub(in super::super) fn described(&self, change: impl FnOnce(&mut Metadata)) -> Self {
         let mut about = self.about.clone();
         change(&mut about.metadata);
@@ -59,7 +60,8 @@ impl Tiles {
     }
 }
 
-/// What `size` places from `at` on are of `whole` that go round: (from which of them, place, how many).
+/// Splits `size` places from `at` on, which wrap around after `whole`, into runs of (index of the first, place,
+/// length).
 fn runs(at: i64, size: usize, whole: usize) -> Vec<(usize, usize, usize)> {
     let (mut found, mut done) = (Vec::new(), 0);
     while done < size {

@@ -1,7 +1,9 @@
-//! Tiles of a hologram that several programs make at once. The job's parts are numbered in the order in which one program does
-//! them, from 1. A part finds each tile as the part before it that changed this tile left it, whatever has come of it since, and leaves
-//! its own beside it: in `staged/` under its number, or in its place where no later part changes that tile. So a part can be done again,
-//! or by two at once, and nothing is joined in the end.
+//! Stores the tiles of a hologram that several programs make at once.
+//!
+//! The parts of the job are numbered from 1, in the order in which a single program does them. A part reads each tile
+//! as the previous part that changed it left it, even if a later part has changed it since. It writes its own version
+//! to `staged/` under its number, or to the tile's place if no later part changes that tile. So a part can be done
+//! again, or by two programs at once, and there is no merge step.
 
 use super::super::HologramError;
 use super::super::chunks::{own_draft, read_tile, unwritable, write_chunk};
@@ -11,37 +13,39 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::Ordering::Relaxed;
 
-/// How a part of the job finds a tile.
+/// The version of a tile that a part of the job reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TileVersion {
-    /// As it was before any part changed it.
+    /// The tile before any part changed it.
     First,
-    /// As a part left it, which was not the last to change it.
+    /// The tile after this part, which was not the last to change it.
     Of(u64),
-    /// As the last part left it, in its place.
+    /// The tile after the last part, in its place.
     Last,
 }
 
 impl Tiles {
-    /// The same hologram as a part of its job finds it, to be read from: (colour, row, column) of each tile that it reads. Other tiles
-    /// it must not read.
+    /// Returns the same hologram for a part of its job, for reading. `versions` lists each tile (color, row, column)
+    /// that the part reads. It must not read other tiles.
     pub fn as_found(&self, versions: HashMap<[usize; 3], TileVersion>) -> Self {
         Self { versions: Some(versions), ..self.described(|_| ()) }
     }
 
-    /// Whether a part is done.
+    /// Returns true if a part is done.
     pub fn has_part(&self, part: u64) -> bool {
         self.folder.has(&done_name(part))
     }
 
-    /// Leaves what a part made of a rectangle of whole tiles, and says that it is done: all of it is on the disk when this returns.
-    /// `phases` is (frames, rows, columns); `is_last` tells which tiles (row, column) no later part changes.
+    /// Writes the result of a part for a rectangle of whole tiles, and marks the part as done. All of it is on the disk
+    /// when this returns. `phases` has the axes (frames, rows, columns). `is_last` returns true for the tiles (row,
+    /// column) that no later part changes.
     ///
     /// # Errors
-    /// [`HologramError::File`].
+    /// Returns [`HologramError::File`] if a file cannot be written.
     ///
     /// # Panics
-    /// If the rectangle is none of whole tiles, or the phases are not as many: the caller's mistake.
+    /// Panics if the rectangle is not of whole tiles, or the number of phases is wrong, which is a mistake of the
+    /// caller.
     pub fn leave(
         &self,
         part: u64,
@@ -60,10 +64,10 @@ impl Tiles {
         self.put_staged(&done_name(part), &|_| Ok(()))
     }
 
-    /// Removes a tile as a part left it: nobody will look for it again.
+    /// Removes the version of a tile after a part. No program reads it again.
     ///
     /// # Errors
-    /// [`HologramError::File`].
+    /// Returns [`HologramError::File`] if a file cannot be removed.
     pub fn forget(&self, part: u64, place: [usize; 3]) -> Result<(), HologramError> {
         let name = staged_name(part, place);
         if !self.folder.has(&name) {
@@ -72,7 +76,7 @@ impl Tiles {
         self.folder.remove(&name).map_err(|e| unwritable(&self.folder, &name, e))
     }
 
-    /// Whether every tile is in its place: then all parts are done.
+    /// Returns true if every tile is in its place. Then all parts are done.
     pub fn is_whole(&self) -> bool {
         self.all_places().all(|place| self.folder.has(&self.name(place)))
     }
@@ -103,7 +107,7 @@ impl Tiles {
     }
 }
 
-/// Says that a part is done.
+/// Returns the path of the file that marks a part as done.
 fn done_name(part: u64) -> String {
     format!("{STAGED}/{part}")
 }

@@ -1,4 +1,4 @@
-//! The drives that all colours share, and how they are turned by what each colour lacks (OPTICS 13).
+//! Stores the drive values that all colors share, and turns them as the colors request (OPTICS 13).
 
 use crate::optics::{drive_of, phase_of};
 use crate::solve::step::Turns;
@@ -6,20 +6,20 @@ use eyebox_kernels::trig;
 use rayon::prelude::*;
 use std::f32::consts::TAU;
 
-/// Drives of all sub-frames, in motion.
+/// Drive values of all sub-frames with their moments.
 pub(super) struct Drives {
-    /// (sub-frame, row, column), 0 to a turn.
+    /// Drive values (sub-frame, row, column), 0 to a turn.
     drives: Vec<f32>,
-    /// What moves them: the projection's velocity, or Adam's first moment, and its second.
+    /// The velocity of the projection, or the first and second moments of Adam.
     moments: [Vec<f32>; 2],
-    /// What the colours asked for since the last step: their turns, each times its slope.
+    /// The changes that the colors requested since the last step, as the turns of each color times its slope.
     pub(super) asked: Vec<f32>,
     /// Rows and columns of a sub-frame.
     size: [usize; 2],
 }
 
 impl Drives {
-    /// At these, given as phases of one turn.
+    /// Starts at these drive values, given as phases of one turn.
     pub(super) fn new(phases: &[f32], size: [usize; 2]) -> Self {
         let zeros = vec![0.0; phases.len()];
         Self {
@@ -30,38 +30,38 @@ impl Drives {
         }
     }
 
-    /// The phases that a colour of this slope has of them, -pi to pi radians.
+    /// Returns the phases of a color of this slope, in radians from -pi to pi.
     pub(super) fn phases(&self, slope: f64) -> Vec<f32> {
         let mut phases = vec![0.0; self.drives.len()];
         self.phases_into(slope, &mut phases);
         phases
     }
 
-    /// The same, into memory that is there already.
+    /// Writes the phases of a color of this slope into existing memory.
     pub(super) fn phases_into(&self, slope: f64, phases: &mut [f32]) {
-        // The drive as its own phase says it, so that all colours follow from what is kept.
+        // The drive value is rounded as its own phase, so that all colors follow from the stored values.
         let phase = |drive: f32| phase_of(drive_of(phase_of(f64::from(drive), 1.0)), slope);
         self.drives.par_iter().zip(phases).for_each(|(drive, to)| *to = phase(*drive));
     }
 
-    /// Begins again at these phases, with nothing that moves them.
+    /// Restarts at these phases without moments.
     pub(super) fn restart(&mut self, phases: &[f32]) {
         self.drives.iter_mut().zip(phases).for_each(|(drive, phase)| *drive = drive_of(*phase) as f32);
         self.clear_moments();
         self.forget_asked();
     }
 
-    /// What moved them is of no use any more.
+    /// Sets all moments to zero.
     pub(super) fn clear_moments(&mut self) {
         self.moments.iter_mut().for_each(|of| of.fill(0.0));
     }
 
-    /// What colours asked for is not to be taken.
+    /// Discards the changes that colors requested.
     pub(super) fn forget_asked(&mut self) {
         self.asked.fill(0.0);
     }
 
-    /// Has each sub-frame, by its place, and what moves it, go from what they are to what `carried` makes of it.
+    /// Replaces each sub-frame, given by its index, and its moments by the output of `carried`.
     pub(super) fn shift_frames(&mut self, carried: impl Fn(&[f32], &mut [f32], usize)) {
         let pixels = self.size[0] * self.size[1];
         let [first, second] = &mut self.moments;
@@ -74,10 +74,12 @@ impl Drives {
         }
     }
 
-    /// Adds what one colour asks for: `slope Im(conj(u) change)`, of the change of its field over the grid (sub-frame, row,
-    /// column) that holds the SLM, and the phases that it has now. Of each sub-frame's undiffracted light, the mean of its field, that
-    /// share is to go, too: even drives leave no mean at the wavelength that they are meant at, but several hundredths of the light
-    /// at others, which one place of the eyebox would receive (OPTICS 13).
+    /// Adds the change `slope Im(conj(u) change)` that one color requests.
+    ///
+    /// The `change` belongs to its field over the grid (sub-frame, row, column) that holds the SLM. The `phases` are
+    /// its current ones. The value `undiffracted` is the share of each sub-frame's undiffracted light, the mean of its
+    /// field, that is removed too. Even drive values leave no mean at their own wavelength. At other wavelengths they
+    /// leave several hundredths of the light, which one place of the eyebox would receive (OPTICS 13).
     pub(super) fn ask(&mut self, slope: f64, phases: &[f32], change: &[f32], undiffracted: &[f64], turns: &Turns) {
         let place = turns.project.place;
         let [_, width] = self.size;
@@ -103,8 +105,10 @@ impl Drives {
         });
     }
 
-    /// Takes the step that colours asked for, by its optimiser; `norm` is, per sub-frame, the sum over the colours of
-    /// power times slope squared, by which the projection divides, and Adam the number of colours.
+    /// Takes the step that the colors requested, by its optimizer.
+    ///
+    /// `norm` is, per sub-frame, the sum over the colors of power times slope squared. The projection divides by it,
+    /// and Adam divides by the number of colors.
     pub(super) fn turn(&mut self, turns: &Turns, norm: &[f64], colors: usize) {
         let pixels = self.size[0] * self.size[1];
         let Turns { project, adam, projects } = turns;
@@ -112,7 +116,7 @@ impl Drives {
         let frames = self.drives.par_chunks_mut(pixels).zip(self.asked.par_chunks_mut(pixels));
         let frames = frames.zip(first.par_chunks_mut(pixels)).zip(second.par_chunks_mut(pixels)).zip(norm);
         frames.for_each(|((((drives, asked), first), second), norm)| {
-            // A sub-frame that no laser lights stays as it is.
+            // A sub-frame that no laser lights stays the same.
             let share = if *norm > 0.0 { (1.0 / norm) as f32 } else { 0.0 };
             for (((drive, asked), first), second) in drives.iter_mut().zip(&mut *asked).zip(first).zip(second) {
                 let by = if *projects {
@@ -132,7 +136,7 @@ impl Drives {
     }
 }
 
-/// A drive, 0 to a turn; without a division where it is within a turn of that.
+/// Wraps a drive value to 0 to a turn. It needs no division for a value within a turn of that range.
 fn within_a_turn(drive: f32) -> f32 {
     let turned = match drive {
         0.0..TAU => return drive,

@@ -1,9 +1,9 @@
-//! All colours at once (OPTICS 13): sub-frames that every laser lights, each with a power of its own, solved for all colours
-//! together (Markley et al. 2023, Kavakli et al. 2023).
+//! Solves all colors at once in sub-frames that every laser lights, each with its own power (OPTICS 13).
 //!
-//! A step is a step of each colour's own list, at the phases that it has of the shared drives, up to the change of its field; what
-//! the colours ask of the drives is added up on the host, so any engine takes part. Powers are weights of sub-frames in the same
-//! lists, and are fitted to photographs now and then.
+//! The method is simultaneous color (Markley et al. 2023, Kavakli et al. 2023). A step runs the list of each color's
+//! own step, at the phases that the shared drive values give this color, up to the change of its field. The host adds
+//! up the changes that the colors request of the drive values, so any engine is suitable. Powers are weights of
+//! sub-frames in the same lists. They are fitted to target images every few steps.
 
 mod check;
 mod drives;
@@ -33,16 +33,16 @@ pub use shared::SharedDrives;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What goes into [`solve_joint`] beside its settings.
+/// The input of [`solve_joint`] besides its settings.
 #[derive(Debug, Clone, Copy)]
 pub struct JointProblem<'a> {
-    /// The colours, all on one SLM and one grid.
+    /// The colors, all on one SLM and one grid.
     pub colors: &'a [Problem],
-    /// Turns of each colour's light for a turn of the drive ([`Display::slopes`](crate::optics::Display::slopes)).
+    /// Turns of each color's light per turn of the drive value ([`Display::slopes`](crate::optics::Display::slopes)).
     pub slopes: &'a [f64],
-    /// Exposures of the colours; none for those that each one's scene asks for.
+    /// Exposures of the colors, or `None` to derive each one from its scene.
     pub exposures: Option<&'a [f64]>,
-    /// Powers to begin with, (colour, sub-frame); none for all alike.
+    /// First powers (color, sub-frame), or `None` for equal ones.
     pub powers: Option<&'a [Vec<f64>]>,
 }
 
@@ -50,23 +50,23 @@ impl JointProblem<'_> {
     fn check(&self, joint: &Joint, settings: &Settings) -> Result<(), SolveError> {
         let (count, brightness) = (self.colors.len(), joint.brightness);
         let fits = count == 0 || brightness <= count as f64;
-        require(fits, "the brightness of joint colours", brightness, "1 to the number of colours")?;
+        require(fits, "the brightness of joint colors", brightness, "1 to the number of colors")?;
         check::colors(&self.colors.iter().collect::<Vec<_>>(), self.slopes)?;
         if let Some(powers) = self.powers {
             check::powers(powers.iter().map(Vec::as_slice), count, settings.frames)?;
         }
         let fit = |e: &[f64]| e.len() == count && e.iter().all(|e| *e > 0.0 && e.is_finite());
         let exposures = format_args!("{:?}", self.exposures);
-        require(self.exposures.is_none_or(fit), "the exposures of the colours", exposures, "positive, one a colour")
+        require(self.exposures.is_none_or(fit), "the exposures of the colors", exposures, "positive, one per color")
     }
 }
 
-/// Solves all colours at once, as `settings.joint` says. `observe` is called after every step.
+/// Solves all colors at once with the settings in `settings.joint`, and calls `observe` after every step.
 ///
-/// The same seed gives the same phases and powers, bit for bit, on one engine.
+/// The same seed gives the same phases and powers on one engine, bit for bit.
 ///
 /// # Errors
-/// [`SolveError`]; where the engine fails, the best state so far is lost with this call.
+/// [`SolveError`]. If the engine fails, the best state is lost with this call.
 pub fn solve_joint(
     problem: &JointProblem<'_>,
     settings: &Settings,
@@ -77,7 +77,7 @@ pub fn solve_joint(
     solve_joint_begun_by(problem, settings, from, &mut start_table::shared::beginning, engine, observe)
 }
 
-/// [`solve_joint`], begun by `begin` if no drives are given.
+/// Solves as [`solve_joint`] does. `begin` provides the first drive values if none are given.
 pub(super) fn solve_joint_begun_by(
     problem: &JointProblem<'_>,
     settings: &Settings,
@@ -97,7 +97,7 @@ pub(super) fn solve_joint_begun_by(
     if let Some(Warm { phases, .. }) = from {
         let optics = problem.colors[0].optics;
         let fits = phases.len() == settings.frames * optics.height * optics.width;
-        require(fits, "the number of phases to begin with", phases.len(), "that of the hologram")?;
+        require(fits, "the number of phases to begin with", phases.len(), "as many as the hologram has")?;
     }
     let start = Instant::now();
     let mut lit = Vec::with_capacity(problem.colors.len());
@@ -116,8 +116,9 @@ pub(super) fn solve_joint_begun_by(
     JointRun::new(lit, settings, most, problem.powers, from, start).solve(engine, observe)
 }
 
-/// The drives that a table has for the colors, as phases of one turn, if a solve begins with one. Without a step exposures are then higher,
-/// as those of one color are, unless they are given.
+/// Returns the drive values from a table as phases of one turn, if a solve begins with one.
+///
+/// Without a step the exposures are then higher, as for one color, unless they are given.
 fn first_drives(
     joint: &JointProblem<'_>,
     lit: &mut [Lit<'_>],
@@ -139,7 +140,7 @@ fn first_drives(
     Ok(begun)
 }
 
-/// One colour's part: its plans, its validation, its exposure.
+/// Prepares the plans, the validation and the exposure of one color.
 fn prepare<'a>(
     joint: &JointProblem<'a>,
     color: usize,
@@ -152,7 +153,7 @@ fn prepare<'a>(
     let mut ready = Ready::new(problem, settings, settings.optimizer.purpose(), engine)?;
     let exposure = match joint.exposures {
         Some(exposures) => exposures[color] / ready.unit,
-        // As if it were alone.
+        // The exposure is chosen as for a single color.
         None => Run::new(&ready, settings, None, engine, start).choose_exposure(observe)?,
     };
     ready.planner.powers = vec![1.0; settings.frames].into();

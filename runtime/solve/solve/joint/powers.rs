@@ -1,30 +1,34 @@
-//! The powers of one colour's laser, sub-frame by sub-frame, at fixed phases: what an eye sees is linear in them, so the best ones
-//! solve a least-squares problem of a few unknowns (OPTICS 13).
+//! Fits the powers of one color's laser per sub-frame at fixed phases (OPTICS 13).
+//!
+//! The intensity that an eye sees is linear in the powers, so the best ones solve a least-squares problem of a few
+//! unknowns.
 
 use crate::optics::with_mean_of_one;
 
-/// The squared difference over pupils and pixels as a function of the powers: `p' A p - 2 b' p + c`.
+/// The squared difference over pupils and pixels as a function of the powers, `p' A p - 2 b' p + c`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PowerFit {
     frames: usize,
-    /// A, (sub-frame, sub-frame); b; c: sums of each pupil's means.
+    /// A, (sub-frame, sub-frame), then b and c, as sums of each pupil's means.
     gram: Vec<f64>,
     with_target: Vec<f64>,
     of_target: f64,
     pupils: f64,
 }
 
-/// Steps towards the best powers: for the few unknowns there are, they end within a thousandth of the mean.
+/// Number of steps towards the best powers. Since the unknowns are few, they end within a thousandth of the mean.
 const STEPS: usize = 400;
 
 impl PowerFit {
-    /// Of no pupil yet.
+    /// Starts with no pupil.
     pub(crate) fn new(frames: usize) -> Self {
         Self { frames, gram: vec![0.0; frames * frames], with_target: vec![0.0; frames], of_target: 0.0, pupils: 0.0 }
     }
 
-    /// Adds a pupil: fields of all sub-frames at power 1 (sub-frame, pixel), the factor that makes light of their squares, which
-    /// holds the exposure, and its target.
+    /// Adds a pupil with its target.
+    ///
+    /// The `fields` belong to all sub-frames at power 1 (sub-frame, pixel). The `gain` converts their squares to light
+    /// and includes the exposure.
     pub(crate) fn add(&mut self, fields: &[[f32; 2]], gain: f64, target: &[f32]) {
         let count = target.len();
         let light = |v: &[f32; 2]| gain * (f64::from(v[0]) * f64::from(v[0]) + f64::from(v[1]) * f64::from(v[1]));
@@ -47,15 +51,15 @@ impl PowerFit {
         self.pupils += 1.0;
     }
 
-    /// Derivative of the mean squared difference over pupils and pixels in the powers.
+    /// Returns the derivative of the mean squared difference over pupils and pixels with respect to the powers.
     pub(crate) fn gradient(&self, powers: &[f64]) -> Vec<f64> {
         let of = |row: &[f64]| row.iter().zip(powers).map(|(a, p)| a * p).sum::<f64>();
         let rows = self.gram.chunks_exact(self.frames).zip(&self.with_target);
         rows.map(|(row, b)| 2.0 * (of(row) - b) / self.pupils.max(1.0)).collect()
     }
 
-    /// The best powers from 0 to `most` with a mean of 1, from these: projected gradients with Nesterov's momentum (FISTA, Beck
-    /// and Teboulle 2009).
+    /// Returns the best powers from 0 to `most` with a mean of 1, starting at `from`. It uses projected gradients with
+    /// Nesterov's momentum (FISTA, Beck and Teboulle 2009).
     pub(crate) fn best(&self, from: &[f64], most: f64) -> Vec<f64> {
         let largest = self.gram.chunks_exact(self.frames).map(|row| row.iter().map(|a| a.abs()).sum::<f64>());
         let steep = 2.0 * largest.fold(0.0, f64::max) / self.pupils.max(1.0);
@@ -75,14 +79,15 @@ impl PowerFit {
     }
 }
 
-/// The nearest powers from 0 to `most` whose mean is 1: all of them less one number, cut off at both ends.
+/// Returns the nearest powers from 0 to `most` with a mean of 1. These are all powers minus one number, clipped at both
+/// ends.
 pub(crate) fn within(powers: &[f64], most: f64) -> Vec<f64> {
     let most = most.max(1.0);
     let lowest = powers.iter().copied().fold(f64::INFINITY, f64::min) - most;
     let highest = powers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let (mut low, mut high) = (lowest, highest);
     let cut = |by: f64| powers.iter().map(|p| (p - by).clamp(0.0, most)).collect::<Vec<_>>();
-    // The mean falls from `most` to 0 as more is taken away.
+    // The mean falls from `most` to 0 with a larger number.
     for _ in 0..80 {
         let middle = 0.5 * (low + high);
         let mean = cut(middle).iter().sum::<f64>() / powers.len().max(1) as f64;
@@ -97,7 +102,8 @@ mod tests {
     use proptest::prelude::*;
 
     impl PowerFit {
-        /// Mean squared difference over pupils and pixels, which [`gradient`](Self::gradient) is the derivative of.
+        /// Returns the mean squared difference over pupils and pixels, whose derivative is
+        /// [`gradient`](Self::gradient).
         pub(crate) fn loss(&self, powers: &[f64]) -> f64 {
             let of = |row: &[f64]| row.iter().zip(powers).map(|(a, p)| a * p).sum::<f64>();
             let rows = self.gram.chunks_exact(self.frames).zip(&self.with_target).zip(powers);
@@ -122,7 +128,8 @@ mod tests {
     }
 
     proptest! {
-        /// The derivative against finite differences; after a step powers are 0 to the most with a mean of 1, and no worse.
+        /// The derivative agrees with finite differences. After a step powers are from 0 to `most` with a mean of 1,
+        /// and no worse.
         #[test]
         fn gradients_are_derivatives_and_steps_stay_inside(frames in 1usize..9, seed in 0u64..500, most in 1.0f64..4.0) {
             let fit = fit(frames, seed, |_| noise(50, seed + 7));

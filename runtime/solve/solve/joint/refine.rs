@@ -1,4 +1,4 @@
-//! A hologram of all colours at once under refinement for where the eye is.
+//! Refines a hologram of all colors at once for the position of the eye.
 
 use super::shared::SharedDrives;
 use crate::engine::{Engine, EngineError, Storage};
@@ -11,30 +11,33 @@ use crate::solve::problem::Problem;
 use crate::solve::refine_settings::RefineSettings;
 use crate::solve::steer::Refiner;
 
-/// One colour of a hologram that shows all of them at once.
+/// One color of a hologram that shows all of them at once.
 #[derive(Debug, Clone)]
 pub struct JointPart {
-    /// The scene before its wavelength.
+    /// The scene for this wavelength.
     pub problem: Problem,
-    /// What it was solved for.
+    /// The exposure for which it was solved.
     pub exposure: f64,
-    /// What its light makes of the drives, and its powers.
+    /// The slope of its light per drive value, and its powers.
     pub laser: Laser,
 }
 
-/// A hologram of all colours at once under refinement, each colour on an engine of its own: a step is a step of every colour's own,
-/// through the same pupils, and what they ask of the drives that they share is added up (OPTICS 13). The powers of the lasers stay.
+/// A hologram of all colors at once under refinement, with one engine per color.
+///
+/// A step is a step of every color through the same pupils. The changes that they request of the shared drive values
+/// are added up (OPTICS 13). The powers of the lasers stay the same.
 pub struct JointRefiner {
     pub(super) colors: Vec<Refiner>,
     pub(super) shared: SharedDrives,
 }
 
 impl JointRefiner {
-    /// Begins with these drives, as phases of one turn, (frames, height, width), radians, and the whole eyebox as aim; `engine` makes an
-    /// engine for each colour.
+    /// Starts with these drive values as phases of one turn (frames, height, width), radians, and aims at the whole
+    /// eyebox. `engine` makes an engine for each color.
     ///
     /// # Errors
-    /// [`SolveError::Setting`] for what cannot be, or cannot be of all colours at once; those of the engines.
+    /// [`SolveError::Setting`] for values that are invalid for simultaneous color, and [`SolveError::Engine`] if an
+    /// engine fails.
     pub fn new(
         parts: Vec<JointPart>,
         drives: &[f32],
@@ -53,43 +56,43 @@ impl JointRefiner {
         Ok(Self { colors, shared })
     }
 
-    /// What moves while the sub-frames are lit, from now on, in pixels of each colour.
+    /// Sets the movement while the sub-frames are lit, from now on, in pixels of each color.
     ///
     /// # Errors
-    /// [`SolveError::Setting`] for what cannot be.
+    /// [`SolveError::Setting`] for invalid values.
     pub fn moves(&mut self, motion: Motion) -> Result<(), SolveError> {
         self.colors.iter_mut().try_for_each(|color| color.moves(motion))
     }
 
-    /// The mean over the colours of the losses of the drives as they are, through the pupils that the next step looks through.
+    /// Returns the mean loss of the current drive values over the colors, through the pupils of the next step.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn loss(&mut self) -> Result<f64, EngineError> {
         let losses = self.colors.iter_mut().map(Refiner::loss).collect::<Result<Vec<_>, _>>()?;
         Ok(losses.iter().sum::<f64>() / losses.len().max(1) as f64)
     }
 
-    /// Begins again with the drives that it was made with.
+    /// Restarts with the original drive values.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn begin_again(&mut self) -> Result<(), EngineError> {
         self.shared.begin_again(&mut self.colors)
     }
 
-    /// What each colour has of the drives now: (frames, height, width), radians in -pi .. pi.
+    /// Returns the phases of each color for the current drive values (frames, height, width), radians in -pi .. pi.
     pub fn phases(&self) -> &[Vec<f32>] {
         self.shared.phases()
     }
 
-    /// What each of these pupils sees now of one colour, by its place, and should see.
+    /// Returns the sums of image and target image for each of these pupils, of the color with this index.
     ///
     /// # Errors
-    /// Those of the engine; [`EngineError::Mismatch`] for a colour that it does not have.
+    /// [`EngineError`] if the engine fails, and [`EngineError::Mismatch`] for a color that it does not have.
     pub fn look(&mut self, color: usize, pupils: &[Pupil]) -> Result<Vec<Sums>, EngineError> {
         let count = self.colors.len();
-        let missing = || EngineError::Mismatch { reason: format!("colour {color} of {count}: the first is 0") };
+        let missing = || EngineError::Mismatch { reason: format!("color {color} of {count}: the first is 0") };
         self.colors.get_mut(color).ok_or_else(missing)?.look(pupils)
     }
 }
@@ -118,12 +121,12 @@ impl Refinable for JointRefiner {
     }
 }
 
-/// A steering as it is of all colours at once: what they ask of the drives is added up in float32.
+/// Returns the settings for simultaneous color, which adds up the changes of the colors in float32.
 ///
 /// # Errors
-/// [`SolveError::Setting`] where it asks for halves.
+/// [`SolveError::Setting`] if they request halves.
 pub fn for_joint_colors(steering: RefineSettings) -> Result<RefineSettings, SolveError> {
-    let right = "fp32 for all colours at once, whose changes are added up";
+    let right = "fp32 for simultaneous color, which adds up changes";
     require(steering.storage != Some(Storage::F16), "how fields are stored", Storage::F16.name(), right)?;
     Ok(RefineSettings { storage: Some(Storage::F32), ..steering })
 }

@@ -1,4 +1,4 @@
-//! Tests of refining all colours at once.
+//! Tests of the refinement of all colors at once.
 
 use super::tests::setting;
 use super::{Joint, JointPart, JointProblem, JointRefiner, check, solve_joint};
@@ -35,7 +35,7 @@ fn problems(colors: &[Color]) -> Vec<Problem> {
     colors.iter().map(|c| Problem::new(&field, *c, &display, Padding::default()).unwrap()).collect()
 }
 
-/// Colours in light of these powers, at exposures of the usual size.
+/// Colors in light of these powers, at exposures of the usual size.
 fn parts(powers: &[Vec<f64>]) -> Vec<JointPart> {
     let slopes = display().slopes(&ALL);
     let lasers = slopes.into_iter().zip(powers).map(|(slope, powers)| Laser { slope, powers: powers.clone() });
@@ -47,7 +47,7 @@ fn pupils(centers: &[[f64; 2]]) -> Vec<Pupil> {
     centers.iter().map(|&[x, y]| Pupil::from_mm([x, y, 4.0, 0.0])).collect()
 }
 
-/// Mean over colours and pupils, dB.
+/// Mean PSNR over colors and pupils in dB.
 fn seen(refiner: &mut JointRefiner, exposures: &[f64], pupils: &[Pupil]) -> f64 {
     let mut of = |(color, exposure): (usize, &f64)| {
         let sums: Vec<Sums> = refiner.look(color, pupils).unwrap();
@@ -76,7 +76,7 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     for (strategy, least) in [(RefineSettings::default().strategy, 1.0), (Strategy::Adam { rate: 0.05 }, 0.5)] {
         let steering = RefineSettings { strategy, ..RefineSettings::default() };
         let mut refiner = JointRefiner::new(parts.clone(), drives, steering, cpu).unwrap();
-        // It begins with what was solved.
+        // It starts with the solved phases.
         for (phases, color) in refiner.phases().iter().zip(&solved.colors) {
             let off = phases.iter().zip(&color.phases).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(off < 1e-5, "{off}");
@@ -89,7 +89,7 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
         let after = [&there, &elsewhere].map(|pupils| seen(&mut refiner, &exposures, pupils));
         assert!(after[0] > before[0] + least, "{strategy:?}: {before:?} before, {after:?} after");
         assert!(after[1] > before[1] - 1.0, "{strategy:?}: {before:?} before, {after:?} after");
-        // Colours have one drive still.
+        // Colors still have one drive value.
         let drive = refiner.phases()[reference].clone();
         for (part, phases) in parts.iter().zip(refiner.phases()) {
             assert_eq!(part.laser.phases(&drive), *phases);
@@ -99,11 +99,12 @@ fn the_eye_sees_better_and_the_eyebox_hardly_worse() {
     }
 }
 
-/// What the colours ask of the drives is the derivative of the mean of their losses through the same pupils.
+/// The requested change of the drive values is the derivative of the mean of the colors' losses through the same
+/// pupils.
 #[test]
 fn what_is_asked_of_the_drives_is_a_derivative() {
     let powers = [vec![0.4, 1.9, 0.7], vec![1.0, 0.2, 1.8], vec![1.5, 1.5, 0.0]];
-    // Away from the wrap, where a difference would see it.
+    // These values are away from the wrap, which would disturb a difference.
     let drives: Vec<f64> =
         random_phases(3 * SIZE[0] * SIZE[1], 5).iter().map(|p| 3.15 + 0.98 * f64::from(*p)).collect();
     let phases = |drives: &[f64]| drives.iter().map(|d| phase_of(*d, 1.0)).collect::<Vec<_>>();
@@ -113,14 +114,14 @@ fn what_is_asked_of_the_drives_is_a_derivative() {
     let before = refiner.loss().unwrap();
     let JointRefiner { colors, shared } = &mut refiner;
     assert!(shared.ask(colors).unwrap().is_some());
-    // Adam takes twice the sum over the colours, over their number.
+    // Adam uses twice the sum over the colors, divided by their number.
     let gradient: Vec<f64> = shared.drives.asked.iter().map(|g| 2.0 / 3.0 * f64::from(*g)).collect();
     let loss = shared.losses().iter().sum::<f64>() / 3.0;
     assert!((loss / before - 1.0).abs() < 1e-6, "{loss} {before}");
     let steep = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
     let widest = gradient.iter().map(|g| g.abs() / steep).fold(0.0, f64::max);
     for seed in 0..2 {
-        // Down the gradient, and in a direction of its own.
+        // The directions are down the gradient, and a separate one.
         let other = random_phases(drives.len(), 9).into_iter().map(|p| f64::from(p) / 3.2 * widest);
         let along: Vec<f64> = match seed {
             0 => gradient.iter().map(|g| g / steep).collect(),
@@ -129,7 +130,7 @@ fn what_is_asked_of_the_drives_is_a_derivative() {
         let step = 0.03 / along.iter().map(|v| v.abs()).fold(0.0, f64::max);
         let at = |by: f64| {
             let moved: Vec<f64> = drives.iter().zip(&along).map(|(d, v)| d + by * v).collect();
-            // The pupils stay those that were drawn, until a step was taken.
+            // The drawn pupils stay valid until a step was taken.
             let mut other = JointRefiner::new(parts(&powers), &phases(&moved), steering, cpu).unwrap();
             other.aim(AIM).unwrap();
             other.loss().unwrap()
@@ -140,7 +141,7 @@ fn what_is_asked_of_the_drives_is_a_derivative() {
     }
 }
 
-/// One colour that drives are meant at, in even light, is refined as any hologram of one colour is.
+/// One color whose phases are the drive values, in even light, is refined like any hologram of one color.
 #[test]
 fn of_one_colour_it_is_the_ordinary_refinement() {
     let problem = problems(&ALL[..1]).remove(0);
@@ -159,13 +160,13 @@ fn of_one_colour_it_is_the_ordinary_refinement() {
         }
         let plain = plain.phases().unwrap();
         let off = joint.phases()[0].iter().zip(&plain).map(|(a, b)| f64::from(1.0 - (a - b).cos()));
-        // Adam's first steps have the sign of the smallest gradients, too.
+        // Adam's first steps also have the sign of the smallest gradients.
         let off = off.sum::<f64>() / plain.len() as f64;
         assert!(off < 1e-4, "{strategy:?}: {off}");
     }
 }
 
-/// A colour whose laser shines in one sub-frame alone is seen as a hologram of that sub-frame.
+/// A color whose laser is lit in only one sub-frame looks like a hologram of that sub-frame.
 #[test]
 fn powers_are_the_light_of_sub_frames() {
     let pixels = SIZE[0] * SIZE[1];
@@ -179,7 +180,7 @@ fn powers_are_the_light_of_sub_frames() {
         let [alone, joint] = [alone.unwrap().look(&pupils).unwrap(), joint.look(color, &pupils).unwrap()];
         for (alone, joint) in alone.iter().zip(&joint) {
             let [alone, joint] = [alone, joint].map(|sums| sums.psnr(part.exposure));
-            assert!((alone - joint).abs() < 1e-3, "colour {color}: {alone} {joint} dB");
+            assert!((alone - joint).abs() < 1e-3, "color {color}: {alone} {joint} dB");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A joint solve under way: steps of every colour, powers, verdicts.
+//! Runs a joint solve, with the steps of every color, the fits of powers, and validation.
 
 use super::drives::Drives;
 use super::powers::PowerFit;
@@ -17,63 +17,64 @@ use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Colours that were solved together.
+/// The solutions of colors that were solved together.
 #[derive(Debug, Clone)]
 pub struct JointSolution {
-    /// One a colour, in the order of the problems; its phases are those that the colour has of the shared drives.
+    /// One solution per color, in the order of the problems. Its phases follow from the shared drive values.
     pub colors: Vec<Solution>,
-    /// Power of each colour's laser in each sub-frame, over its mean: (colour, sub-frame).
+    /// Power of each color's laser in each sub-frame, relative to its mean (color, sub-frame).
     pub powers: Vec<Vec<f64>>,
 }
 
-/// One colour in the light of its laser.
+/// One color in the light of its laser.
 pub(super) struct Lit<'a> {
-    /// Its plans light all sub-frames alike.
+    /// The planner in it lights all sub-frames equally.
     pub(super) ready: Ready<'a>,
-    /// Turns of its light for a turn of the drive.
+    /// Turns of its light per turn of the drive value.
     pub(super) slope: f64,
-    /// In units of its scene.
+    /// The exposure in units of its scene.
     pub(super) exposure: f64,
 }
 
-/// What was best so far.
+/// The best state of a joint solve.
 struct Best {
-    /// Mean over the colours, dB.
+    /// Mean over the colors in dB.
     score: f64,
-    /// Mean PSNR of the colors that are not black, dB.
+    /// Mean PSNR of the colors that are not black, in dB.
     quality: Option<f64>,
     step: usize,
-    /// Per colour.
+    /// Phases of each color.
     phases: Vec<Vec<f32>>,
     powers: Vec<Vec<f64>>,
     validation: Vec<ValidationScore>,
 }
 
-/// Steps from one fit of the powers to the next, and how much of the way to what was found they go: what was found for one set of
-/// pupils is not all there is.
+/// Steps from one fit of the powers to the next, and the share of the way to the fitted powers that they move. The
+/// result for one set of pupils is only a part of the data.
 const FIT_EVERY: usize = 3;
 const FIT_SHARE: f64 = 0.5;
-/// Pupils that powers are fitted to.
+/// Number of pupils to which powers are fitted.
 const FIT_PUPILS: usize = 6;
 
-/// A joint solve under way.
+/// A joint solve that is under way.
 pub(super) struct JointRun<'a> {
     lit: Vec<Lit<'a>>,
     settings: &'a Settings,
     drives: Drives,
     powers: Vec<Vec<f64>>,
-    /// Largest power over the mean.
+    /// Largest power relative to the mean.
     most: f64,
-    /// Where along the schedule it begins.
+    /// Position in the schedule at which it begins.
     begun_at: f64,
     start: Instant,
     best: Option<Best>,
-    /// A colour's change of its field.
+    /// The change of one color's field.
     change: Vec<f32>,
 }
 
 impl<'a> JointRun<'a> {
-    /// From these powers, or all alike, and from `from`'s drives, as phases of one turn, or random ones.
+    /// Starts with these powers, or equal ones, and with the drive values of `from` as phases of one turn, or random
+    /// ones.
     pub(super) fn new(
         lit: Vec<Lit<'a>>,
         settings: &'a Settings,
@@ -101,7 +102,7 @@ impl<'a> JointRun<'a> {
         }
     }
 
-    /// All steps, and what came of them.
+    /// Takes all steps and returns the solution.
     pub(super) fn solve(
         mut self,
         engine: &mut dyn Engine,
@@ -112,7 +113,7 @@ impl<'a> JointRun<'a> {
         let memory = engine.memory();
         let mut schedules: Vec<Steps<'_>> =
             lit.iter().map(|l| Steps::new(l.ready.problem, &l.ready.planner, settings, l.exposure, memory)).collect();
-        // Pupils of their own: the best powers for those that a step was just taken for are not the best for others.
+        // These pupils are separate, because the best powers for the pupils of a step are not the best for others.
         let mut fitted_to = Viewpoints::new(lit[0].ready.problem, settings, settings.seed ^ 0x706f_7765_7273);
         let (every, begun) = (interval(settings.steps, settings.psnr.is_some()), self.start.elapsed().as_secs_f64());
         let (mut durations, mut step) = (Vec::new(), 0);
@@ -140,7 +141,7 @@ impl<'a> JointRun<'a> {
             if step.is_multiple_of(every) || step == settings.steps {
                 self.validate(&lit, step, engine)?;
             }
-            // The colour that drives are meant at speaks for all.
+            // The color at whose wavelength drive values are phases represents all.
             let reference = reference_of(lit.iter().map(|l| l.slope)).unwrap_or(0);
             let validation = self.best.as_ref().map(|best| &best.validation[reference]);
             let (steps, seconds) = (settings.steps, self.start.elapsed().as_secs_f64());
@@ -161,8 +162,8 @@ impl<'a> JointRun<'a> {
         Ok(self.solution(&lit, step, step_seconds, stop))
     }
 
-    /// One step of all colours: its loss, the mean over them, or the kernel that gave numbers which are not finite; no drive moves
-    /// then.
+    /// Takes one step of all colors, and returns the mean loss over them. If numbers are not finite, it returns the
+    /// kernel that computed them, and no drive value moves.
     fn step(
         &mut self,
         lit: &[Lit<'_>],
@@ -184,7 +185,7 @@ impl<'a> JointRun<'a> {
                 return Ok(Err(first_fault(engine, &step)?));
             }
             loss += of_color / lit.len() as f64;
-            // A gradient is that of the loss alone.
+            // A gradient is the derivative of the loss alone.
             let turns = Turns::of(&step);
             let share = |p: &f64| if turns.projects { *p } else { 0.0 };
             let undiffracted = self.powers[color].iter().map(share).collect::<Vec<_>>();
@@ -199,7 +200,7 @@ impl<'a> JointRun<'a> {
         Ok(Ok(loss))
     }
 
-    /// Moves the powers towards the best for the drives as they are, seen through further pupils.
+    /// Moves the powers towards the best ones for the current drive values, through further pupils.
     fn fit_powers(
         &mut self,
         lit: &[Lit<'_>],
@@ -216,7 +217,7 @@ impl<'a> JointRun<'a> {
         Ok(())
     }
 
-    /// Scores the drives and powers as they are, and keeps them if they are the best so far.
+    /// Scores the current drive values and powers, and keeps them if they are the best.
     fn validate(&mut self, lit: &[Lit<'_>], step: usize, engine: &mut dyn Engine) -> Result<(), SolveError> {
         let (mut validation, mut kept) = (Vec::with_capacity(lit.len()), Vec::with_capacity(lit.len()));
         for (l, powers) in lit.iter().zip(&self.powers) {
@@ -227,7 +228,7 @@ impl<'a> JointRun<'a> {
             validation.push(l.ready.validator.score(engine, &planner)?.in_units_of(l.ready.unit));
             kept.push(phases);
         }
-        // Colors without light have no quality. If none has light, what is left of it decides which state is kept.
+        // Colors without light have no quality. If none has light, the remaining light decides which state is kept.
         let lit_colors: Vec<f64> =
             validation.iter().filter_map(ValidationScore::quality).map(|[mean, _]| mean).collect();
         let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
@@ -254,13 +255,13 @@ impl<'a> JointRun<'a> {
     }
 }
 
-/// Gives an engine one colour's views and phases.
+/// Gives an engine the views and phases of one color.
 fn show(engine: &mut dyn Engine, lit: &Lit<'_>, phases: &[f32]) -> Result<(), EngineError> {
     engine.take_views(Arc::clone(&lit.ready.problem.pyramid))?;
     engine.write(Buffer::Phases, phases)
 }
 
-/// What the powers of a colour that an engine shows should be, seen through these viewpoints.
+/// Fits the powers of a color that an engine shows, through these viewpoints.
 pub(super) fn fit_of(
     engine: &mut dyn Engine,
     lit: &Lit<'_>,

@@ -1,5 +1,7 @@
-//! Drives that the refiners of all colours share (OPTICS 6d, 13): each asks for its own change through the same pupils, and what they
-//! ask for is added up before the drives move.
+//! Holds the drive values that the refiners of all colors share (OPTICS 6d, 13).
+//!
+//! Each refiner requests its own change through the same pupils, and the changes are added up before the drive values
+//! move.
 
 use super::check;
 use super::drives::Drives;
@@ -13,45 +15,49 @@ use crate::solve::steer::Refiner;
 use crate::solve::step::Turns;
 use std::time::{Duration, Instant};
 
-/// The drives of a hologram of all colours at once under refinement. Whoever holds it holds the refiners of the colours, in their
-/// order, and lets it step them. Their lasers' powers stay as they are: whoever drives the lasers has them before.
+/// The drive values of a hologram of all colors at once under refinement.
+///
+/// The owner holds the refiners of the colors in their order and passes them to each step. The powers of the lasers
+/// stay the same, so the driver of the lasers can receive them in advance.
 pub struct SharedDrives {
     pub(super) drives: Drives,
     lasers: Vec<Laser>,
-    /// The colour whose phases are the drive; none on an SLM on which every colour makes more than a turn.
+    /// The color whose phases are the drive values. `None` on an SLM on which every color makes more than a turn.
     sent_as: Option<usize>,
-    /// What each colour has of the drives now, as its refiner has it.
+    /// The current phases of each color, as its refiner has them.
     phases: Vec<Vec<f32>>,
-    /// The drives as phases of one turn, where they are no colour's.
+    /// The drive values as phases of one turn, if no color has these phases.
     sent: Vec<f32>,
-    /// The drives to begin again with, as phases of one turn.
+    /// The drive values for a restart, as phases of one turn.
     kept: Vec<f32>,
-    /// Room for the change that a colour asks for, and the losses of the last step.
+    /// Memory for the change that a color requests, and the losses of the last step.
     change: Vec<f32>,
     losses: Vec<f64>,
-    /// Per sub-frame, what the colours' powers and slopes sum to, and the share of a colour's undiffracted light that is to go.
+    /// Per sub-frame, the sum of the colors' powers times slopes squared, and the share of a color's undiffracted light
+    /// that is removed.
     norms: Vec<f64>,
     undiffracted: Vec<f64>,
-    /// What steps of all colours take that draw pupils, and those that use the pupils of the step before.
+    /// Durations of the steps of all colors that draw pupils, and of the steps that reuse the pupils of the step
+    /// before.
     paces: [Pace; 2],
 }
 
 impl SharedDrives {
-    /// Refuses colours that cannot share drives in the light of these lasers.
+    /// Returns an error for colors that cannot share drive values in the light of these lasers.
     ///
     /// # Errors
-    /// [`SolveError::Setting`].
+    /// [`SolveError::Setting`] for the first reason.
     pub fn check<'a>(colors: impl Iterator<Item = (&'a Problem, &'a Laser)>) -> Result<(), SolveError> {
         let (problems, slopes): (Vec<&Problem>, Vec<f64>) =
             colors.map(|(problem, laser)| (problem, laser.slope)).unzip();
         check::colors(&problems, &slopes)
     }
 
-    /// Of these lasers before these colours, which can share drives, and were begun with the phases that they have of them; `drives` are
-    /// given as phases of one turn.
+    /// Starts with these lasers and colors, which can share drive values. The colors were started with their phases of
+    /// these drive values, which `drives` holds as phases of one turn.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn new<R: AsMut<Refiner>>(drives: &[f32], lasers: Vec<Laser>, colors: &mut [R]) -> Result<Self, EngineError> {
         let mut size = [1; 2];
         let mut changes = 0;
@@ -79,10 +85,11 @@ impl SharedDrives {
         Ok(shared)
     }
 
-    /// One step of all colours; its loss, the mean over them. With one that is no finite number the drives stay as they were.
+    /// Takes one step of all colors and returns the mean loss over them. If the loss is not a finite number, the drive
+    /// values stay as they were.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn step<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<f64, EngineError> {
         let start = Instant::now();
         let kind = colors.first_mut().map_or(0, |color| color.as_mut().kind());
@@ -94,7 +101,8 @@ impl SharedDrives {
         Ok(self.losses.iter().sum::<f64>() / self.losses.len().max(1) as f64)
     }
 
-    /// Adds up what the colours ask of the drives, and how these move; none where a loss is no finite number.
+    /// Adds up the changes that the colors request, and returns the data for the move. The result is `None` if a loss
+    /// is not a finite number.
     pub(super) fn ask<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<Option<Turns>, EngineError> {
         let mut how = None;
         for (i, color) in colors.iter_mut().enumerate() {
@@ -105,7 +113,8 @@ impl SharedDrives {
                 return Ok(None);
             }
             let Laser { slope, powers } = &self.lasers[i];
-            // Even drives leave a mean where they make no whole turns alone; a gradient is that of the loss alone.
+            // Even drive values leave a mean unless they make whole turns. A gradient is the derivative of the loss
+            // alone.
             let pulls = turns.projects && slope.fract() != 0.0;
             self.undiffracted
                 .iter_mut()
@@ -117,33 +126,34 @@ impl SharedDrives {
         Ok(how)
     }
 
-    /// The lasers of the colours.
+    /// Returns the lasers of the colors.
     pub fn lasers(&self) -> &[Laser] {
         &self.lasers
     }
 
-    /// The losses of the colours in the last step.
+    /// Returns the losses of the colors in the last step.
     pub fn losses(&self) -> &[f64] {
         &self.losses
     }
 
-    /// What the next step of all colours is expected to take.
+    /// Returns the expected duration of the next step of all colors.
     pub fn expected<R: AsRef<Refiner>>(&self, colors: &[R]) -> Duration {
         let kind = colors.first().map_or(0, |color| color.as_ref().kind());
         Duration::from_secs_f64(self.paces[kind].expected())
     }
 
-    /// The colours were aimed anew: where they forgot what they were refined for, velocities of the drives go, too.
+    /// Follows a new aim of the colors. If the colors cleared their velocities, the velocities of the drive values are
+    /// cleared too.
     pub fn aimed<R: AsRef<Refiner>>(&mut self, colors: &[R]) {
         if colors.iter().all(|color| color.as_ref().is_new()) {
             self.drives.clear_moments();
         }
     }
 
-    /// Begins again with the drives that it was made with, or was given [since](Self::begin_with).
+    /// Restarts with the original drive values, or with the values of the last [`begin_with`](Self::begin_with).
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn begin_again<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<(), EngineError> {
         let kept = std::mem::take(&mut self.kept);
         let begun = self.restart(&kept, colors);
@@ -151,30 +161,33 @@ impl SharedDrives {
         begun
     }
 
-    /// Other drives of the same hologram, which [`begin_again`](Self::begin_again) comes back to from now on.
+    /// Restarts with other drive values of the same hologram, to which [`begin_again`](Self::begin_again) returns from
+    /// now on.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn begin_with<R: AsMut<Refiner>>(&mut self, drives: &[f32], colors: &mut [R]) -> Result<(), EngineError> {
         self.kept.copy_from_slice(drives);
         self.restart(drives, colors)
     }
 
-    /// Begins again with other drives of the same hologram, as phases of one turn.
+    /// Restarts with other drive values of the same hologram, as phases of one turn.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn restart<R: AsMut<Refiner>>(&mut self, drives: &[f32], colors: &mut [R]) -> Result<(), EngineError> {
         self.drives.restart(drives);
         colors.iter_mut().for_each(|color| color.as_mut().count_anew());
         self.show(colors)
     }
 
-    /// Goes on with each sub-frame's drives moved by whole pixels (x, y); whether they can be. In the far field a picture is moved by a
-    /// phase that is laid over its own, another for each colour: no drive has all of them.
+    /// Moves each sub-frame's drive values by whole pixels (x, y), and returns true if this is possible.
+    ///
+    /// In the far field a picture moves by a phase that is added to its own and differs per color. No drive value has
+    /// all of them.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// [`EngineError`] if an engine fails.
     pub fn shift_drives<R: AsMut<Refiner>>(
         &mut self,
         shifts: &[[f64; 2]],
@@ -188,24 +201,24 @@ impl SharedDrives {
         let shift = |frame: usize| shifts.get(frame).copied().unwrap_or_default();
         self.drives.shift_frames(|from, to, frame| move_frame(from, to, [&optics; 2], shift(frame)));
         if shifts.iter().all(|shift| *shift != [0.0; 2]) {
-            // As one colour's own: where all of them move, what moves them was another picture's.
+            // If all sub-frames move, the moments belong to another picture, as for a single color.
             self.drives.clear_moments();
         }
         self.show(colors)?;
         Ok(true)
     }
 
-    /// What each colour has of the drives: (frames, height, width), radians in -pi .. pi.
+    /// Returns the phases of each color (frames, height, width), radians in -pi .. pi.
     pub fn phases(&self) -> &[Vec<f32>] {
         &self.phases
     }
 
-    /// The drives themselves, as phases of one turn, which an SLM receives.
+    /// Returns the drive values as phases of one turn, which an SLM receives.
     pub fn sent(&self) -> &[f32] {
         self.sent_as.map_or(&self.sent, |color| &self.phases[color])
     }
 
-    /// Gives each colour what it has of the drives.
+    /// Gives each color its phases of the drive values.
     fn show<R: AsMut<Refiner>>(&mut self, colors: &mut [R]) -> Result<(), EngineError> {
         for ((color, laser), phases) in colors.iter_mut().zip(&self.lasers).zip(&mut self.phases) {
             self.drives.phases_into(laser.slope, phases);

@@ -1,4 +1,4 @@
-//! Joint colours against float64 and finite differences.
+//! Tests simultaneous color against float64 and finite differences.
 
 use super::drives::Drives;
 use super::run::{Lit, fit_of};
@@ -27,7 +27,7 @@ fn problems(field: &LightField, display: &Display) -> Vec<Problem> {
     ALL.map(|color| Problem::new(field, color, display, Padding::default()).unwrap()).into()
 }
 
-/// The discrete Fourier transform in float64, by its definition along each axis.
+/// Computes the discrete Fourier transform in float64, by its definition along each axis.
 fn transform(field: &[Complex64], height: usize, width: usize, sign: f64) -> Vec<Complex64> {
     let along = |from: &[Complex64], lines: usize, n: usize, at: &dyn Fn(usize, usize) -> usize| {
         let mut out = vec![Complex64::default(); from.len()];
@@ -45,7 +45,7 @@ fn transform(field: &[Complex64], height: usize, width: usize, sign: f64) -> Vec
     along(&rows, width, height, &|line, i| i * width + line)
 }
 
-/// What a pupil passes of a spectrum (OPTICS 2), in the order of the DFT, in float64.
+/// Returns the part of a spectrum that a pupil passes (OPTICS 2), in the order of the DFT, in float64.
 fn kernel_of(o: &Optics, pupil: &Pupil) -> Vec<Complex64> {
     let (h, w) = (o.height, o.width);
     let bin = |k: usize, n: usize| if k < n - n / 2 { k as f64 } else { k as f64 - n as f64 };
@@ -61,14 +61,14 @@ fn kernel_of(o: &Optics, pupil: &Pupil) -> Vec<Complex64> {
     (0..h * w).map(kernel).collect()
 }
 
-/// `F^-1 k F` of a field.
+/// Returns `F^-1 k F` of a field.
 fn filtered(field: &[Complex64], kernel: impl Iterator<Item = Complex64>, o: &Optics) -> Vec<Complex64> {
     let (h, w) = (o.height, o.width);
     let passed: Vec<Complex64> = transform(field, h, w, -1.0).iter().zip(kernel).map(|(z, k)| z * k).collect();
     transform(&passed, h, w, 1.0).iter().map(|v| v / (h * w) as f64).collect()
 }
 
-/// `v_cf` of every sub-frame through a pupil, by the equations of OPTICS 2 in float64.
+/// Returns `v_cf` of every sub-frame through a pupil, by the equations of OPTICS 2 in float64.
 fn fields_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<Complex64>> {
     let kernel = kernel_of(o, pupil);
     let of_frame = |phases: &[f64]| {
@@ -78,17 +78,17 @@ fn fields_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<Complex64>> {
     phases.chunks_exact(o.height * o.width).map(of_frame).collect()
 }
 
-/// Their light, `|v_cf|^2`.
+/// Returns the light `|v_cf|^2` of every sub-frame.
 fn light_of(phases: &[f64], o: &Optics, pupil: &Pupil) -> Vec<Vec<f64>> {
     fields_of(phases, o, pupil).iter().map(|field| field.iter().map(|v| v.norm_sqr()).collect()).collect()
 }
 
-/// A drive of float64, and the powers and exposures of a small case.
+/// Drive values in float64, with the powers and exposures of a small case.
 struct Case {
     lit: Vec<(Optics, f64, Vec<f64>, f64)>,
     drives: Vec<f64>,
     pupils: Vec<Pupil>,
-    /// (colour, pupil).
+    /// Target images (color, pupil).
     targets: Vec<Vec<Vec<f32>>>,
 }
 
@@ -106,7 +106,7 @@ impl Case {
         let lit =
             lit.map(|(((c, slope), powers), s)| (display.optics(*c).unwrap(), slope, powers.to_vec(), s)).collect();
         let pupils = vec![Pupil::from_mm([2.0, -1.0, 8.0, 3.0]), Pupil::from_mm([-3.0, 1.0, 5.0, -1.0])];
-        // Away from the wrap, where a difference would see it.
+        // These values are away from the wrap, which would disturb a difference.
         let drives = random_phases(FRAMES * SIZE[0] * SIZE[1], 5).iter().map(|p| 3.15 + 0.99 * f64::from(*p)).collect();
         Self { lit, drives, pupils, targets: (0..3).map(|c| (0..2).map(|i| noise(20 + 2 * c + i)).collect()).collect() }
     }
@@ -115,7 +115,7 @@ impl Case {
         self.drives.iter().map(|d| self.lit[color].1 * d).collect()
     }
 
-    /// The loss of OPTICS 13.
+    /// Returns the loss of OPTICS 13.
     fn loss(&self) -> f64 {
         let mut loss = 0.0;
         for (color, (optics, _, powers, exposure)) in self.lit.iter().enumerate() {
@@ -131,7 +131,7 @@ impl Case {
         loss
     }
 
-    /// Its derivative in the drives and, colour by colour, in the powers, as OPTICS 13 has them, in float64.
+    /// Returns its derivative with respect to the drive values and, per color, the powers, as in OPTICS 13, in float64.
     fn gradient(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
         let mut of_drives = vec![0.0; self.drives.len()];
         let mut of_powers = vec![vec![0.0; FRAMES]; self.lit.len()];
@@ -163,7 +163,7 @@ impl Case {
         Planner { powers: powers.clone().into(), ..Planner::new(*optics, FRAMES, WindowFactor::Full) }
     }
 
-    /// Asks for one colour's gradient with these targets in the place of photographs.
+    /// Requests the gradient of one color, with these targets instead of target images.
     fn ask(&self, color: usize, engine: &mut CpuEngine, change: &mut [f32]) -> (f64, Turns) {
         let planner = self.planner(color);
         let comparison =
@@ -182,7 +182,7 @@ impl Case {
     }
 }
 
-/// Views by powers and dispersion, error of power below 1e-10 of the signal's.
+/// Views agree for powers and dispersion, with an error power below 1e-10 of the signal.
 #[test]
 fn views_agree_with_float64() {
     let case = Case::new();
@@ -201,12 +201,13 @@ fn views_agree_with_float64() {
                 (0..seen.len()).map(|i| gain * light.iter().zip(powers).map(|(l, p)| p * l[i]).sum::<f64>()).collect();
             let error = seen.iter().zip(&exact).map(|(a, b)| (f64::from(*a) - b).powi(2)).sum::<f64>();
             let error = error / exact.iter().map(|b| b * b).sum::<f64>();
-            assert!(error < 1e-10, "colour {color}: error power {error:.1e} of signal");
+            assert!(error < 1e-10, "color {color}: error power {error:.1e} of signal");
         }
     }
 }
 
-/// The loss and its derivative in the drives, and that in the powers, against central differences of the float64 loss.
+/// The loss and its derivatives with respect to the drive values and the powers agree with central differences of the
+/// float64 loss.
 #[test]
 fn gradients_are_derivatives() {
     let case = Case::new();
@@ -219,7 +220,8 @@ fn gradients_are_derivatives() {
         drives.ask(case.lit[color].1, &drives.phases(case.lit[color].1), &change, &[0.0; FRAMES], &turns);
     }
     assert!((loss / case.loss() - 1.0).abs() < 1e-5, "{loss} {}", case.loss());
-    // The equations, to what central differences of float64 tell; and the engine, in float32, against the equations.
+    // The equations are compared as far as central differences of float64 allow, and the float32 engine is compared
+    // with the equations.
     let (of_drives, of_powers) = case.gradient();
     for seed in 9..13 {
         let direction: Vec<f64> = random_phases(case.drives.len(), seed).into_iter().map(f64::from).collect();
@@ -238,7 +240,7 @@ fn gradients_are_derivatives() {
             moved.loss()
         };
         let (numeric, exact) = ((moved(1e-4) - moved(-1e-4)) / 2e-4, of_color[f]);
-        assert!((numeric / exact - 1.0).abs() < 1e-6, "in power {f} of colour {color}: {numeric} {exact}");
+        assert!((numeric / exact - 1.0).abs() < 1e-6, "in power {f} of color {color}: {numeric} {exact}");
     }
     let asked = drives.asked.iter().map(|g| 2.0 / 3.0 * f64::from(*g));
     let error = asked.zip(&of_drives).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
@@ -246,7 +248,7 @@ fn gradients_are_derivatives() {
     assert!(error < 1e-10, "the engine's gradient: error power {error:.1e}");
 }
 
-/// Fits of powers know the loss and its derivative as the engine's images give them.
+/// Fits of powers have the loss and the derivative that the engine's images give.
 #[test]
 fn fits_of_powers_are_of_the_same_loss() {
     let display = display(24, 32);
@@ -284,7 +286,7 @@ fn fits_of_powers_are_of_the_same_loss() {
     }
 }
 
-/// Powers of C and 0 are one colour after another: the mean of the separate losses.
+/// Powers of C and 0 are one color after another. The loss is then the mean of the separate losses.
 #[test]
 fn one_colour_after_another_is_a_case_of_it() {
     let mut case = Case::new();
@@ -322,7 +324,7 @@ fn solves_are_repeated_bit_for_bit_and_powers_stay_within() {
             let mean = one.powers[c].iter().sum::<f64>() / 4.0;
             assert!((mean - 1.0).abs() < 1e-9 && one.powers[c].iter().all(|p| (0.0..=most + 1e-6).contains(p)));
         }
-        // What is seen of it grew better than noise.
+        // The image became better than noise.
         assert!(
             one.colors.iter().all(|s| s.validation.mean() > 15.0),
             "{:?}",
@@ -331,8 +333,8 @@ fn solves_are_repeated_bit_for_bit_and_powers_stay_within() {
     }
 }
 
-/// Light that no phase turns falls on one place of the eyebox: steps leave less than a third of what even drives have at other
-/// wavelengths than their own.
+/// Light that no phase turns falls on one place of the eyebox. Steps leave less than a third of the amount that even
+/// drive values have at wavelengths other than their own.
 #[test]
 fn undiffracted_light_goes() {
     let display = display(32, 48);
@@ -351,7 +353,7 @@ fn undiffracted_light_goes() {
     for (color, solution) in solved.colors.iter().enumerate().skip(1) {
         let even = (0..1000).map(|i| phase_of(TAU * f64::from(i) / 1000.0, slopes[color])).collect::<Vec<_>>();
         let left = solution.phases.chunks_exact(32 * 48).map(share).sum::<f64>() / 3.0;
-        assert!(share(&even) > 0.03 && left < share(&even) / 3.0, "colour {color}: {left} of {}", share(&even));
+        assert!(share(&even) > 0.03 && left < share(&even) / 3.0, "color {color}: {left} of {}", share(&even));
     }
 }
 

@@ -1,4 +1,4 @@
-//! The fit of a table: one even picture after another on a tile that repeats, each from the phases of its neighbor.
+//! Fits a table by solving one even picture after another on a repeating tile, each from its neighbor's phases.
 
 use super::made_by::Levels;
 use super::made_by::MadeBy;
@@ -16,17 +16,19 @@ use eyebox_kernels::binary_angle;
 use eyebox_kernels::table_start::{LEVELS, level};
 use std::sync::Arc;
 
-/// The level that is fitted from random phases; all others follow from their neighbors'.
+/// The level that is fitted from random phases. All others start from the phases of a neighbor.
 const FIRST: usize = 7;
-/// Gain of the first and the last step of the first level, and of the others.
+/// Gains of the first and the last step. The first pair belongs to the first level, and the second one to the others.
 const GAINS: [[f64; 2]; 2] = [[2.5, 0.3], [1.5, 0.3]];
 
-/// Fits one level from its neighbor's phases, if there are any, and passes on the number of steps taken. `false` ends it.
+/// Fits one level from its neighbor's phases, if there are any, and reports the number of steps taken. If the report
+/// returns `false`, the fit ends.
 type FitLevel<'a> =
     dyn FnMut(usize, Option<&[f32]>, &mut dyn FnMut(usize) -> bool) -> Result<Vec<f32>, SolveError> + 'a;
 
 impl MadeBy {
-    /// Fits the levels that are not there: the first, then those above it, then those below it. Ends where `observe` answers false.
+    /// Fits the missing levels, which are the first, then those above it, then those below it. It ends if `observe`
+    /// returns false.
     pub(super) fn fit(
         &self,
         problem: &Problem,
@@ -43,7 +45,7 @@ impl MadeBy {
         })
     }
 
-    /// The same for the drive that these colors share: a level is gray, of the same brightness in every color.
+    /// Fits the drive values that these colors share. A level is gray, with the same brightness in every color.
     pub(super) fn fit_shared(
         &self,
         colors: &[&Problem],
@@ -53,7 +55,7 @@ impl MadeBy {
     ) -> Result<(), SolveError> {
         let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
         let powers: Vec<Vec<f64>> = lasers.iter().map(|laser| laser.powers.clone()).collect();
-        // All lasers stay as they are: none may be brighter than in the mean.
+        // All laser powers stay as they are, because none may exceed the mean.
         let joint = Some(Joint { brightness: colors.len() as f64 });
         let exposures = vec![1.0; colors.len()];
         self.fit_levels(levels, observe, &mut |at, from, tell| {
@@ -98,7 +100,7 @@ impl MadeBy {
         Ok(())
     }
 
-    /// An even picture of one level on a display of this kind.
+    /// Returns an even picture of one level on a display of this kind.
     fn tile(&self, problem: &Problem, at: usize) -> Problem {
         let side = self.side;
         let optics = Optics { height: side, width: side, ..problem.optics };
@@ -108,7 +110,7 @@ impl MadeBy {
             views: ViewGrid { rows: 1, columns: 1, cell: problem.eyebox },
             center: [0.0; 2],
             pyramid: Arc::new(Pyramid::new(&[vec![level(at) as f32; side * side]], side, side)),
-            // With an efficiency of one the exposure is 1, whatever the picture.
+            // An efficiency of one makes the exposure 1 for every picture.
             mean: 1.0,
             share: 1.0,
             model: problem.model.as_ref().and_then(|model| model.tile(optics)),
@@ -118,7 +120,7 @@ impl MadeBy {
         }
     }
 
-    /// Solves of the first level, or of one that follows its neighbor.
+    /// Returns the settings for the first level, or for a level that starts from its neighbor.
     fn settings(&self, follows: bool) -> Settings {
         let which = usize::from(follows);
         Settings {
@@ -135,7 +137,7 @@ impl MadeBy {
     }
 }
 
-/// An observer of a solve that passes on the number of steps taken.
+/// Returns an observer of a solve that passes on the number of steps taken.
 fn flow_of(tell: &mut dyn FnMut(usize) -> bool) -> impl FnMut(&Progress) -> Flow {
     move |progress| if tell(progress.step) { Flow::Continue } else { Flow::Stop }
 }

@@ -1,5 +1,6 @@
-//! Everything that decides a table, and tables on the disk: a line of JSON that says what decided them, then the angles of the levels
-//! that are fitted.
+//! Identifies a table by everything that decides it, and stores tables on disk.
+//!
+//! A file is a line of JSON with the decisive values, followed by the angles of the fitted levels.
 
 use crate::files::{cache_folder, read, write_file};
 use crate::optics::{Laser, Optics};
@@ -8,15 +9,16 @@ use eyebox_kernels::table_start::LEVELS;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Side of the tile, pixels: a smaller one makes narrow pupils uneven, a larger one takes more steps to the same noise.
+/// Side of the tile in pixels. A smaller tile makes narrow pupils uneven, and a larger one takes more steps for the
+/// same noise.
 pub(super) const SIDE: usize = 64;
-/// Steps of the first level, and of each other.
+/// Steps of the first level, and of each other level.
 const STEPS: [usize; 2] = [800, 100];
-/// Pupils of a step.
+/// Number of pupils per step.
 const PUPILS: usize = 32;
-/// Diameters of the pupils that see an even picture, meters.
+/// Diameters of the pupils that see an even picture, in meters.
 const DIAMETERS: [f64; 2] = [2.2e-3, 12e-3];
-/// Depths on which they focus, meters.
+/// Depths on which they focus, in meters.
 const DEPTH: [f64; 2] = [-2e-3, 2e-3];
 
 /// Everything that decides a table.
@@ -33,14 +35,14 @@ pub(super) struct MadeBy {
     pub diameters: [f64; 2],
     pub steps: [usize; 2],
     pub pupils: usize,
-    /// The display's faults, its source and the eye, where the table is fitted through them.
+    /// The faults of the display, its source and the eye, if the table is fitted through them.
     through: String,
-    /// Of a drive that colors share: what each of them is, the first one's again among them.
+    /// The colors that share the drive values, including the first one. It is empty for one color.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     shared_by: Vec<SharedBy>,
 }
 
-/// One of the colors that share a drive.
+/// One of the colors that share drive values.
 #[derive(Debug, Clone, Serialize)]
 struct SharedBy {
     wavelength: f64,
@@ -69,7 +71,8 @@ impl MadeBy {
         }
     }
 
-    /// Of the drive that colors share in the light of these lasers; none for no color.
+    /// Identifies the table of drive values that colors share in the light of these lasers, or returns `None` without
+    /// colors.
     pub(super) fn of_shared(colors: &[&Problem], lasers: &[Laser]) -> Option<Self> {
         let one = |(problem, laser): (&&Problem, &Laser)| SharedBy {
             wavelength: problem.optics.wavelength,
@@ -81,7 +84,7 @@ impl MadeBy {
         Some(Self { shared_by, ..Self::of(colors.first()?, lasers.first()?.powers.len()) })
     }
 
-    /// Of another tile and other steps.
+    /// Returns it for another tile and other steps.
     #[cfg(any(test, feature = "test-hooks"))]
     pub(super) fn sized(self, side: usize, steps: [usize; 2]) -> Self {
         Self { side, steps, ..self }
@@ -92,7 +95,7 @@ impl MadeBy {
     }
 }
 
-/// The faults, the source and the eye, with every digit of every number.
+/// Describes the faults, the source and the eye, with every digit of every number.
 fn through(problem: &Problem) -> String {
     let tile = Optics { height: SIDE, width: SIDE, ..problem.optics };
     let model = problem.model.as_ref().and_then(|model| model.tile(tile));
@@ -101,7 +104,7 @@ fn through(problem: &Problem) -> String {
     format!("{model:?} {eye:?} {:?}", problem.modes)
 }
 
-/// Each level's angles (sub-frames, side, side), if it is fitted.
+/// The angles of each level (sub-frames, side, side), if it is fitted.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Levels(pub [Option<Vec<u16>>; LEVELS]);
 
@@ -111,14 +114,14 @@ impl Levels {
     }
 }
 
-/// What stands before the angles.
+/// The header before the angles.
 #[derive(Serialize, Deserialize)]
 struct Head {
-    /// What decided them, as text: numbers are the same only where every digit is.
+    /// The decisive values as text, because numbers are equal only if every digit is.
     made_by: String,
     /// Levels that follow, in this order.
     levels: Vec<usize>,
-    /// CRC-32C of what follows.
+    /// CRC-32C of the bytes that follow.
     crc32c: u32,
 }
 
@@ -128,7 +131,7 @@ impl MadeBy {
         cache_folder().map(|folder| folder.join(name))
     }
 
-    /// The levels that the cache keeps; none of a file that cannot be read, is damaged, or is another's.
+    /// Reads the levels from the cache. A file that is unreadable, damaged, or of another table has none.
     pub(super) fn load(&self) -> Levels {
         self.file().and_then(|file| self.parse(&read::bytes(&file, read::RESULTS).ok()?)).unwrap_or_default()
     }
@@ -159,7 +162,7 @@ impl MadeBy {
         bytes
     }
 
-    /// Keeps what is fitted. If it cannot be kept, it is fitted again the next time.
+    /// Stores the fitted levels. If this fails, they are fitted again the next time.
     pub(super) fn save(&self, levels: &Levels) {
         let Some(file) = self.file().filter(|_| levels.0.iter().any(Option::is_some)) else { return };
         let kept = file
@@ -168,7 +171,7 @@ impl MadeBy {
             .map_err(|e| e.to_string())
             .and_then(|()| write_file(&file, |out| out.write_all(&self.bytes(levels))).map_err(|e| e.to_string()));
         if let Err(reason) = kept {
-            tracing::info!("the table of first phases is not kept: {reason}");
+            tracing::info!("the table of first phases is not stored: {reason}");
         }
     }
 }

@@ -1,8 +1,8 @@
-//! First phases of colors that share their sub-frames: drives from a table that has levels of gray.
+//! Looks up first drive values of colors that share their sub-frames, in a table with levels of gray.
 //!
-//! One drive turns each color's light by its own slope. On a tile on which all colors show the same gray, the joint solve finds drives
-//! that are right for all of them; a picture's drives are looked up by the mean brightness of its colors. What differs between the
-//! colors is left to the steps.
+//! One drive value turns the light of each color by its own slope. On a tile on which all colors show the same gray,
+//! the joint solve finds drive values that are right for all of them. The mean brightness of a picture's colors decides
+//! its drive values. The steps correct the differences between the colors.
 
 use super::made_by::MadeBy;
 use super::{By, StartTable, Table, fitting};
@@ -14,15 +14,17 @@ use crate::solve::problem::Problem;
 use crate::solve::settings::Settings;
 use std::time::Instant;
 
-/// Place in its schedule at which a joint solve begins from a table. After 60 steps the mean is 0.2 dB above that from random drives, and
-/// the worst pupil 0.3 to 0.4 dB; from the place of one color the mean falls by up to 0.1 dB, and from none the worst pupil is 0.2 dB
-/// lower after five steps (docs/measurements.md).
+/// Position in its schedule at which a joint solve begins from a table.
+///
+/// After 60 steps the mean is 0.2 dB above that from random drive values, and the worst pupil 0.3 to 0.4 dB. At the
+/// position of one color the mean falls by up to 0.1 dB. At position 0 the worst pupil is 0.2 dB lower after five steps
+/// (docs/results/simultaneous-color.json).
 pub(in crate::solve) const PROGRESS: f64 = 0.2;
 
 /// Colors, their lasers and their exposures.
 pub(in crate::solve) type ColorsInLight<'a> = (&'a [Problem], &'a [Laser], &'a [f64]);
 
-/// Gives the drives that a joint solve begins with, as [`beginning`] does.
+/// Provides the drive values with which a joint solve begins, as [`beginning`] does.
 pub(in crate::solve) type BeginJoint<'a> = dyn FnMut(
         ColorsInLight<'_>,
         &Settings,
@@ -32,22 +34,23 @@ pub(in crate::solve) type BeginJoint<'a> = dyn FnMut(
     + 'a;
 
 impl StartTable {
-    /// Whether colors that share their sub-frames have first phases for any picture. No tile of a far field is like another, and a
-    /// picture's transform is that of one color.
+    /// Returns true if colors that share their sub-frames have first phases for any picture. A far field has none,
+    /// because its tiles all differ and the transform of a picture has one color.
     fn exists_for_shared(colors: &[&Problem]) -> bool {
         let is_relay = |problem: &&Problem| problem.optics.geometry == Geometry::Relay && Self::exists(problem);
         !colors.is_empty() && colors.iter().all(is_relay)
     }
 
-    /// Whether a joint solve of these colors begins by a table if nothing else is requested.
+    /// Returns true if a joint solve of these colors begins by a table by default.
     pub fn fits_shared(colors: &[&Problem]) -> bool {
         Self::exists_for_shared(colors) && colors.iter().all(|problem| Self::fits(problem))
     }
 
-    /// The table of the drive that these colors share in the light of these lasers, as [`of`](Self::of) has it for one color.
+    /// Returns the table of the drive values that these colors share in the light of these lasers, as [`of`](Self::of)
+    /// does for one color.
     ///
     /// # Errors
-    /// Those of [`solve_joint`](crate::solve::solve_joint).
+    /// The errors of [`solve_joint`](crate::solve::solve_joint).
     pub fn of_shared(
         colors: &[&Problem],
         lasers: &[Laser],
@@ -60,13 +63,15 @@ impl StartTable {
         Ok(table.map(|table| Self(By::Drive(table))))
     }
 
-    /// Whether it is the table of a drive that colors share.
+    /// Returns true if it is the table of drive values that colors share.
     pub fn is_of_shared(&self) -> bool {
         matches!(self.0, By::Drive(_))
     }
 
-    /// First drives (sub-frames, height, width) of a scene of these colors for their exposures, as phases of one turn in -pi .. pi;
-    /// none if it is [not the table](Self::is_of_shared) of a drive.
+    /// Returns first drive values (sub-frames, height, width) of a scene of these colors for their exposures, as phases
+    /// of one turn in -pi .. pi.
+    ///
+    /// The result is `None` if this is [not the table](Self::is_of_shared) of drive values.
     ///
     /// # Errors
     /// [`EngineError`] if the scene's light is on a device that does not answer.
@@ -85,8 +90,8 @@ impl Table {
     }
 }
 
-/// Drives that a joint solve at these exposures begins with, as phases of one turn; none for random ones. `observe` receives the share of
-/// the table that is fitted.
+/// Returns the drive values with which a joint solve at these exposures begins, as phases of one turn, or `None` for
+/// random ones. `observe` receives the fitted share of the table.
 pub(in crate::solve) fn beginning(
     (colors, lasers, exposures): ColorsInLight<'_>,
     settings: &Settings,
@@ -101,7 +106,7 @@ pub(in crate::solve) fn beginning(
     let table =
         StartTable::of_shared(&colors, lasers, &mut |share| observe(&fitting(share, steps, start)) == Flow::Continue)?;
     let Some(table) = table else {
-        // Its fit was ended, as of one color.
+        // The fit was ended, as for one color.
         return if steps == 0 { Err(EngineError::Stopped.into()) } else { Ok(None) };
     };
     Ok(table.drives(&colors, exposures)?)
@@ -109,7 +114,7 @@ pub(in crate::solve) fn beginning(
 
 #[cfg(any(test, feature = "test-hooks"))]
 impl StartTable {
-    /// A table of fewer steps than usual.
+    /// Fits a table with fewer steps than usual.
     pub fn quick_shared(colors: &[&Problem], lasers: &[Laser]) -> Self {
         let made_by = MadeBy::of_shared(colors, lasers).expect("a color").sized(super::SIDE, [32, 6]);
         let mut levels = super::made_by::Levels::default();

@@ -1,4 +1,4 @@
-//! Tests of first drives that all colors share.
+//! Tests of first drive values that all colors share.
 
 use super::made_by::Levels;
 use super::made_by::MadeBy;
@@ -18,7 +18,7 @@ use std::sync::{Arc, LazyLock};
 const ALL: [Color; 3] = [Color::Red, Color::Green, Color::Blue];
 const FRAMES: usize = 4;
 
-/// Colors of a display, and the lasers that a solve of them begins with.
+/// Colors of a display, and the lasers with which a solve of them begins.
 fn colors([height, width]: [usize; 2]) -> (Vec<Problem>, Vec<Laser>) {
     let display = Display { height, width, ..Display::preset("paper").unwrap() };
     let field = scene::load("builtin:still-life", &Request { views: 5, ..Request::new(&display, &ALL) }).unwrap();
@@ -36,7 +36,7 @@ fn slopes(lasers: &[Laser]) -> Vec<f64> {
     lasers.iter().map(|laser| laser.slope).collect()
 }
 
-/// How far phases are apart at most, 0 to 2.
+/// Largest distance of phases, 0 to 2.
 fn apart(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| 1.0 - (a - b).cos()).fold(0.0, f32::max)
 }
@@ -48,7 +48,8 @@ fn even(problem: &Problem, light: f32) -> Problem {
     Problem { views, pyramid: Arc::new(Pyramid::new(&[vec![light; height * width]], height, width)), ..problem.clone() }
 }
 
-/// The same display and lasers have the same table, byte by byte. What is ended goes on; other powers or slopes are another table.
+/// The same display and lasers have the same table, byte by byte. An ended fit continues. Other powers or slopes have
+/// another table.
 #[test]
 fn the_same_drive_has_the_same_table() {
     let (problems, lasers, _) = &*CASE;
@@ -70,7 +71,7 @@ fn the_same_drive_has_the_same_table() {
     }
 }
 
-/// Gray is looked up by the mean brightness of the colors, whatever the exposure of each.
+/// The table is read at the mean brightness of the colors, at any exposures.
 #[test]
 fn drives_are_looked_up_by_the_mean_of_the_colors() {
     let (problems, _, table) = &*CASE;
@@ -83,7 +84,7 @@ fn drives_are_looked_up_by_the_mean_of_the_colors() {
     assert!(apart(&drives([0.8, 0.1, 0.6], [1.0; 3])) < 1e-3);
     assert!(apart(&drives([0.25, 0.5, 1.0], [0.5, 1.0, 2.0])) < 1e-3);
     assert!(apart(&drives([0.5, 0.5, 0.9], [1.0; 3])) > 0.1);
-    // A table of one color is no drive's.
+    // A table of one color has no drive values.
     let of_one = StartTable::even(FRAMES);
     assert!(!of_one.is_of_shared() && table.is_of_shared());
     assert!(of_one.drives(&[&problems[0]], &[1.0]).unwrap().is_none());
@@ -91,7 +92,7 @@ fn drives_are_looked_up_by_the_mean_of_the_colors() {
     assert_eq!(*frames, FRAMES);
 }
 
-/// Seen through pupils that no step was taken for, the mean over the colors is better by far before and after the first step.
+/// Through pupils without steps, the mean over the colors is far better before and after the first step.
 #[test]
 fn a_joint_solve_gains_by_the_table() {
     let (problems, lasers, table) = &*CASE;
@@ -112,8 +113,8 @@ fn a_joint_solve_gains_by_the_table() {
     assert!(table[0] > by_random[1] + 1.0 && table[1] > by_random[1] + 1.5);
 }
 
-/// Without a step a joint solve shows the drives that it begins with, at exposures that hide their unevenness. Drives and exposures
-/// that are given stay.
+/// Without a step a joint solve shows its first drive values, at exposures that hide their unevenness. Given drive
+/// values and exposures stay.
 #[test]
 fn a_joint_solve_shows_what_it_begins_with() {
     let (problems, lasers, table) = &*CASE;
@@ -149,15 +150,15 @@ fn a_joint_solve_shows_what_it_begins_with() {
     assert!(begun.is_none() && apart(&colors[0].phases, &lasers[0].phases(&given)) < 1e-6);
 }
 
-/// A joint solve fits the table where its display has one; it takes no table on a small SLM, by another method, or if asked for random
-/// phases.
+/// A joint solve fits the table if its display has one. It uses no table on a small SLM, with another method, or with
+/// random first phases.
 #[test]
 fn joint_solves_begin_by_a_table_where_one_fits() {
     let fits = |problems: &[Problem], settings: &Settings| {
         let mut fitted = false;
         let slopes = slopes(&CASE.1);
         let problem = JointProblem { colors: problems, slopes: &slopes, exposures: Some(&[0.45; 3]), powers: None };
-        // It is ended with the first that is observed.
+        // The observer ends it at the first call.
         let settings = Settings { frames: FRAMES, pupils: 1, ..settings.clone() };
         let ended = solve_joint(&problem, &settings, None, &mut CpuEngine::new(), &mut |progress| {
             fitted |= progress.fitting.is_some();
@@ -165,7 +166,7 @@ fn joint_solves_begin_by_a_table_where_one_fits() {
         });
         (fitted, ended)
     };
-    // A pitch that no other display has, so that no cache has its table.
+    // No other display has this pitch, so no cache has its table.
     let other = |problem: &Problem| Problem {
         optics: Optics { pitch: 1.003 * problem.optics.pitch, ..problem.optics },
         ..problem.clone()
@@ -183,7 +184,7 @@ fn joint_solves_begin_by_a_table_where_one_fits() {
         assert!(!fitted && ended.is_ok(), "{settings:?}");
     }
     let large: Vec<Problem> = colors([256, 256]).0.iter().map(other).collect();
-    // Without its table it goes on from random drives.
+    // Without its table the solve continues from random drive values.
     let (fitted, ended) = fits(&large, &table);
     assert!(fitted && ended.unwrap().colors[0].steps == 1);
     let masked = Problem { optics: Optics { mask_factor: 2, ..large[1].optics }, ..large[1].clone() };

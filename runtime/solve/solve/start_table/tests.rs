@@ -1,4 +1,4 @@
-//! Tests of first phases by a table.
+//! Tests of first phases from a table.
 
 use super::made_by::Levels;
 use super::made_by::MadeBy;
@@ -44,7 +44,7 @@ fn even(problem: &Problem, light: f32) -> Problem {
     Problem { views, pyramid: Arc::new(Pyramid::new(&[vec![light; height * width]], height, width)), ..problem.clone() }
 }
 
-/// Through every pupil an even picture is seen in its brightness; between two levels, too, and what is black stays so.
+/// Every pupil sees an even picture in its brightness, also between two levels. Black stays black.
 #[test]
 fn even_pictures_are_seen_in_their_brightness_through_every_pupil() {
     let (problem, table) = &*TABLE;
@@ -63,7 +63,8 @@ fn even_pictures_are_seen_in_their_brightness_through_every_pupil() {
     assert!(seen(0.0).iter().all(|mean| *mean < 0.02), "black is {:?}", seen(0.0));
 }
 
-/// A picture that nothing was solved for is seen at once, better than after ten steps from random phases through the worst pupil.
+/// A picture without any solve is visible at once. The worst pupil sees it better than after ten steps from random
+/// phases.
 #[test]
 fn a_scene_is_seen_before_the_first_step() {
     let (problem, table) = &*TABLE;
@@ -82,7 +83,7 @@ fn a_scene_is_seen_before_the_first_step() {
     assert!(at_once[0] > one[0] + 4.0 && at_once[1] > ten[1] + 1.0);
 }
 
-/// A solve begins by the table that the display has, and without a step it is that.
+/// A solve begins by the display's table. Without a step its result is the table's phases.
 #[test]
 fn solves_begin_by_a_table_where_one_fits() {
     let (problem, _) = &*TABLE;
@@ -96,7 +97,7 @@ fn solves_begin_by_a_table_where_one_fits() {
     ] {
         assert!(!other.may_begin_by_table(&large), "{other:?}");
     }
-    // By itself it is a method, whatever the size.
+    // The method `Table` works at any size.
     let alone = Settings { method: Method::Table, ..Settings::default() };
     let asked = alone.as_of_table(problem).unwrap();
     assert_eq!((asked.method, asked.steps), (Method::Slfh, 0));
@@ -107,7 +108,7 @@ fn solves_begin_by_a_table_where_one_fits() {
     assert!(matches!(&refused, SolveError::Setting { value, .. } if value == Method::Table.name()), "{refused}");
 }
 
-/// A fit that is ended goes on where it was, to the same table; a file that is damaged or another display's is none.
+/// An ended fit continues to the same table. A file is not used if it is damaged or of another display.
 #[test]
 fn a_fit_goes_on_where_it_was_ended_and_its_file_is_checked() {
     let problem = problem([48, 48]);
@@ -137,7 +138,7 @@ fn a_fit_goes_on_where_it_was_ended_and_its_file_is_checked() {
     assert!((level(4) - 0.2).abs() < 1e-6);
 }
 
-/// What a problem's phases are looked up for, of the scene's light.
+/// Returns the light of the scene that decides the first phases of a problem.
 fn light_of(problem: &Problem) -> Vec<f32> {
     let look_up = StartTable::even(1).look_up(problem, 1.0).expect("a table");
     let mut light = vec![0; problem.optics.height * problem.optics.width];
@@ -147,7 +148,7 @@ fn light_of(problem: &Problem) -> Vec<f32> {
     light.iter().enumerate().map(|(i, sum)| *sum as f32 * unit * need(i)).collect()
 }
 
-/// The light is that of the views in the middle, on the SLM's pixels, and more of it is asked for where the source gives less.
+/// The light comes from the middle views, on the SLM's pixels. It is increased if the source is weaker there.
 #[test]
 fn the_light_is_what_a_pupil_in_the_middle_sees() {
     let (height, width) = (48, 64);
@@ -174,7 +175,7 @@ fn the_light_is_what_a_pupil_in_the_middle_sees() {
     }
 }
 
-/// Through a display's faults a table is another, and shows even pictures there better than the plain one.
+/// A display with faults has its own table, which shows even pictures better than the table of an ideal display.
 #[test]
 fn a_table_is_fitted_through_the_faults_of_the_display() {
     let (plain, table) = &*TABLE;
@@ -189,5 +190,5 @@ fn a_table_is_fitted_through_the_faults_of_the_display() {
         refiner.look(&pupils()).unwrap().iter().map(|sums| sums.psnr(1.0)).sum::<f64>()
     };
     let (own, plain) = (left(&StartTable::quick(&problem, FRAMES)), left(table));
-    assert!(own > plain + 5.0, "five pupils: {own:.2} dB of its own table, {plain:.2} of the plain one");
+    assert!(own > plain + 5.0, "{own:.2} dB of its own table over five pupils, {plain:.2} dB of the plain one");
 }

@@ -1,8 +1,9 @@
-//! First phases in the far field: those of the picture's Fourier transform.
+//! Computes first phases in the far field from the picture's Fourier transform.
 //!
-//! The SLM is in the pupil plane there. No tile of it is like another, and no table knows a place of the picture; but each pupil cuts a
-//! piece out of the SLM, and each piece of the transform of a picture with random phases shows the whole picture (a kinoform: L. B.
-//! Lesem, P. M. Hirsch and J. A. Jordan, IBM Journal of Research and Development 13, 1969). Its amplitude is left out, as it is even in the mean.
+//! The SLM is in the pupil plane there. No tile of it is like another, and no table knows a place of the picture. But
+//! each pupil cuts a piece out of the SLM, and each piece of the transform of a picture with random phases shows the
+//! whole picture. This is a kinoform (L. B. Lesem, P. M. Hirsch and J. A. Jordan, IBM Journal of Research and
+//! Development 13, 1969). Its amplitude is left out because it is even in the mean.
 
 use crate::engine::{EngineError, on_host};
 use crate::optics::{Optics, Pupil};
@@ -14,22 +15,25 @@ use eyebox_kernels::{Complex32, trig};
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
-/// Random phases of the picture, the same for all pictures: of the first sub-frame, and counted from it.
+/// Seed of the random phases of the first sub-frame, which are the same for all pictures. Further sub-frames count from
+/// it.
 const SEED: u64 = 1;
 
-/// Plans of pictures' transforms, which each new picture of a session needs again.
+/// Plans of the transforms of pictures, which each new picture of a session reuses.
 static PLANS: LazyLock<Plans> = LazyLock::new(Plans::default);
 
-/// Whether the views of `problem` are as large as the picture of its SLM. A piece of a far field has those of the whole.
+/// Returns true if the views of `problem` are as large as the picture of its SLM. A piece of a far field has the views
+/// of the whole.
 pub(super) fn exists(problem: &Problem) -> bool {
     let views = problem.pyramid.levels.first();
     views.is_some_and(|views| (views.height, views.width) == problem.optics.image_size())
 }
 
-/// First phases (sub-frames, height, width) of the scene of `problem` as `pupil` sees it, radians in -pi .. pi.
+/// Computes first phases (sub-frames, height, width) of the scene of `problem` through `pupil`, radians in -pi .. pi.
 ///
 /// # Errors
-/// Views that are not [as large as the picture](exists), or on a device that does not answer.
+/// [`EngineError`] for views that are not [as large as the picture](exists), or that are on a device that does not
+/// answer.
 pub(super) fn phases(problem: &Problem, pupil: &Pupil, frames: usize) -> Result<Vec<f32>, EngineError> {
     let optics @ Optics { height, width, .. } = problem.optics;
     let (rows, columns) = optics.image_size();
@@ -65,7 +69,7 @@ pub(super) fn phases(problem: &Problem, pupil: &Pupil, frames: usize) -> Result<
     Ok(phases)
 }
 
-/// The amplitude of what a pupil sees, the axis first.
+/// Computes the amplitude of the image through a pupil, with the axis first.
 fn amplitude(problem: &Problem, pupil: &Pupil) -> Result<Vec<f32>, EngineError> {
     let (rows, columns) = problem.optics.image_size();
     let seen = problem.views.coverage(pupil);
@@ -92,7 +96,7 @@ mod tests {
 
     const FRAMES: usize = 4;
 
-    /// All light of an SLM in the pupil plane is in the picture: more than twice what it needs.
+    /// All light of an SLM in the pupil plane is in the picture, which is more than twice the light that it needs.
     fn exposure(problem: &Problem) -> f64 {
         problem.mean / 0.45
     }
@@ -130,7 +134,7 @@ mod tests {
         let seen = db(&mut at_once);
         println!("{noise:.2} dB of random phases, {stepped:.2} after a step, {seen:.2} of the transform");
         assert!(seen > stepped + 2.0 && seen > noise + 3.0);
-        // The engine goes on with these phases, and no look-up of a table makes them.
+        // The engine continues with these phases, and no look-up of a table makes them.
         assert_eq!(at_once.phases().unwrap(), table.phases(&problem, 1.0).unwrap());
         assert!(table.look_up(&problem, 1.0).is_none());
     }

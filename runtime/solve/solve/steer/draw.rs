@@ -1,4 +1,4 @@
-//! What the next step of a refinement looks through: pupils drawn around the eye, and now and then anywhere.
+//! Draws the pupils of the next step of a refinement, around the eye and sometimes anywhere.
 
 use super::{DIAMETERS, Drawing, EYES, Refiner};
 use crate::engine::EngineError;
@@ -9,8 +9,8 @@ use crate::solve::step::Update;
 use std::collections::HashSet;
 
 impl Refiner {
-    /// Makes what steps over pupils of an eye's size, and of those that are aimed at first, ask an engine for: nothing is made
-    /// while it follows.
+    /// Makes the device objects for steps over pupils of an eye's size and over pupils of the first aim, so that none
+    /// is made during the refinement.
     pub(super) fn prepare(&mut self) -> Result<(), EngineError> {
         let [low, high] = self.aim.diameter;
         let (low, high) = (low.min(EYES[0]), high.max(EYES[1]));
@@ -31,14 +31,15 @@ impl Refiner {
         self.engine.prepare(&mut std::iter::once(step), Some(at_once))
     }
 
-    /// Pupils for the next step: around the eye, and now and then anywhere; the surer that it is there, the rarer.
+    /// Draws pupils for the next step around the eye and sometimes anywhere. They are rarer elsewhere if the position
+    /// is more certain.
     pub(super) fn draw(&mut self, update: Update) {
         let (aim, eyebox) = (self.aim, self.problem.eyebox);
         (self.drawn_for, self.moved_for) = (aim, self.motion);
         self.drawing.viewpoints.clear();
         let count = self.steering.pupils as f64;
         let elsewhere = aim.elsewhere.clamp(0.0, 1.0);
-        // Where it may well be anywhere, some of the pupils around it go there instead.
+        // If the eye may be anywhere, some of the pupils around it move elsewhere.
         let moved = (count * (elsewhere - 0.5).max(0.0) * 2.0).floor();
         self.due += self.steering.elsewhere + moved;
         for _ in 0..(count - moved) as usize {
@@ -65,7 +66,7 @@ impl Refiner {
         (self.drawing.drawn, self.drawing.used) = (true, 0);
     }
 
-    /// One more pupil, or an eye that moves with it.
+    /// Adds one more pupil, or an eye that moves with it.
     fn look_through_one(&mut self, pupil: Pupil) {
         let (frames, motion) = (self.planner.frames, self.motion);
         let viewpoint = match motion.is_still() {
@@ -75,25 +76,25 @@ impl Refiner {
         self.drawing.viewpoints.push(viewpoint);
     }
 
-    /// Whether the next step draws pupils.
+    /// Returns true if the next step draws pupils.
     pub(super) fn is_fresh(&self) -> bool {
         !self.drawing.drawn || self.drawing.used >= self.steering.repeats.max(1)
     }
 
-    /// Which of the paces the next step has.
+    /// Returns the index of the pace of the next step.
     pub(in crate::solve) fn kind(&self) -> usize {
         usize::from(!self.is_fresh())
     }
 
-    /// The next step. The parts of its list that have to run are in `drawing`: what depends on the pupils alone is left out where
-    /// they are those of the step before.
+    /// Returns the next step. The parts of its list that have to run are in `drawing`. If the step before had the same
+    /// pupils, the parts that depend on pupils alone are left out.
     pub(super) fn next(&mut self) -> Step {
         self.since += 1;
         let update = self.steering.strategy.update(self.since);
         if self.is_fresh() {
             self.draw(update);
         }
-        // Those of a loss that was only looked at are the step's first all the same.
+        // After a call of `loss`, the next step is still the first one for its pupils.
         let first = self.drawing.used == 0;
         self.drawing.used += 1;
         let mut step = update.step(&self.planner, self.drawing.take_lists(), usize::MAX);

@@ -1,4 +1,4 @@
-//! A refinement of one colour whose phases are its share of drives that several colours move (OPTICS 13).
+//! Refines one color whose phases follow from drive values that several colors move (OPTICS 13).
 
 use super::Refiner;
 use crate::engine::{Buffer, Engine, EngineError};
@@ -8,10 +8,12 @@ use crate::solve::refine_settings::RefineSettings;
 use crate::solve::step::{Turns, ask};
 
 impl Refiner {
-    /// [`new`](Self::new) in the light of a laser of these powers, sub-frame by sub-frame, each over their mean.
+    /// Starts as [`new`](Self::new) does, in the light of a laser of these powers per sub-frame, each relative to their
+    /// mean.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new); [`SolveError::Setting`] for another number of powers, or powers that cannot be.
+    /// The errors of [`new`](Self::new), and [`SolveError::Setting`] for another number of powers or for invalid
+    /// powers.
     pub fn lit_by(
         problem: Problem,
         phases: &[f32],
@@ -23,13 +25,15 @@ impl Refiner {
         let frames = phases.len() / (problem.optics.height * problem.optics.width).max(1);
         let mean = powers.iter().sum::<f64>() / powers.len().max(1) as f64;
         let sound = powers.iter().all(|p| p.is_finite() && *p >= 0.0) && (mean - 1.0).abs() < 1e-6;
-        let right = "one a sub-frame, 0 or more, with a mean of 1";
+        let right = "one per sub-frame, 0 or more, with a mean of 1";
         require(powers.len() == frames && sound, "the powers of a laser", format_args!("{powers:?}"), right)?;
         Self::with_powers(problem, phases, exposure, powers, steering, engine)
     }
 
-    /// Takes the next step up to what would move its phases: its loss, how it would move them, and in `change` the change of the field
-    /// that it asks for, unless the loss is no finite number.
+    /// Runs the next step without the move of its phases.
+    ///
+    /// It returns the loss and the data for the move. `change` receives the requested change of the field if the loss
+    /// is finite.
     pub(in crate::solve) fn ask(&mut self, change: &mut [f32]) -> Result<(f64, Turns), EngineError> {
         let step = self.next();
         let turns = Turns::of(&step);
@@ -42,22 +46,22 @@ impl Refiner {
         Ok((loss, turns))
     }
 
-    /// Has these phases from now on, and counts its steps on.
+    /// Sets the phases and continues the count of steps.
     pub(in crate::solve) fn show(&mut self, phases: &[f32]) -> Result<(), EngineError> {
         self.engine.write(Buffer::Phases, phases)
     }
 
-    /// Counts its steps anew.
+    /// Restarts the count of steps.
     pub(in crate::solve) fn count_anew(&mut self) {
         self.since = 0;
     }
 
-    /// Whether no step was taken since phases or aim were set anew.
+    /// Returns true if no step was taken since new phases or a new aim.
     pub(in crate::solve) fn is_new(&self) -> bool {
         self.since == 0
     }
 
-    /// Values of the change of its field.
+    /// Returns the number of values of the change of its field.
     pub(in crate::solve) fn changes(&self) -> usize {
         2 * self.planner.frames * self.planner.grid.height * self.planner.grid.width
     }

@@ -1,33 +1,34 @@
-//! The light that the pupils of a refinement's steps see: that of the display's sources that are switched on.
+//! Chooses the light of a refinement, which comes from the display's lit switchable sources.
 
 use super::Refiner;
 use crate::optics::{Pupil, SourceChoice};
 
 impl Refiner {
-    /// The display's switchable sources that are lit, by their places; none where it has none, or they are not steered.
+    /// Returns the indices of the lit switchable sources. The list is empty if there are none, or if they do not follow
+    /// the eye.
     pub fn sources(&self) -> &[usize] {
         self.problem.choice.as_ref().map_or(&[], |choice| choice.lit())
     }
 
-    /// Share of a pupil that these sources of the display serve, by their places; 1 where it has none.
+    /// Returns the share of a pupil that these sources (indices) serve, or 1 without sources.
     pub fn served(&self, lit: &[usize], pupil: &Pupil) -> f64 {
         self.problem.choice.as_ref().map_or(1.0, |choice| choice.served(lit, pupil))
     }
 
-    /// Lights these of the display's switchable sources, by their places, until it is [aimed](Self::aim) elsewhere: what is looked at
-    /// was made for them.
+    /// Lights these switchable sources (indices) until the next [aim](Self::aim). The drawn pupils are dropped because
+    /// they belong to the old sources.
     pub fn light(&mut self, sources: &[usize]) {
         self.planner.light(sources);
         self.drawing.forget();
     }
 
-    /// Chooses the sources for where the eye is; whether they are others than before.
+    /// Chooses the sources for the position of the eye. It returns true if they changed.
     pub(super) fn choose_sources(&mut self) -> bool {
         let aim = self.aim;
         self.choose(|choice| choice.follow(&aim))
     }
 
-    /// Those that are lit where nothing is known of the eye, until it is aimed again.
+    /// Lights the sources for an unknown position of the eye, until the next aim.
     pub fn forget_sources(&mut self) {
         self.choose(|choice| {
             choice.forget();

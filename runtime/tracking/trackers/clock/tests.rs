@@ -1,4 +1,4 @@
-//! Clocks of every origin, sign, unit and drift, with their placed times against the true ones.
+//! Tests clocks of every origin, sign, unit and drift, by their placed times against the true ones.
 
 use super::*;
 use fastrand::Rng;
@@ -17,14 +17,14 @@ struct Foreign {
 }
 
 impl Foreign {
-    /// Its number at a true time since the beginning, nanoseconds, as a line has it: seconds are expected.
+    /// The number of a line at a true time since the start, nanoseconds, if seconds are expected.
     fn expected_ns(&self, since_ns: f64) -> i128 {
         let unit = self.unit.per_second() as f64;
         let value = self.first + since_ns * 1e-9 * unit * (1.0 + self.drift_ppm * 1e-6);
         (value * 1e9).round() as i128
     }
 
-    /// The delay on the way: 3 ms at least, often little more, sometimes 30 ms.
+    /// The delay on the way, which is at least 3 ms, often little more, and sometimes 30 ms.
     fn delay_ns(&mut self) -> u64 {
         LEAST_NS + (-self.rng.f64().max(1e-9).ln() * 2e6).min(30e6) as u64
     }
@@ -46,7 +46,7 @@ fn worst(foreign: &mut Foreign, clock: &mut ForeignClock, seconds: f64, settled:
     worst
 }
 
-/// Any origin and sign, in every unit, at the rates of real trackers.
+/// Times are placed for any origin and sign, in every unit, at the rates of real trackers.
 #[test]
 fn times_are_placed_whatever_the_clock() {
     let mut cases = 0;
@@ -69,7 +69,7 @@ fn times_are_placed_whatever_the_clock() {
     assert_eq!(cases, 60);
 }
 
-/// Drift is found, so that times do not lag behind a slow clock by all of a window's drift.
+/// Drift is found, so that times do not lag behind a slow clock by the whole drift of a window.
 #[test]
 fn drift_is_followed() {
     for (seed, drift_ppm) in [-100.0, -75.0, -50.0, -20.0, -5.0, 5.0, 20.0, 50.0, 75.0, 100.0].into_iter().enumerate() {
@@ -80,7 +80,7 @@ fn drift_is_followed() {
     }
 }
 
-/// A clock that is set, back or forward, by a restart or by hand: every sample before and after is placed.
+/// Each sample before and after a change of the clock is placed, for changes back or forward, by a restart or by hand.
 #[test]
 fn a_clock_that_is_set_is_followed_at_once() {
     for (seed, by_s) in [-2.0, 2.0, -0.4, 0.4, -10.0, 3600.0, -1e6, 1e6, -100.0, 30.0, 1.69e9].into_iter().enumerate() {
@@ -96,7 +96,7 @@ fn a_clock_that_is_set_is_followed_at_once() {
             let received = START_NS + since as u64 + foreign.delay_ns();
             let stamp = clock.place(foreign.expected_ns(since), received);
             let error = (stamp.time_ns as f64 - (START_NS + LEAST_NS) as f64 - since).abs();
-            // The first samples after it have the jitter of their arrivals.
+            // The first samples after the change have the jitter of their arrivals.
             if i > 600 && (!(1200..1210).contains(&i) && error > 2e6 || error > 31e6) {
                 late += 1;
             }
@@ -105,14 +105,14 @@ fn a_clock_that_is_set_is_followed_at_once() {
     }
 }
 
-/// Samples that the way held up are as old as they say, and what comes twice is the same sample.
+/// The times of samples that were held up on their way are correct, and a repeated time is the same sample.
 #[test]
 fn delays_and_duplicates_are_told_from_clocks_that_were_set() {
     for held_ms in [30, 60, 100, 200, 300, 500, 800, 1200, 2000, 3000] {
         let mut clock = ForeignClock::new();
         for i in 0..1200u64 {
             let since_ns = i * 8_333_333;
-            // From the third second on all samples are held up, and arrive together.
+            // All samples of the third second and after are held up and arrive together.
             let held = (3_000_000_000..3_000_000_000 + held_ms * 1_000_000).contains(&since_ns);
             let arrival = if held { 3_000_000_000 + held_ms * 1_000_000 } else { since_ns };
             let received = START_NS + arrival + LEAST_NS;
@@ -131,7 +131,7 @@ fn delays_and_duplicates_are_told_from_clocks_that_were_set() {
     }
 }
 
-/// Times that count frames or nothing are not used: arrivals are, and it is said once.
+/// Times that count frames or do not advance are replaced by arrivals, with one note.
 #[test]
 fn a_clock_without_a_unit_is_said_and_arrivals_are_used() {
     for (i, per_second) in [0.0, 12.0, 30.0, 60.0, 90.0, 120.0, 240.0, 5000.0, 2e7, 1e11].into_iter().enumerate() {
@@ -175,7 +175,7 @@ fn the_quickest_arrivals_set_the_offset() {
     let start = 7_000_000_000u64;
     for i in 0..1000u64 {
         let tracker = i * 2_000_000;
-        // 3 ms at least, and up to 9 more.
+        // The delay is at least 3 ms, and up to 9 ms more.
         let delay = 3_000_000 + (i * 7919 % 10) * 1_000_000;
         let arrival = clock.place(i128::from(tracker), start + tracker + delay).time_ns;
         if i > 20 {

@@ -1,4 +1,4 @@
-//! Samples in the wrong unit and with impossible diameters, by what comes out.
+//! Tests samples in the wrong unit and with impossible diameters.
 
 use super::*;
 use crate::trackers::line;
@@ -15,7 +15,7 @@ impl Source for Scripted {
     }
 }
 
-/// The readings of these lines behind the guard, its notes, and what it dropped.
+/// The readings of these lines behind the guard, the number of its notes, and the dropped data.
 fn guarded(lines: &[String]) -> (Vec<Reading>, usize, Dropped) {
     let event = |text: &String| Event::Sample(line::parse(text.as_bytes()).unwrap().sample(1, 1, None), None);
     let mut guard = Guard::new(Box::new(Scripted(lines.iter().map(event).collect())));
@@ -31,7 +31,7 @@ fn guarded(lines: &[String]) -> (Vec<Reading>, usize, Dropped) {
     }
 }
 
-/// What a line says, in which unit, against what comes of it: x and diameter in mm.
+/// The columns are x, unit and diameter of a line, and the expected x and diameter in mm.
 #[test]
 fn lengths_in_another_unit_are_recognised_by_the_diameters() {
     for (x, unit, diameter, want) in [
@@ -44,7 +44,7 @@ fn lengths_in_another_unit_are_recognised_by_the_diameters() {
         ("3", "", "4", (3.0, Some(4.0))),
         ("3", ", \"unit\": \"m\"", "4000", (3.0, Some(4.0))),
         ("0.003", "", "4", (0.003, Some(4.0))),
-        // Positions in mm, which fit no factor.
+        // Positions in mm fit no factor.
         ("8", "", "0.004", (8.0, None)),
         ("3", "", "41", (3.0, None)),
         ("3", "", "0.2", (3.0, None)),
@@ -66,7 +66,7 @@ fn lengths_in_another_unit_are_recognised_by_the_diameters() {
     }
 }
 
-/// An impossible diameter leaves the rest of its sample; unknown ones are not impossible.
+/// An impossible diameter leaves the rest of its sample. Unknown diameters are not impossible.
 #[test]
 fn impossible_diameters_are_dropped_and_counted() {
     let diameters = ["3", "0.05", "400", "NaN", "-1", "0", "null", "12.5", "Infinity", "5"];
@@ -79,10 +79,11 @@ fn impossible_diameters_are_dropped_and_counted() {
     assert_eq!((notes, dropped.diameters), (1, 3));
 }
 
-/// Positions without diameters and without a unit: an eye that does not leave a few micrometres is in doubt.
+/// Without diameters and without a unit, an eye that does not leave a few micrometers is doubted.
 #[test]
 fn an_eye_that_hardly_moves_is_in_doubt_unless_its_unit_is_stated() {
-    // Amplitude in the unit of the line, unit, samples, whether it is in doubt.
+    // The columns are the amplitude in the unit of the line, the unit, the number of samples, and true if it is
+    // doubted.
     for (size, unit, samples, doubt) in [
         (0.003, "", 200, true),
         (0.012, "", 200, true),

@@ -1,79 +1,79 @@
-//! A report descriptor, explained: what `eyebox tracker describe` prints.
+//! Explains a report descriptor, for `eyebox tracker describe`.
 
 use super::descriptor::{Descriptor, Field, ReportKind};
 use super::layout::{Layout, applications};
 use super::names::{collection_kind, unit_name, usage_name};
 use serde::Serialize;
 
-/// Usages spelled out for a field at most; the rest is counted.
+/// Largest number of usages that are listed for a field. The rest is counted.
 const MOST_USAGES: u32 = 64;
-/// Of these, in text.
+/// Number of usages of these in the text form.
 const SHOWN_USAGES: usize = 8;
 
-/// A descriptor, explained.
+/// A descriptor with explanations.
 #[derive(Debug, Clone, Serialize)]
 pub struct Description {
-    /// Whether it is an eye tracker that eyebox can use.
+    /// True if it is an eye tracker that eyebox can use.
     pub eye_tracker: bool,
-    /// Why not.
+    /// The reason if it is not.
     pub reason: Option<String>,
-    /// Bytes of the descriptor.
+    /// Number of bytes of the descriptor.
     pub descriptor_bytes: usize,
     /// Application collections, by name.
     pub applications: Vec<String>,
-    /// Whether reports start with an ID.
+    /// True if reports start with an ID.
     pub numbered: bool,
-    /// Reports, their sizes and fields.
+    /// Reports, with their sizes and fields.
     pub reports: Vec<ReportText>,
-    /// What was odd, and how it was taken.
+    /// Notes about unusual items and their interpretation.
     pub notes: Vec<String>,
 }
 
-/// A report, explained.
+/// A report with explanations.
 #[derive(Debug, Clone, Serialize)]
 pub struct ReportText {
-    /// Which way it goes.
+    /// Direction of the report.
     pub kind: ReportKind,
-    /// Its ID; 0 where reports are not numbered.
+    /// ID of the report, or 0 if reports are not numbered.
     pub id: u8,
-    /// Its size with the ID byte, if it has one.
+    /// Size of the report, bytes, including the ID byte if it has one.
     pub bytes: usize,
-    /// Its fields.
+    /// Fields of the report.
     pub fields: Vec<FieldText>,
 }
 
-/// A field, explained.
+/// A field with explanations.
 #[derive(Debug, Clone, Serialize)]
 pub struct FieldText {
     /// Names of the collections around it, the outermost first.
     pub path: Vec<String>,
-    /// Usage of each element, by name; of the last for those that are left. Empty: padding.
+    /// Name of the usage of each element. The last one also holds for the remaining elements. It is empty for padding.
     pub usages: Vec<String>,
-    /// The same, `page << 16 | id`, in hexadecimal.
+    /// The same usages as `page << 16 | id`, in hexadecimal.
     pub codes: Vec<String>,
-    /// First bit, the ID byte counted.
+    /// First bit, including the ID byte.
     pub bit: usize,
-    /// First byte, the ID byte counted.
+    /// First byte, including the ID byte.
     pub byte: usize,
-    /// Bits of one element.
+    /// Number of bits of one element.
     pub bits: u32,
-    /// Elements.
+    /// Number of elements in the field.
     pub count: u32,
-    /// Whether negative values are possible.
+    /// True if negative values are possible.
     pub signed: bool,
     /// Smallest and largest raw value.
     pub logical: [i64; 2],
-    /// What these stand for; both 0: the same.
+    /// Physical values of these, or both 0 if they are the same.
     pub physical: [i64; 2],
-    /// The unit with its power of ten: `um`, `us`, `Hz`; empty: none.
+    /// The unit with its power of ten, such as `um`, `us` or `Hz`, and empty without a unit.
     pub unit: String,
-    /// The power of ten alone.
+    /// The power of ten.
     pub exponent: i32,
-    /// The unit's code.
+    /// The code of the unit.
     pub unit_code: u32,
-    /// Flagged constant: the host cannot set it, or padding.
+    /// True if the field is flagged constant, because the host cannot set it or it is padding.
     pub constant: bool,
-    /// Each element has a usage of its own.
+    /// True if each element has a usage of its own.
     pub variable: bool,
 }
 
@@ -81,7 +81,7 @@ impl Description {
     /// Explains the bytes of a descriptor.
     ///
     /// # Errors
-    /// [`HidError::Descriptor`](super::HidError::Descriptor) where they are no descriptor.
+    /// [`HidError::Descriptor`](super::HidError::Descriptor) if they are not a descriptor.
     pub fn of(bytes: &[u8]) -> Result<Self, super::HidError> {
         let descriptor = Descriptor::parse(bytes)?;
         let layout = Layout::find(&descriptor);
@@ -115,7 +115,7 @@ fn text(descriptor: &Descriptor, field: &Field, shift: usize) -> FieldText {
         .collect();
     path.reverse();
     let explicit = field.usages.iter().map(|[a, b]| u32::from(b.id - a.id) + 1).fold(0, u32::saturating_add);
-    // An array's usages are what its values select; a variable's are its elements'.
+    // The usages of an array are the choices of its values. The usages of a variable belong to its elements.
     let most = if field.variable() { explicit.min(field.count) } else { explicit };
     let usages: Vec<_> = (0..most.min(MOST_USAGES)).filter_map(|i| field.usage(i)).collect();
     let mut names: Vec<String> = usages.iter().map(|u| usage_name(*u)).collect();
@@ -149,7 +149,7 @@ impl std::fmt::Display for Description {
         }
         writeln!(
             f,
-            "descriptor of {} bytes; {}; reports {}",
+            "descriptor of {} bytes, {}, reports {}",
             self.descriptor_bytes,
             if self.applications.is_empty() { "no application".into() } else { self.applications.join(", ") },
             if self.numbered { "start with their ID" } else { "are not numbered" }

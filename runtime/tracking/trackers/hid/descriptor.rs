@@ -1,94 +1,95 @@
-//! HID report descriptors (USB HID 1.11, section 6.2.2): items in, fields out.
+//! Parses HID report descriptors (USB HID 1.11, section 6.2.2) into fields.
 //!
-//! A descriptor is a small program that a device wrote: global items set what the next fields share, local items name
-//! the next field, main items make it. Real ones carry stray bytes and odd items, so whatever can be understood is, and
-//! the rest becomes a note. Everything is bounded: nothing is expanded here, a field of 65,535 elements is one
-//! [`Field`].
+//! A descriptor is a small program of the device. Global items set what the next fields share, local items name the
+//! next field, and main items make it. Real descriptors contain stray bytes and unusual items. The parser reads as much
+//! as it can, and the rest becomes a note. All work is bounded, because nothing is expanded here. A field of 65,535
+//! elements is one [`Field`].
 
 use super::HidError;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// Longest descriptor that is read, bytes; Linux stops at 4096.
+/// Longest descriptor that is read, bytes. Linux stops at 4096.
 pub const LONGEST_DESCRIPTOR: usize = 16384;
-/// Longest report, bytes: that of Linux.
+/// Longest report, bytes, which is the limit of Linux.
 pub const LONGEST_REPORT: usize = 16384;
 const DEEPEST: usize = 64;
 const MOST_NOTES: usize = 32;
 
-/// Which way a report goes.
+/// The direction of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReportKind {
-    /// From the device, by itself.
+    /// A report that the device sends on its own.
     Input,
-    /// To the device.
+    /// A report that the host sends to the device.
     Output,
-    /// Both ways, on request.
+    /// A report in both directions, on request.
     Feature,
 }
 
-/// A usage: page and ID.
+/// A usage, with page and ID.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Usage {
-    /// Usage page.
+    /// Number of the usage page.
     pub page: u16,
-    /// Usage ID.
+    /// Number within the page.
     pub id: u16,
 }
 
 /// A collection of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Collection {
-    /// 0 physical, 1 application, 2 logical, and others.
+    /// Kind of the collection, such as 0 physical, 1 application and 2 logical.
     pub kind: u8,
-    /// What it stands for; `None` where the descriptor names nothing.
+    /// Meaning of the collection, or `None` if the descriptor does not name it.
     pub usage: Option<Usage>,
-    /// The collection around it, an index into [`Descriptor::collections`].
+    /// Index of the surrounding collection in [`Descriptor::collections`].
     pub parent: Option<usize>,
 }
 
-/// One main item: `count` elements of `bits` bits, side by side in a report.
+/// One main item, with `count` elements of `bits` bits next to each other in a report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
-    /// Which way.
+    /// Direction of the report.
     pub kind: ReportKind,
-    /// Report ID; 0 where reports are not numbered.
+    /// Report ID, or 0 if reports are not numbered.
     pub report_id: u8,
     /// First bit of the first element, counted behind the ID byte.
     pub offset: usize,
-    /// Bits of one element.
+    /// Number of bits of one element.
     pub bits: u32,
-    /// Elements.
+    /// Number of elements in the field.
     pub count: u32,
-    /// Data and flags of the main item: bit 0 constant, bit 1 variable, bit 2 relative.
+    /// Data and flags of the main item. Bit 0 is constant, bit 1 is variable, bit 2 is relative.
     pub flags: u32,
-    /// Usages as ranges, first to last; the last usage goes on for the elements that are left.
+    /// Ranges of usages, first to last. The last usage also holds for the remaining elements.
     pub usages: Vec<[Usage; 2]>,
-    /// Smallest and largest value that means something.
+    /// Smallest and largest valid value.
     pub logical: [i64; 2],
-    /// What these stand for, in `unit` times ten to the `exponent`; both 0: the same as `logical`.
+    /// Physical values of these, in `unit` times ten to the `exponent`. Both are 0 if they are the same as `logical`.
     pub physical: [i64; 2],
-    /// The unit's code.
+    /// The code of the unit.
     pub unit: u32,
-    /// Power of ten.
+    /// The power of ten.
     pub exponent: i32,
-    /// The collection around it.
+    /// Index of the surrounding collection.
     pub collection: Option<usize>,
 }
 
 impl Field {
-    /// Whether it is flagged constant. Eye trackers flag their positions so, to say that the host cannot set them.
+    /// True if the field is flagged constant. Eye trackers flag their positions as constant because the host cannot set
+    /// them.
     pub fn constant(&self) -> bool {
         self.flags & 1 != 0
     }
 
-    /// Whether each element has a usage of its own, and not a value that selects one.
+    /// True if each element has a usage of its own, instead of a value that selects one.
     pub fn variable(&self) -> bool {
         self.flags & 2 != 0
     }
 
-    /// Bits of all elements.
+    /// Number of bits of all elements.
     pub fn total_bits(&self) -> usize {
         self.bits as usize * self.count as usize
     }
@@ -99,7 +100,7 @@ impl Field {
         for [first, last] in &self.usages {
             let length = u32::from(last.id - first.id) + 1;
             if left < length {
-                // Within the range, so within u16.
+                // It is within the range, and therefore within u16.
                 return Some(Usage { page: first.page, id: first.id + left as u16 });
             }
             left -= length;
@@ -107,22 +108,22 @@ impl Field {
         self.usages.last().map(|[_, last]| *last)
     }
 
-    /// Whether the elements are signed: the smallest value is negative.
+    /// True if the elements are signed, because the smallest value is negative.
     pub fn signed(&self) -> bool {
         self.logical[0] < 0
     }
 }
 
-/// A descriptor, understood.
+/// The parsed content of a descriptor.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Descriptor {
     /// Collections, in the order in which they open.
     pub collections: Vec<Collection>,
     /// Fields, in their order.
     pub fields: Vec<Field>,
-    /// Whether reports start with an ID.
+    /// True if reports start with an ID.
     pub numbered: bool,
-    /// What was odd, and how it was taken.
+    /// Notes about unusual items and their interpretation.
     pub notes: Vec<String>,
 }
 
@@ -154,14 +155,14 @@ struct Globals {
     count: u32,
 }
 
-/// A range's ends as written: page where the item was four bytes long.
+/// The ends of a range as written, with the page if the item has four bytes.
 #[derive(Default)]
 struct Locals {
-    /// (first, last), each with whether it carries its page.
+    /// First and last value, each with true if it carries its page.
     usages: Vec<[(u32, bool); 2]>,
     low: Option<(u32, bool)>,
     high: Option<(u32, bool)>,
-    /// In a set of alternatives, the first has been taken.
+    /// True in a set of alternatives after the first was used.
     alternatives: Option<bool>,
 }
 
@@ -171,23 +172,23 @@ struct Parser {
     stack: Vec<Globals>,
     locals: Locals,
     open: Vec<usize>,
-    /// Bits so far per kind and report ID.
+    /// Number of bits up to now, by kind and report ID.
     ends: Box<[[usize; 256]; 3]>,
 }
 
 impl Descriptor {
-    /// Reads a descriptor.
+    /// Reads the bytes of a descriptor.
     ///
     /// # Errors
-    /// [`HidError::Descriptor`] where it is empty, longer than [`LONGEST_DESCRIPTOR`], nested deeper than 64, or
-    /// describes a report beyond [`LONGEST_REPORT`].
+    /// [`HidError::Descriptor`] if it is empty, longer than [`LONGEST_DESCRIPTOR`], nested deeper than 64, or describes
+    /// a report beyond [`LONGEST_REPORT`].
     pub fn parse(bytes: &[u8]) -> Result<Self, HidError> {
         let wrong = |at: usize, reason: Reason| HidError::Descriptor { at, reason };
         if bytes.is_empty() {
             return Err(wrong(0, reason!("empty", "it is empty")));
         }
         if bytes.len() > LONGEST_DESCRIPTOR {
-            return Err(wrong(0, reason!("length", "it has {} bytes: {LONGEST_DESCRIPTOR} at most", bytes.len())));
+            return Err(wrong(0, reason!("length", "it has {} bytes, more than {LONGEST_DESCRIPTOR}", bytes.len())));
         }
         let mut parser = Parser {
             out: Self::default(),
@@ -200,15 +201,15 @@ impl Descriptor {
         let mut at = 0;
         while let Some(&prefix) = bytes.get(at) {
             if prefix == 0xfe {
-                // A long item: its length follows. None has ever been defined.
+                // The length of a long item follows. None has ever been defined.
                 let length = bytes.get(at + 1).copied().map_or(usize::MAX, usize::from);
-                parser.note(format!("byte {at}: a long item: skipped"));
+                parser.note(format!("byte {at}: a long item was skipped"));
                 at = at.saturating_add(length.saturating_add(3));
                 continue;
             }
             let size = [0, 1, 2, 4][usize::from(prefix & 3)];
             let Some(data) = bytes.get(at + 1..at + 1 + size) else {
-                parser.note(format!("byte {at}: the last item is cut short: ignored"));
+                parser.note(format!("byte {at}: the last item is cut short and ignored"));
                 break;
             };
             let value = data.iter().rev().fold(0u32, |v, b| v << 8 | u32::from(*b));
@@ -217,17 +218,17 @@ impl Descriptor {
                 0 => parser.main(prefix >> 4, item, at).map_err(|reason| wrong(at, reason))?,
                 1 => parser.global(prefix >> 4, item, at).map_err(|reason| wrong(at, reason))?,
                 2 => parser.local(prefix >> 4, item, at),
-                _ => parser.note(format!("byte {at}: a reserved item (0x{prefix:02x}): ignored")),
+                _ => parser.note(format!("byte {at}: a reserved item (0x{prefix:02x}) was ignored")),
             }
             at += 1 + size;
         }
         if !parser.open.is_empty() {
-            parser.note(format!("{} collections are never closed: closed at the end", parser.open.len()));
+            parser.note(format!("{} collections without an end were closed at the end", parser.open.len()));
         }
         Ok(parser.out)
     }
 
-    /// Kind, ID and bytes of every report, with the ID byte where reports are numbered; in order.
+    /// Kind, ID and number of bytes of every report, in order. The bytes include the ID byte if reports are numbered.
     pub fn reports(&self) -> Vec<(ReportKind, u8, usize)> {
         let mut bits = std::collections::BTreeMap::new();
         for field in &self.fields {
@@ -238,7 +239,7 @@ impl Descriptor {
         bits.into_iter().map(|((kind, report), bits)| (kind, report, bits.div_ceil(8) + id)).collect()
     }
 
-    /// The collections around one, itself first.
+    /// The collection itself and the collections around it, the innermost first.
     pub fn around(&self, collection: Option<usize>) -> impl Iterator<Item = &Collection> {
         // A parent always has a smaller index, so this ends.
         std::iter::successors(collection.and_then(|i| self.collections.get(i)), |c| {
@@ -252,7 +253,7 @@ impl Parser {
         if self.out.notes.len() < MOST_NOTES {
             self.out.notes.push(text);
         } else if self.out.notes.len() == MOST_NOTES {
-            self.out.notes.push("and more of the kind".into());
+            self.out.notes.push("and more notes of this kind".into());
         }
     }
 
@@ -273,10 +274,10 @@ impl Parser {
             }
             0xc => {
                 if self.open.pop().is_none() {
-                    self.note(format!("byte {at}: an end of collection without a beginning: ignored"));
+                    self.note(format!("byte {at}: an end of collection without a beginning was ignored"));
                 }
             }
-            _ => self.note(format!("byte {at}: an unknown main item (tag {tag}): ignored")),
+            _ => self.note(format!("byte {at}: an unknown main item (tag {tag}) was ignored")),
         }
         Ok(())
     }
@@ -297,13 +298,13 @@ impl Parser {
         })?;
         *end = new_end;
         if new_end == offset {
-            self.note(format!("byte {at}: a field of {} elements of {} bits: ignored", g.count, g.bits));
+            self.note(format!("byte {at}: a field of {} elements of {} bits was ignored", g.count, g.bits));
             return Ok(());
         }
         let usages = self.usages(&locals);
         let range = |[low, high]: [Item; 2]| {
             let low = low.signed();
-            // Many write 25 ff for 255: unsigned, unless the range starts below zero.
+            // Many devices write 25 ff for 255. The value is unsigned, unless the range starts below zero.
             let high = if low < 0 { high.signed() } else { i64::from(high.value) };
             [low, high]
         };
@@ -324,7 +325,7 @@ impl Parser {
         Ok(())
     }
 
-    /// Local usages, with the page that holds at the main item where they carry none.
+    /// Local usages, with the current page of the main item if they carry none.
     fn usages(&mut self, locals: &Locals) -> Vec<[Usage; 2]> {
         let own = self.globals.page;
         let whole = |(value, extended): (u32, bool)| Usage {
@@ -338,7 +339,7 @@ impl Parser {
                 out.push([first, last]);
             } else {
                 self.note(format!(
-                    "usages {:04x}:{:04x} to {:04x}:{:04x} are no range: ignored",
+                    "usages {:04x}:{:04x} to {:04x}:{:04x} are not a range and were ignored",
                     first.page, first.id, last.page, last.id
                 ));
             }
@@ -354,7 +355,7 @@ impl Parser {
             0x2 => g.logical[1] = item,
             0x3 => g.physical[0] = item,
             0x4 => g.physical[1] = item,
-            // Four bits in two's complement; some write a whole signed byte.
+            // The exponent has four bits in two's complement, but some devices write a whole signed byte.
             0x5 => {
                 g.exponent =
                     if item.value <= 0xf { (item.value as i32 ^ 8) - 8 } else { item.signed().clamp(-32, 32) as i32 }
@@ -365,7 +366,7 @@ impl Parser {
                 g.id = item.value as u8;
                 self.out.numbered = true;
                 if item.value == 0 || item.value > 255 {
-                    self.note(format!("byte {at}: report ID {}: must be 1 to 255", item.value));
+                    self.note(format!("byte {at}: report ID {}, but it must be 1 to 255", item.value));
                 }
             }
             0x9 => g.count = item.value,
@@ -377,9 +378,9 @@ impl Parser {
             }
             0xb => match self.stack.pop() {
                 Some(globals) => self.globals = globals,
-                None => self.note(format!("byte {at}: a pop without a push: ignored")),
+                None => self.note(format!("byte {at}: a pop without a push was ignored")),
             },
-            _ => self.note(format!("byte {at}: an unknown global item (tag {tag}): ignored")),
+            _ => self.note(format!("byte {at}: an unknown global item (tag {tag}) was ignored")),
         }
         Ok(())
     }
@@ -396,10 +397,10 @@ impl Parser {
             }
             0x1 => l.low = Some(value),
             0x2 => l.high = Some(value),
-            // Strings and designators do not concern us.
+            // Strings and designators are not needed.
             0x3..=0x9 => {}
             0xa => l.alternatives = (item.value == 1).then_some(false),
-            _ => self.note(format!("byte {at}: an unknown local item (tag {tag}): ignored")),
+            _ => self.note(format!("byte {at}: an unknown local item (tag {tag}) was ignored")),
         }
         let l = &mut self.locals;
         if let (Some(low), Some(high)) = (l.low, l.high) {

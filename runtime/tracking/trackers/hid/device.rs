@@ -1,4 +1,4 @@
-//! Finding an eye tracker, starting it, reading it, and finding it again.
+//! Finds an eye tracker, starts it, reads it, and finds it again after a loss.
 
 use super::layout::{MODE_GAZE_AND_EYES, Setting};
 use super::report::Decoder;
@@ -10,72 +10,72 @@ use std::time::Duration;
 /// A HID device that is plugged in.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Info {
-    /// How the bus calls it.
+    /// Path of the device on the bus.
     pub path: String,
-    /// Vendor.
+    /// USB number of the vendor.
     pub vendor: u16,
-    /// Product.
+    /// USB number of the product.
     pub product: u16,
-    /// Its name.
+    /// Name of the device.
     pub name: String,
 }
 
-/// Where HID devices are plugged in.
+/// A bus of HID devices.
 pub trait Bus: Send {
-    /// All devices, now.
+    /// Lists all devices that are plugged in now.
     ///
     /// # Errors
-    /// [`HidError::System`] where there is no such bus.
+    /// [`HidError::System`] if there is no such bus.
     fn list(&mut self) -> Result<Vec<Info>, HidError>;
 
-    /// Opens a device.
+    /// Opens a device of this bus.
     ///
     /// # Errors
-    /// [`HidError::Port`]: gone, or not allowed.
+    /// [`HidError::Port`] if it is gone or not allowed.
     fn open(&mut self, info: &Info) -> Result<Box<dyn Port>, HidError>;
 }
 
-/// An open HID device. Reports start with their ID; where reports are not numbered, feature reports start with 0 and
-/// input reports with their first byte.
+/// An open HID device. Reports start with their ID. If reports are not numbered, feature reports start with 0 and input
+/// reports with their first byte.
 pub trait Port: Send {
-    /// The report descriptor.
+    /// Reads the report descriptor.
     ///
     /// # Errors
-    /// [`HidError::Port`].
+    /// [`HidError::Port`] if the device fails.
     fn descriptor(&mut self) -> Result<Vec<u8>, HidError>;
 
-    /// Waits for an input report; 0 bytes: none within `timeout`.
+    /// Waits for an input report. It returns 0 bytes if none arrives within `timeout`.
     ///
     /// # Errors
-    /// [`HidError::Port`]: the device is gone.
+    /// [`HidError::Port`] if the device is gone.
     fn read(&mut self, report: &mut [u8], timeout: Duration) -> Result<usize, HidError>;
 
-    /// Asks for a feature report, `report[0]` being its ID; returns its bytes.
+    /// Requests the feature report with the ID `report[0]`. Returns its number of bytes.
     ///
     /// # Errors
-    /// [`HidError::Port`].
+    /// [`HidError::Port`] if the device fails.
     fn get_feature(&mut self, report: &mut [u8]) -> Result<usize, HidError>;
 
     /// Writes a feature report.
     ///
     /// # Errors
-    /// [`HidError::Port`].
+    /// [`HidError::Port`] if the device fails.
     fn set_feature(&mut self, report: &[u8]) -> Result<(), HidError>;
 }
 
-/// A plugged-in device and what it is.
+/// A plugged-in device with its description.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Listed {
-    /// The device.
+    /// The device on the bus.
     pub info: Info,
-    /// Whether it is an eye tracker, and what it says of itself; or why not.
+    /// The description of the eye tracker, or the reason why it is none.
     pub tracker: Result<About, HidError>,
 }
 
-/// All devices of a bus, with what they are.
+/// Lists all devices of a bus, with their descriptions.
 ///
 /// # Errors
-/// [`HidError::System`].
+/// [`HidError::System`] if there is no bus.
 pub fn list(bus: &mut dyn Bus, file: Option<&DeviceFile>) -> Result<Vec<Listed>, HidError> {
     let found = bus.list()?;
     let listed = found.into_iter().map(|info| {
@@ -88,7 +88,7 @@ pub fn list(bus: &mut dyn Bus, file: Option<&DeviceFile>) -> Result<Vec<Listed>,
     Ok(listed.collect())
 }
 
-/// A device, open and understood.
+/// An open device with a known layout.
 struct Open {
     port: Box<dyn Port>,
     decoder: Decoder,
@@ -125,24 +125,24 @@ impl Open {
         let mut report = vec![0; setting.bytes + usize::from(setting.id == 0)];
         *report.first_mut()? = setting.id;
         let got = self.port.get_feature(&mut report).ok()?.min(report.len());
-        // Unnumbered: the device's answer has the zero in front.
+        // The answer of a device without IDs starts with a zero.
         setting.value(report.get(usize::from(setting.id == 0)..got)?)
     }
 
-    /// Asks for status and frequency.
+    /// Requests status and frequency.
     fn ask(&mut self) {
         let layout = &self.decoder.layout;
         let (frequency, status) = (layout.frequency, layout.status);
         let places: Vec<String> =
             layout.inputs.iter().flat_map(|i| &i.places).map(|p| format!("{:?}", p.role).to_lowercase()).collect();
-        self.about.notes.push(format!("gives {}", places.join(", ")));
+        self.about.notes.push(format!("sends {}", places.join(", ")));
         self.about.rate_hz = self.feature(frequency).filter(|hz| *hz > 0.0);
         if let Some(status) = self.feature(status) {
             self.about.notes.push(format!("status: {}", status_name(status)));
         }
     }
 
-    /// Asks the device to send; it is silent until then.
+    /// Requests the device to send. It is silent until then.
     fn start(&mut self) -> Result<(), HidError> {
         match &self.start {
             Some(report) => self.port.set_feature(report),
@@ -156,24 +156,24 @@ pub(super) fn status_name(status: f64) -> String {
     match status as i64 {
         1 => "ready".into(),
         2 => "configuring".into(),
-        3 => "screen set-up needed".into(),
+        3 => "screen setup needed".into(),
         4 => "user calibration needed".into(),
         other => format!("{other}"),
     }
 }
 
-/// How long a device may be silent before it is asked again to send: it may have been reset.
+/// Silence after which a device is requested to send again, because it may have been reset.
 const SILENT_NS: u64 = 2_000_000_000;
-/// How often the bus is searched while there is no device.
+/// Interval of searches of the bus while there is no device.
 const SEARCH_NS: u64 = 500_000_000;
 
-/// The first eye tracker of a bus, through unplugging and plugging in.
+/// The first eye tracker of a bus, which may be unplugged and plugged in.
 pub struct HidSource {
     bus: Box<dyn Bus>,
     file: Option<DeviceFile>,
     latency_ns: u64,
     open: Option<Open>,
-    /// What was last said of the bus, so that it is said once.
+    /// The last note about the bus, so that it is printed only once.
     said: String,
     searched_ns: Option<u64>,
     heard_ns: u64,
@@ -183,8 +183,8 @@ pub struct HidSource {
 }
 
 impl HidSource {
-    /// Searches `bus`, now and whenever there is no device. With a `file`, the device that it describes is taken; else
-    /// the first of usage page 0x12.
+    /// Searches `bus` now and whenever there is no device. With a `file`, it uses the device that the file describes.
+    /// Otherwise it uses the first device of usage page 0x12.
     pub fn new(bus: Box<dyn Bus>, file: Option<DeviceFile>, latency_ns: u64) -> Self {
         Self::with_clock(bus, file, latency_ns, now_ns)
     }
@@ -204,7 +204,7 @@ impl HidSource {
         }
     }
 
-    /// Looks for a device; what there is to say about it.
+    /// Searches for a device. Returns a note about the result.
     fn search(&mut self) -> Option<Event> {
         let found = match self.bus.list() {
             Ok(found) => found,
@@ -228,7 +228,7 @@ impl HidSource {
             open.ask();
             let text = match open.start() {
                 Ok(()) => format!("{}: connected", open.about.name),
-                Err(e) => format!("{}: connected, but its mode cannot be set: {e}", open.about.name),
+                Err(e) => format!("{}: connected, but its mode cannot be set ({e})", open.about.name),
             };
             self.open = Some(open);
             self.heard_ns = (self.clock)();
@@ -237,7 +237,7 @@ impl HidSource {
             return Some(Event::Note(text));
         }
         if let Some(reason) = refused.first() {
-            return news(&mut self.said, format!("no eye tracker could be used; {reason}"));
+            return news(&mut self.said, format!("no eye tracker can be used ({reason})"));
         }
         let none = match &self.file {
             Some(f) => format!("{} ({:04x}:{:04x}) is not plugged in", f.name, f.id[0], f.id[1]),
@@ -282,13 +282,13 @@ impl Source for HidSource {
             if now.saturating_sub(self.heard_ns) < SILENT_NS {
                 return Ok(Event::Nothing);
             }
-            // Asked again quietly; said once.
+            // The request is repeated silently, after one note.
             self.heard_ns = now;
             if let Err(e) = open.start() {
                 return Ok(self.lost(&e));
             }
             let first = !std::mem::replace(&mut self.silent, true);
-            let text = format!("{}: silent for two seconds, asked again to send", open.about.name);
+            let text = format!("{}: silent for two seconds, so it was requested to send again", open.about.name);
             return Ok(if first { Event::Note(text) } else { Event::Nothing });
         }
         let Some(report) = self.buffer.get(..length) else { return Ok(Event::Nothing) };

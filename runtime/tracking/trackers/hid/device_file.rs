@@ -1,26 +1,26 @@
-//! A device with a layout of its own, described in a file: which bytes of which report are what.
+//! Reads the layout of a device's reports from a file, which states the bytes of each number.
 //!
 //! ```toml
 //! name = "Bench tracker"
-//! vendor = 0x1234                 # the device that it is for
+//! vendor = 0x1234                 # USB IDs of the device
 //! product = 0x5678
-//! report_id = 1                   # 0, or left out: reports carry no ID
-//! bytes = 22                      # of the report, with its ID; shorter ones are refused
-//! start = [0x05, 0x01]            # a feature report to write first, if the device wants one
-//! time = { offset = 1, size = 4, scale = 1e-6 }                 # seconds a count
+//! report_id = 1                   # 0 or left out if reports have no ID
+//! bytes = 22                      # size of the report with its ID, shorter ones are refused
+//! start = [0x05, 0x01]            # a feature report to write first, if the device needs one
+//! time = { offset = 1, size = 4, scale = 1e-6 }                 # seconds per count
 //!
 //! [left]
 //! unit = "mm"                     # mm, deg, normalized or counts
-//! what = "pupil"                  # pupil, or gaze
-//! x = { offset = 5, size = 2, signed = true, scale = 0.001 }    # unit a count
+//! what = "pupil"                  # pupil or gaze
+//! x = { offset = 5, size = 2, signed = true, scale = 0.001 }    # unit per count
 //! y = { offset = 7, size = 2, signed = true, scale = 0.001 }
-//! diameter = { offset = 9, size = 2, scale = 0.001 }            # mm a count
+//! diameter = { offset = 9, size = 2, scale = 0.001 }            # mm per count
 //! confidence = { offset = 11, size = 1, scale = 0.00392 }       # 0 to 1
-//! valid = { offset = 12, size = 1 }                             # not 0: seen
+//! valid = { offset = 12, size = 1 }                             # not 0 if seen
 //! ```
 //!
-//! Offsets are bytes from the report's first byte, its ID included where it has one. `range = [low, high]`, raw, refuses
-//! what lies outside.
+//! Offsets are bytes from the first byte of the report, including its ID if it has one. `range = [low, high]`, in raw
+//! counts, refuses values outside.
 
 use super::layout::{InputReport, Layout, Place, Role, Slot, TimeSlots};
 use crate::trackers::{Quantity, TrackerError, Unit, UnitText};
@@ -30,65 +30,65 @@ use eyebox_base::reason;
 use serde::Deserialize;
 use std::path::Path;
 
-/// A device described in a file.
+/// A device with a layout that a file describes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceFile {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
-    /// Vendor and product that it is for.
+    /// Vendor and product of the device.
     pub id: [u16; 2],
-    /// Where everything is.
+    /// The places of all numbers in the report.
     pub layout: Layout,
-    /// A feature report to write first; its first byte is the ID.
+    /// A feature report that is written first. Its first byte is the ID.
     pub start: Option<Vec<u8>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    /// What the device is called.
+    /// Name of the device.
     name: Option<String>,
-    /// USB vendor.
+    /// USB vendor of the device.
     vendor: u16,
-    /// USB product.
+    /// USB product of the device.
     product: u16,
-    /// ID of the report that is read; 0 for devices without.
+    /// ID of the report that is read, or 0 if reports carry no ID.
     #[serde(default)]
     report_id: u8,
-    /// Bytes of the report, with its ID; shorter ones are refused.
+    /// Bytes of the report, including its ID. Shorter reports are refused.
     bytes: usize,
-    /// Bytes that are sent to the device to start it.
+    /// Bytes of a feature report that starts the device.
     start: Option<Vec<u8>>,
-    /// Its time, seconds.
+    /// The tracker's time, in seconds.
     time: Option<SlotText>,
-    /// Of the left eye: below.
+    /// Position of the left eye, below.
     left: Option<PlaceText>,
-    /// Of the right one.
+    /// Position of the right eye, below.
     right: Option<PlaceText>,
-    /// Of both.
+    /// Position of both eyes, below.
     combined: Option<PlaceText>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PlaceText {
-    /// Of x, y and z.
+    /// Unit of x, y and z.
     #[serde(with = "UnitText")]
     unit: Unit,
-    /// Where the pupil is, or where the eye looks.
+    /// The quantity of the position, which is the pupil or the gaze point.
     #[serde(default)]
     what: Quantity,
-    /// To the right.
+    /// Coordinate x, which points to the right.
     x: SlotText,
-    /// Down.
+    /// Coordinate y, which points down.
     y: SlotText,
-    /// Away from the tracker.
+    /// Coordinate z, which points away from the tracker.
     z: Option<SlotText>,
-    /// Diameter of the pupil, millimetres.
+    /// Diameter of the pupil, millimeters.
     diameter: Option<SlotText>,
-    /// 0 to 1.
+    /// Confidence from 0 to 1.
     confidence: Option<SlotText>,
-    /// Not 0: the eye was seen.
+    /// A number that is not 0 if the eye was seen.
     valid: Option<SlotText>,
 }
 
@@ -97,15 +97,15 @@ struct PlaceText {
 struct SlotText {
     /// First byte of the number in the report.
     offset: usize,
-    /// Its bytes, 1 to 8, the lowest first.
+    /// Number of bytes, 1 to 8, the lowest first.
     size: u32,
-    /// Whether it has a sign.
+    /// True if the number has a sign.
     #[serde(default)]
     signed: bool,
-    /// Units a count [default: 1].
+    /// Units per count [default: 1].
     #[serde(default = "one")]
     scale: f64,
-    /// Counts that mean something; all without.
+    /// Range of valid counts. All counts are valid without it.
     range: Option<[i64; 2]>,
 }
 
@@ -117,31 +117,36 @@ impl DeviceFile {
     /// Reads a device file.
     ///
     /// # Errors
-    /// [`TrackerError::File`], naming the file, the line and the key.
+    /// [`TrackerError::File`] with the file, the line and the key.
     pub fn load(file: &Path) -> Result<Self, TrackerError> {
         let text = read::text(file, read::TEXT).map_err(|e| TrackerError::file(file, e.to_string()))?;
         Self::from_toml(&text).map_err(|reason| TrackerError::file(file, reason))
     }
 
-    /// Reads the text of one.
+    /// Reads the text of a device file.
     ///
     /// # Errors
-    /// What is wrong, with its line or key.
+    /// The problem, with its line or key.
     pub fn from_toml(text: &str) -> Result<Self, Reason> {
         let file: File = read::toml(text)?;
         let first = usize::from(file.report_id != 0);
         let longest = super::descriptor::LONGEST_REPORT;
         if !(first + 1..=longest).contains(&file.bytes) {
-            return Err(reason!("report-bytes", "bytes is {}: a report has {} to {longest}", file.bytes, first + 1));
+            return Err(reason!(
+                "report-bytes",
+                "bytes is {}, but a report has {} to {longest}",
+                file.bytes,
+                first + 1
+            ));
         }
         let slot = |key: &str, s: &SlotText, unit: f64| -> Result<Slot, Reason> {
             if !(1..=8).contains(&s.size) {
-                return Err(reason!("slot-size", "{key}: size is {}: 1 to 8 bytes", s.size));
+                return Err(reason!("slot-size", "{key}: size is {}, but it must be 1 to 8 bytes", s.size));
             }
             if s.offset < first || s.offset.saturating_add(s.size as usize) > file.bytes {
                 return Err(reason!(
                     "slot-place",
-                    "{key}: bytes {} to {} do not lie in a report of {} bytes{}",
+                    "{key}: bytes {} to {} are not inside a report of {} bytes{}",
                     s.offset,
                     s.offset.saturating_add(s.size as usize) - 1,
                     file.bytes,
@@ -149,10 +154,10 @@ impl DeviceFile {
                 ));
             }
             if !(s.scale.is_finite() && s.scale != 0.0) {
-                return Err(reason!("slot-scale", "{key}: scale is {}: it must be finite and not 0", s.scale));
+                return Err(reason!("slot-scale", "{key}: scale is {}, but it must be finite and not 0", s.scale));
             }
             if s.range.is_some_and(|[low, high]| low > high) {
-                return Err(reason!("slot-range", "{key}: range: the smallest first"));
+                return Err(reason!("slot-range", "{key}: range must begin with the smallest"));
             }
             let (bit, bits) = ((s.offset - first) * 8, s.size * 8);
             Ok(Slot { bit, bits, signed: s.signed, logical: s.range, scale: s.scale * unit, zero: 0.0 })
@@ -204,7 +209,7 @@ impl DeviceFile {
             None => None,
         };
         if file.start.as_ref().is_some_and(|s| s.is_empty() || s.len() > longest) {
-            return Err(reason!("start-bytes", "start has 1 to {longest} bytes, the ID first (0 where there is none)"));
+            return Err(reason!("start-bytes", "start must have 1 to {longest} bytes, the ID first (0 if none)"));
         }
         let input = InputReport { id: file.report_id, bytes: file.bytes, time, places };
         let layout = Layout { numbered: file.report_id != 0, inputs: vec![input], ..Layout::default() };

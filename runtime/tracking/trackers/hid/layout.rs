@@ -1,8 +1,8 @@
-//! Where an eye tracker's report keeps what: found by usage, or told by a [device file](super::device_file).
+//! Finds the numbers in the reports of an eye tracker, by usage or by a [device file](super::device_file).
 //!
-//! Usage page 0x12 says what a field is; which eye a position belongs to is told by the collection around it alone
-//! (HUTRR74). Devices differ in sizes, order and padding, and older ones leave usages out, so nothing is assumed of
-//! offsets, and what has no name is taken by its place, with a note.
+//! Usage page 0x12 gives the meaning of a field. Only the collection around a position gives its eye (HUTRR74). Devices
+//! differ in sizes, order and padding, and older ones leave out usages. No offset is therefore assumed. A field without
+//! a name is identified by its place, with a note.
 
 use super::HidError;
 use super::descriptor::{Descriptor, Field, ReportKind, Usage};
@@ -11,42 +11,42 @@ use crate::trackers::{Quantity, Unit};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// Bits of a report that make one number: value = raw x scale + zero.
+/// Bits of a report that make one number, whose value is raw x scale + zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slot {
-    /// First bit, behind the ID byte.
+    /// First bit, counted behind the ID byte.
     pub bit: usize,
-    /// Bits, 1 to 64.
+    /// Number of bits, 1 to 64.
     pub bits: u32,
-    /// Two's complement.
+    /// True for two's complement.
     pub signed: bool,
-    /// Smallest and largest raw value that means something; `None` where all do.
+    /// Smallest and largest valid raw value, or `None` if all are valid.
     pub logical: Option<[i64; 2]>,
-    /// In the place's unit, a count.
+    /// Size of a count, in the unit of the place.
     pub scale: f64,
-    /// The value of raw 0.
+    /// Value at raw 0, in the unit of the place.
     pub zero: f64,
 }
 
-/// Whose position it is.
+/// The object of a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Role {
-    /// Where both eyes look, on the screen.
+    /// The gaze point of both eyes on the screen.
     Gaze,
-    /// The left eye.
+    /// The pupil of the left eye.
     Left,
-    /// The right eye.
+    /// The pupil of the right eye.
     Right,
-    /// The head.
+    /// The position of the head.
     Head,
-    /// Where the head points.
+    /// The point at which the head is directed.
     HeadDirection,
 }
 
 impl Role {
-    /// The order of HUTRR74, and of the unnamed.
+    /// All roles, in the order of HUTRR74 and of unnamed positions.
     const ALL: [Self; 5] = [Self::Gaze, Self::Left, Self::Right, Self::Head, Self::HeadDirection];
 
     fn of(usage: Usage) -> Option<Self> {
@@ -58,33 +58,33 @@ impl Role {
 /// A position in a report.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Place {
-    /// Whose.
+    /// The object of the position.
     pub role: Role,
-    /// What it tells.
+    /// The quantity of the position.
     pub quantity: Quantity,
-    /// What it is measured in.
+    /// The unit of the axes.
     pub unit: Unit,
-    /// x, y, z; those that there are.
+    /// The axes x, y and z, if they exist.
     pub axes: [Option<Slot>; 3],
-    /// Diameter of the pupil, metres (device files).
+    /// Diameter of the pupil, meters (device files).
     pub diameter: Option<Slot>,
-    /// 0 to 1 (device files).
+    /// Confidence from 0 to 1 (device files).
     pub confidence: Option<Slot>,
-    /// Not zero: seen (device files).
+    /// A number that is not zero if the eye was seen (device files).
     pub valid: Option<Slot>,
 }
 
-/// A time in a report: its parts make one number, the first the least.
+/// A time in a report. Its parts make one number, the lowest part first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimeSlots {
-    /// Parts in order.
+    /// The parts in their order.
     pub parts: Vec<Slot>,
-    /// Seconds a count.
+    /// Length of a count, seconds.
     pub scale: f64,
 }
 
 impl TimeSlots {
-    /// Bits of all parts, at most 64.
+    /// Number of bits of all parts, at most 64.
     pub fn bits(&self) -> u32 {
         self.parts.iter().map(|p| p.bits).sum::<u32>().min(64)
     }
@@ -93,52 +93,53 @@ impl TimeSlots {
 /// A report that the device sends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InputReport {
-    /// Its ID; 0 where reports are not numbered.
+    /// ID of the report, or 0 if reports are not numbered.
     pub id: u8,
-    /// Bytes, with the ID; a shorter report is refused.
+    /// Bytes of the report, including the ID. A shorter report is refused.
     pub bytes: usize,
-    /// The tracker's time.
+    /// The tracker's time in the report.
     pub time: Option<TimeSlots>,
-    /// Positions.
+    /// The positions in the report.
     pub places: Vec<Place>,
 }
 
 /// One number of a feature or input report.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// ID of its report; 0 where reports are not numbered.
+    /// ID of its report, or 0 if reports are not numbered.
     pub id: u8,
-    /// Bytes of its report, with the ID where numbered.
+    /// Bytes of its report, including the ID if there is one.
     pub bytes: usize,
-    /// Where in it.
+    /// Place of the number in the report.
     pub slot: Slot,
 }
 
-/// All that is needed to run an eye tracker.
+/// The data to run an eye tracker.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layout {
-    /// Whether reports start with an ID.
+    /// True if reports start with an ID.
     pub numbered: bool,
     /// Reports with tracking data.
     pub inputs: Vec<InputReport>,
-    /// Device Mode Request: what the tracker should send. Until it is written, it may be silent.
+    /// Device Mode Request, which selects the data that the tracker sends. The tracker may be silent until it is
+    /// written.
     pub mode: Option<Setting>,
-    /// Configuration Status, on request.
+    /// Configuration Status, read on request.
     pub status: Option<Setting>,
-    /// Configuration Status, sent by itself.
+    /// Configuration Status, sent by the device.
     pub status_sent: Option<Setting>,
-    /// Sampling Frequency, hertz.
+    /// The Sampling Frequency, hertz.
     pub frequency: Option<Setting>,
-    /// What was taken how.
+    /// Notes about unusual fields.
     pub notes: Vec<String>,
 }
 
-/// Bits of the Device Mode Request: gaze and eye positions.
+/// Bits of the Device Mode Request for gaze and eye positions.
 pub const MODE_GAZE_AND_EYES: i64 = 3;
 const EYE_TRACKER: Usage = Usage { page: EYE_PAGE, id: 0x01 };
 const HEAD_TRACKER: Usage = Usage { page: EYE_PAGE, id: 0x02 };
 
-/// A position while it is put together.
+/// A position that is being assembled.
 struct Group {
     report: u8,
     collection: Option<usize>,
@@ -148,10 +149,10 @@ struct Group {
 }
 
 impl Layout {
-    /// Finds the fields of usage page 0x12 in the bytes of a descriptor. `name` is the device's.
+    /// Finds the fields of usage page 0x12 in the bytes of a descriptor. `name` is the name of the device.
     ///
     /// # Errors
-    /// [`HidError::Descriptor`] and [`HidError::NotAnEyeTracker`].
+    /// [`HidError::Descriptor`] or [`HidError::NotAnEyeTracker`] if it cannot be used.
     pub fn of(descriptor: &[u8], name: &str) -> Result<Self, HidError> {
         let wrong = |reason| HidError::NotAnEyeTracker { name: name.to_owned(), reason };
         Self::find(&Descriptor::parse(descriptor)?).map_err(wrong)
@@ -160,7 +161,7 @@ impl Layout {
     /// Finds the fields of usage page 0x12.
     ///
     /// # Errors
-    /// Why it is not an eye tracker, in words.
+    /// The reason why it is not an eye tracker, in words.
     pub fn find(descriptor: &Descriptor) -> Result<Self, Reason> {
         let page = |u: Option<Usage>| u.is_some_and(|u| u.page == EYE_PAGE);
         let fields = || descriptor.fields.iter().flat_map(|f| &f.usages).any(|[first, _]| first.page == EYE_PAGE);
@@ -168,7 +169,7 @@ impl Layout {
             let mut names: Vec<_> = applications(descriptor);
             names.dedup();
             let names = if names.is_empty() { "nothing".into() } else { names.join(", ") };
-            return Err(reason!("no-eye-tracker", "nothing of usage page 0x12 (Eye and Head Trackers): it is {names}"));
+            return Err(reason!("no-eye-tracker", "nothing of usage page 0x12 (Eye and Head Trackers), only {names}"));
         }
         let sizes = descriptor.reports();
         let bytes = |kind, id| sizes.iter().find(|(k, i, _)| (*k, *i) == (kind, id)).map_or(0, |(.., b)| *b);
@@ -194,7 +195,7 @@ impl Layout {
             ));
         }
         if !descriptor.collections.iter().any(|c| c.usage == Some(EYE_TRACKER)) {
-            layout.notes.push("no application collection is called Eye Tracker: taken as one by its fields".into());
+            layout.notes.push("no application collection is called Eye Tracker, so its fields identify it".into());
         }
         layout.inputs.retain(|i| !i.places.is_empty());
         Ok(layout)
@@ -210,7 +211,7 @@ impl Layout {
 
     fn times(&mut self, field: &Field, bytes: usize) {
         let is_time = |u: Option<Usage>| u == Some(Usage { page: EYE_PAGE, id: 0x20 });
-        // 64 bits are all that a time can have: no more than 64 parts.
+        // A time can have 64 bits, and therefore at most 64 parts.
         let parts: Vec<Slot> = (0..field.count.min(64))
             .filter(|i| is_time(field.usage(*i)))
             .filter_map(|i| slot(field, i, 1.0))
@@ -222,7 +223,7 @@ impl Layout {
         let scale = match dimension(field.unit, field.exponent) {
             Dimension::Time(scale) => scale,
             _ => {
-                note_once(&mut self.notes, "the timestamp has no unit of time: taken as microseconds");
+                note_once(&mut self.notes, "the timestamp has no unit of time, so microseconds are assumed");
                 1e-6
             }
         };
@@ -259,7 +260,8 @@ impl Layout {
         }
     }
 
-    /// Gives the unnamed groups the roles that are left, in the order of HUTRR74, and puts all into their reports.
+    /// Assigns the remaining roles to the unnamed groups in the order of HUTRR74, and puts all groups into their
+    /// reports.
     fn assign(&mut self, mut groups: Vec<Group>, bytes: impl Fn(u8) -> usize) {
         groups.retain(|g| g.axes[0].is_some() && g.axes[1].is_some());
         for i in 0..groups.len() {
@@ -272,15 +274,14 @@ impl Layout {
             // Only a gaze point has two axes.
             let role = Role::ALL.into_iter().filter(|r| (*r == Role::Gaze) == flat).find(free);
             if let Some(role) = role {
-                self.notes
-                    .push(format!("report 0x{report:02x}: a position without a name is taken by its place: {role:?}"));
+                self.notes.push(format!("report 0x{report:02x}: a position without a name is {role:?} by its place"));
             }
             groups[i].role = role;
         }
         for group in groups {
             let Some(role) = group.role else { continue };
             if matches!(role, Role::Head | Role::HeadDirection) {
-                continue; // Described, not needed.
+                continue; // The description shows it, but no sample needs it.
             }
             let report = self.report(group.report, bytes(group.report));
             if report.places.iter().any(|p| p.role == role) {
@@ -297,7 +298,7 @@ impl Layout {
 /// Sorts the axes of one field into groups.
 fn axes(field: &Field, role: Option<Role>, groups: &mut Vec<Group>, notes: &mut Vec<String>) {
     if !field.variable() && !field.constant() {
-        return; // An array selects usages, it holds no positions.
+        return; // An array selects usages and holds no positions.
     }
     let explicit: u32 = field.usages.iter().map(|[a, b]| u32::from(b.id - a.id) + 1).sum();
     let on_page = field.usages.iter().any(|[first, _]| first.page == EYE_PAGE);
@@ -311,7 +312,7 @@ fn axes(field: &Field, role: Option<Role>, groups: &mut Vec<Group>, notes: &mut 
             Some(_) => continue,
             None => None,
         };
-        // Fewer usages than elements: the next axis, not the last again.
+        // If there are fewer usages than elements, the next axis follows instead of the last one again.
         let axis = match (named, axis_before) {
             (Some(axis), Some(before)) if i >= explicit && axis <= before => before + 1,
             (Some(axis), _) => axis,
@@ -326,19 +327,19 @@ fn axes(field: &Field, role: Option<Role>, groups: &mut Vec<Group>, notes: &mut 
             Dimension::Length(scale) => (scale, Unit::Metres),
             Dimension::Angle(scale) => (scale, Unit::Radians),
             Dimension::None if field.unit == 0 => {
-                note_once(notes, "positions have no unit: taken as micrometres");
+                note_once(notes, "positions have no unit, so micrometers are assumed");
                 (1e-6, Unit::Metres)
             }
             _ => (1.0, Unit::Counts),
         };
         let Some(mut slot) = slot(field, i, scale) else { continue };
         if slot.logical.is_none() && field.bits >= 12 {
-            note_once(notes, "positions have no logical range: taken as signed, none refused");
+            note_once(notes, "positions have no logical range, so all signed values are accepted");
             slot.signed = true;
         }
         let here = |g: &Group| g.report == field.report_id && g.collection == field.collection && g.role == role;
         let index = match groups.iter().rposition(here) {
-            // What has no usage does not add to what has.
+            // A field without a usage does not add to a group with one.
             Some(last) if named.is_none() && groups[last].named => continue,
             Some(last) if groups[last].axes[axis].is_none() => last,
             Some(_) if named.is_none() => continue,
@@ -350,7 +351,7 @@ fn axes(field: &Field, role: Option<Role>, groups: &mut Vec<Group>, notes: &mut 
             }
         };
         if named.is_none() {
-            note_once(notes, "positions without usages are taken as x, y, z in their order");
+            note_once(notes, "positions without usages are x, y, z in their order");
         }
         groups[index].axes[axis] = Some((slot, unit));
     }
@@ -362,7 +363,7 @@ fn note_once(notes: &mut Vec<String>, note: &str) {
     }
 }
 
-/// Where element `index` of a field lies, each count worth `scale` (times what the physical range says).
+/// The place of element `index` of a field. A count is worth `scale` times the factor of the physical range.
 fn slot(field: &Field, index: u32, scale: f64) -> Option<Slot> {
     if !(1..=64).contains(&field.bits) {
         return None;

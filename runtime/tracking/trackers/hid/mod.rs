@@ -1,10 +1,10 @@
-//! HID eye trackers: usage page 0x12, driven from the report descriptor (HUTRR74).
+//! Reads HID eye trackers of usage page 0x12 by their report descriptor (HUTRR74).
 //!
-//! Along the way of a report: [`descriptor`] reads what the device says of itself, [`layout`] finds the fields that
-//! matter by their usages, or [`device_file`] tells where they are; [`report`] takes the bits out of the bytes;
-//! [`device`] finds the device, starts it, and finds it again after it was pulled out. What touches the machine is
-//! behind [`Bus`](device::Bus) and [`Port`](device::Port), so that all of it is tested without hardware; the
-//! machine's own are [`system_bus`]'s.
+//! The module [`descriptor`] reads the descriptor of the device. The module [`layout`] finds the relevant fields by
+//! their usages, or [`device_file`] states their places. The module [`report`] extracts the bits from the bytes.
+//! [`device`] finds the device, starts it, and finds it again after it was unplugged. All access to the machine is
+//! behind [`Bus`](device::Bus) and [`Port`](device::Port), so that everything is tested without hardware.
+//! [`system_bus`] gives the machine's own bus.
 
 pub mod descriptor;
 pub mod device;
@@ -28,25 +28,25 @@ pub use system::system_bus;
 
 use eyebox_base::error::Reason;
 
-/// What can be wrong with a HID device.
+/// An error of a HID device.
 #[derive(Debug, Clone, PartialEq, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum HidError {
-    /// A report descriptor that cannot be read.
-    #[error("the report descriptor, at byte {at}: {reason}")]
+    /// The report descriptor cannot be read.
+    #[error("the report descriptor at byte {at}: {reason}")]
     Descriptor {
-        /// Offset of the item.
+        /// Offset of the item, bytes.
         at: usize,
-        /// What is wrong.
+        /// The problem of the item.
         reason: Reason,
     },
-    /// A device that is something else.
+    /// The device is not an eye tracker.
     #[error("{name} is not an eye tracker: {reason}")]
     NotAnEyeTracker {
-        /// Its name.
+        /// Name of the device.
         name: String,
-        /// Why.
+        /// The reason, with the device's actual kind.
         reason: Reason,
     },
     /// This system has no HID that eyebox can use.

@@ -1,11 +1,11 @@
-//! Names of usages and units, for people.
+//! Names usages and units of HID for people.
 
 use super::descriptor::Usage;
 
 /// The page of eye and head trackers (HUTRR74).
 pub const EYE_PAGE: u16 = 0x12;
 
-/// A usage page by name.
+/// The name of a usage page.
 fn page(page: u16) -> Option<&'static str> {
     Some(match page {
         0x01 => "Generic Desktop",
@@ -28,7 +28,7 @@ fn page(page: u16) -> Option<&'static str> {
     })
 }
 
-/// A usage of page 0x12, and the few others that its neighbours use, by name.
+/// The name of a usage of page 0x12, or of the few others that its neighbors use.
 fn name(usage: Usage) -> Option<&'static str> {
     Some(match (usage.page, usage.id) {
         (EYE_PAGE, id) => match id {
@@ -97,7 +97,7 @@ fn name(usage: Usage) -> Option<&'static str> {
     })
 }
 
-/// A usage for people: its name, else its numbers with the page's name.
+/// The name of a usage for people, or its numbers with the page's name.
 pub fn usage_name(usage: Usage) -> String {
     match (name(usage), page(usage.page)) {
         (Some(name), _) => name.into(),
@@ -112,26 +112,26 @@ pub fn collection_kind(kind: u8) -> &'static str {
     kinds.get(usize::from(kind)).unwrap_or(&"other")
 }
 
-/// What a unit code and its exponent make of a number.
+/// The meaning of a unit code and its exponent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Dimension {
-    /// No unit.
+    /// A number without a unit.
     None,
-    /// A length: metres a count.
+    /// A length, in meters per count.
     Length(f64),
-    /// An angle: radians a count.
+    /// An angle, in radians per count.
     Angle(f64),
-    /// A time: seconds a count.
+    /// A time, in seconds per count.
     Time(f64),
-    /// A frequency: hertz a count.
+    /// A frequency, in hertz per count.
     Frequency(f64),
-    /// Something that does not concern us.
+    /// A quantity that eyebox does not use.
     Other,
 }
 
-/// Reads a HID unit: four bits for the system, then four in two's complement for each power of length, mass, time,
-/// temperature, current, luminous intensity.
+/// Reads a HID unit. Four bits give the system. Four more bits in two's complement give each power of length, mass,
+/// time, temperature, current and luminous intensity.
 pub fn dimension(unit: u32, exponent: i32) -> Dimension {
     let power = |place: u32| ((unit >> (4 * place) & 0xf) as i32 ^ 8) - 8;
     let powers: [i32; 6] = std::array::from_fn(|i| power(i as u32 + 1));
@@ -148,7 +148,7 @@ pub fn dimension(unit: u32, exponent: i32) -> Dimension {
     }
 }
 
-/// A unit for people: `um`, `us`, `Hz`; empty where there is none.
+/// The name of a unit for people, such as `um`, `us` or `Hz`, and empty without a unit.
 pub fn unit_name(unit: u32, exponent: i32) -> String {
     let prefixed = |scale: f64, base: &str| {
         let power = scale.log10().round() as i32;
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn units_are_read_as_the_specification_writes_them() {
-        // Linear SI is centimetres: 1e-4 cm is a micrometre.
+        // The linear SI unit is the centimeter, so 1e-4 cm is a micrometer.
         assert_eq!(unit_name(0x11, -4), "um");
         assert_eq!(unit_name(0x1001, -6), "us");
         assert_eq!(unit_name(0xf001, 0), "Hz");

@@ -1,10 +1,10 @@
-//! Reports to samples: bits out of bytes, nothing read beyond their end, nothing believed out of its range.
+//! Decodes reports into samples, with checks of their length and their ranges.
 
 use super::layout::{InputReport, Layout, Place, Role, Setting, Slot};
 use crate::trackers::clock::{ForeignClock, Unwrap};
 use crate::trackers::{Reading, Sample, TimeUnit};
 
-/// The `bits` (1 to 64) from `bit` on, the lowest first; `None` beyond the end.
+/// Extracts `bits` (1 to 64) bits from `bit` on, the lowest first. It is `None` beyond the end.
 pub fn extract(payload: &[u8], bit: usize, bits: u32, signed: bool) -> Option<i64> {
     if !(1..=64).contains(&bits) {
         return None;
@@ -18,7 +18,7 @@ pub fn extract(payload: &[u8], bit: usize, bits: u32, signed: bool) -> Option<i6
     Some(if signed { ((value << spare) as i64) >> spare } else { value as i64 })
 }
 
-/// Puts the low `bits` of `value` at `bit`; does nothing beyond the end.
+/// Writes the low `bits` of `value` at `bit`. It does nothing beyond the end.
 pub fn insert(payload: &mut [u8], bit: usize, bits: u32, value: i64) {
     for i in 0..bits.min(64) as usize {
         if let Some(byte) = payload.get_mut((bit + i) / 8) {
@@ -29,27 +29,27 @@ pub fn insert(payload: &mut [u8], bit: usize, bits: u32, value: i64) {
 }
 
 impl Slot {
-    /// The raw value; `None` beyond the end of the payload or out of the logical range.
+    /// The raw value, or `None` beyond the end of the payload or outside the logical range.
     pub fn raw(&self, payload: &[u8]) -> Option<i64> {
         let raw = extract(payload, self.bit, self.bits, self.signed)?;
         self.logical.is_none_or(|[low, high]| (low..=high).contains(&raw)).then_some(raw)
     }
 
-    /// The value in the slot's unit; `None` as in [`raw`](Self::raw).
+    /// The value in the slot's unit, or `None` as in [`raw`](Self::raw).
     pub fn value(&self, payload: &[u8]) -> Option<f64> {
         Some(self.raw(payload)? as f64 * self.scale + self.zero)
     }
 }
 
 impl Setting {
-    /// The value in a report of its kind, ID included where reports are numbered.
+    /// The value in a report of its kind, including the ID if reports are numbered.
     pub fn value(&self, report: &[u8]) -> Option<f64> {
         let payload = if self.id == 0 { report } else { report.strip_prefix(&[self.id])? };
         self.slot.value(payload)
     }
 
-    /// A report with this setting at `value` (or the largest that it takes) and zeros besides, as hidapi wants it: the
-    /// first byte is the ID, 0 where reports are not numbered.
+    /// A report with this setting at `value` (or the largest valid value) and zeros elsewhere, in the form of hidapi.
+    /// The first byte is the ID, or 0 if reports are not numbered.
     pub fn report(&self, value: i64) -> Vec<u8> {
         let mut report = vec![0; self.bytes + usize::from(self.id == 0)];
         report[0] = self.id;
@@ -64,19 +64,19 @@ impl Setting {
 pub struct Decoder {
     pub(in crate::trackers) layout: Layout,
     latency_ns: u64,
-    /// The device's clock.
+    /// The clock of the device.
     pub(in crate::trackers) clock: ForeignClock,
     counter: Unwrap,
 }
 
 impl Decoder {
-    /// A decoder; `latency_ns` lies between the eye and the arrival of its report.
+    /// A decoder. `latency_ns` is the time between the eye and the arrival of its report.
     pub fn new(layout: Layout, latency_ns: u64) -> Self {
         Self { layout, latency_ns, clock: ForeignClock::of(TimeUnit::Seconds), counter: Unwrap::default() }
     }
 
-    /// A sample from a report that arrived at `received_ns`; `None` where the report has no tracking data, or is too
-    /// short for what it should hold.
+    /// Decodes a report that arrived at `received_ns`. The sample is `None` if the report has no tracking data, or is
+    /// too short for its fields.
     pub fn sample(&mut self, report: &[u8], received_ns: u64) -> Option<Sample> {
         let (id, payload) = match (self.layout.numbered, report) {
             (false, all) => (0, all),
@@ -115,7 +115,7 @@ fn tracker_time(input: &InputReport, payload: &[u8], counter: &mut Unwrap) -> Op
         shift += part.bits;
     }
     let count = counter.count(count, time.bits());
-    // Whole nanoseconds are multiplied as integers: exact beyond the 53 bits of a float.
+    // Whole nanoseconds are multiplied as integers, which is exact beyond the 53 bits of a float.
     let factor = time.scale * 1e9;
     if factor >= 1.0 && (factor - factor.round()).abs() < 1e-6 {
         Some(count.saturating_mul(factor.round() as u64))
@@ -127,11 +127,11 @@ fn tracker_time(input: &InputReport, payload: &[u8], counter: &mut Unwrap) -> Op
 fn reading(place: &Place, payload: &[u8]) -> Reading {
     let value = |slot: &Option<Slot>| slot.as_ref().map(|s| s.value(payload));
     let [x, y, z] = [0, 1, 2].map(|i| value(&place.axes[i]));
-    // An axis that is there but out of its range spoils the position.
+    // An axis that exists but is out of its range makes the position invalid.
     let in_range = [&x, &y, &z].iter().all(|a| a.is_none_or(|v| v.is_some()));
     let [x, y, z] = [x, y, z].map(Option::flatten);
     let seen = value(&place.valid).is_none_or(|v| v.is_some_and(|v| v != 0.0));
-    // An eye in the very centre of the screen is a field that nobody filled.
+    // An eye exactly at the origin is a field that the device did not fill.
     let filled = !(z == Some(0.0) && x == Some(0.0) && y == Some(0.0));
     let mut reading = Reading::new(place.quantity, place.unit, [x.unwrap_or(0.0), y.unwrap_or(0.0)]);
     reading.distance = z;

@@ -1,20 +1,20 @@
-//! The machine's own HID devices, through hidapi: hidraw on Linux, the HID class driver on Windows.
+//! Accesses the machine's HID devices through hidapi (hidraw on Linux, the HID class driver on Windows).
 
 use super::HidError;
 use super::device::Bus;
 
-/// The bus of this machine.
+/// The HID bus of this machine.
 ///
 /// # Errors
-/// [`HidError::System`] where hidapi does not start, on systems other than Linux and Windows, and in a build without the
+/// [`HidError::System`] if hidapi does not start, on systems other than Linux and Windows, and in a build without the
 /// feature `trackers`.
 pub fn system_bus() -> Result<Box<dyn Bus>, HidError> {
     #[cfg(all(any(target_os = "linux", windows), feature = "trackers"))]
     return hid::open();
     #[cfg(not(all(any(target_os = "linux", windows), feature = "trackers")))]
     Err(HidError::System(match cfg!(any(target_os = "linux", windows)) {
-        true => "this program was built without the feature `trackers`: use udp:// or a recording".into(),
-        false => "HID trackers are read on Linux and Windows: on this system use udp:// or pupil://".into(),
+        true => "this program was built without the feature `trackers`. Use udp:// or a recording".into(),
+        false => "HID trackers are supported on Linux and Windows. On this system use udp:// or pupil://".into(),
     }))
 }
 
@@ -25,7 +25,7 @@ mod hid {
     use super::HidError;
     use std::{ffi::CString, time::Duration};
 
-    /// What a user can do who may not read a device.
+    /// The remedy for a user who may not read a device.
     const REFUSED: &str = match cfg!(windows) {
         true => "another program may hold it",
         false => "a udev rule with TAG+=\"uaccess\" lets users read it",
@@ -89,7 +89,7 @@ mod hid {
         fn get_feature(&mut self, report: &mut [u8]) -> Result<usize, HidError> {
             let mut whole = report.to_vec();
             if cfg!(windows) {
-                // It refuses buffers that are shorter than the device's longest feature report.
+                // Windows refuses buffers that are shorter than the device's longest feature report.
                 whole.resize(report.len().max(1 + LONGEST_REPORT), 0);
             }
             let length = self.0.get_feature_report(&mut whole).map_err(gone)?.min(report.len());

@@ -1,4 +1,4 @@
-//! Replays recorded lines.
+//! Replays recorded lines of samples.
 
 use super::{EXAMPLE, LONGEST_LINE, Line, parse};
 use crate::trackers::guard::Units;
@@ -13,7 +13,7 @@ use std::io::{BufRead, Read};
 use std::path::Path;
 use std::time::Duration;
 
-/// Most lines of a recording.
+/// Largest number of lines of a recording.
 const MOST_LINES: usize = 10_000_000;
 
 /// A line with its time and its arrival, nanoseconds from the first sample.
@@ -24,7 +24,7 @@ struct Timed {
     line: Line,
 }
 
-/// Replays recorded lines.
+/// Replays the lines of a recording.
 #[derive(Debug)]
 pub struct LineSource {
     name: String,
@@ -40,8 +40,8 @@ impl LineSource {
     /// Reads a file of lines.
     ///
     /// # Errors
-    /// [`TrackerError::File`], with file and line; [`TrackerError::TimeUnit`] and [`TrackerError::PositionUnit`] for
-    /// numbers whose unit is not known.
+    /// [`TrackerError::File`] with file and line. [`TrackerError::TimeUnit`] and [`TrackerError::PositionUnit`] are for
+    /// numbers of an unknown unit.
     pub fn open(file: &Path, real_time: bool, latency_ns: u64) -> Result<Self, TrackerError> {
         let (lines, notes) = lines_of(file)?;
         let (name, start_ns) = (file.display().to_string(), now_ns());
@@ -59,13 +59,13 @@ impl LineSource {
         if lines.is_empty() {
             return Err(TrackerError::file(
                 file,
-                reason!("no-time", "no line has a time: add t, seconds of any clock, to every line"),
+                reason!("no-time", "no line has a time: add t, in seconds of any clock, to every line"),
             ));
         }
         let untimed = all - lines.len();
         if untimed > 0 {
             self.dropped.messages += untimed as u64;
-            self.notes.push(format!("{untimed} lines without a time are left out"));
+            self.notes.push(format!("{untimed} lines without a time were dropped"));
         }
         let mut units = Units::default();
         for line in &lines {
@@ -76,7 +76,7 @@ impl LineSource {
         }
         let times: Vec<f64> = lines.iter().map(|line| line.time.unwrap_or(0.0)).collect();
         let stated = lines.iter().find_map(|line| line.time_unit);
-        // Arrivals are in recordings of eyebox, whose times are seconds.
+        // Recordings of eyebox contain arrivals, and their times are seconds.
         let is_own = lines.iter().all(|line| line.received.is_some());
         let unit = match (stated, unit_of_steps(&times)) {
             (Some(stated), _) => stated,
@@ -92,14 +92,14 @@ impl LineSource {
         let (placed, sets) = timeline(&whole);
         self.dropped.clock_sets = sets;
         if sets > 0 {
-            self.notes.push(format!("its clock was set {sets} times: there the recording goes on by its usual step"));
+            self.notes.push(format!("its clock was set {sets} times, and the replay continues with its usual step"));
         }
         let timed = lines.into_iter().zip(placed).map(|(line, time_ns)| {
             let delay = line.received.zip(line.time).map_or(0.0, |(received, time)| (received - time).max(0.0) * to_ns);
             Timed { time_ns, received_ns: time_ns.saturating_add(delay as u64), line }
         });
         let mut timed: Vec<Timed> = timed.collect();
-        // Two cameras' lines may come out of order.
+        // Lines of two cameras may be out of order.
         timed.sort_by_key(|line| line.time_ns);
         self.lines = timed.into();
         Ok(())
@@ -123,7 +123,7 @@ fn lines_of(file: &Path) -> Result<(Vec<Line>, Vec<String>), TrackerError> {
         match parse(line) {
             _ if line.is_empty() => {}
             Ok(line) => lines.push(line),
-            // The program that recorded it was killed, or its disk was full.
+            // The recording program was killed, or its disk was full.
             Err(_) if !whole && line.len() < LONGEST_LINE && !lines.is_empty() => {
                 notes.push(format!("the recording is cut off in line {number}, which is left out"));
             }
@@ -183,7 +183,8 @@ mod tests {
         assert!(LineSource::open(&file, false, 0).unwrap_err().to_string().contains("line 2"));
     }
 
-    /// The times of a recording of these times, nanoseconds from the first, and how often its clock was set.
+    /// The placed times of a recording with these lines, nanoseconds from the first, and the number of changes of its
+    /// clock.
     fn replayed(lines: &[String]) -> Result<(Vec<u64>, u64), TrackerError> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.jsonl");
@@ -201,7 +202,7 @@ mod tests {
         format!("{{\"t\": {t}, \"x\": 1, \"y\": 2{more}}}")
     }
 
-    /// Any origin, sign and unit, at the rates of real trackers: the times between samples are the true ones.
+    /// For any origin, sign and unit, at the rates of real trackers, the times between samples are the true ones.
     #[test]
     fn a_recording_may_begin_at_any_time_in_any_unit() {
         let mut cases = 0;
@@ -225,7 +226,7 @@ mod tests {
         assert_eq!(cases, 100);
     }
 
-    /// Times of which no rate, or two, are plausible are refused until the unit is stated; then they are read.
+    /// Times are refused if no rate is plausible, or two are, until the unit is stated. Then they are read.
     #[test]
     fn times_of_an_unknown_unit_are_asked_for() {
         for step in [1.0, 0.5, 0.4, 1.25, 1e-5, 1e10, 4e8, 2e-4, 1.5, 0.35] {
@@ -243,7 +244,7 @@ mod tests {
         }
     }
 
-    /// A clock that is set, duplicates, lines out of order and lines without a time, in one recording each.
+    /// Each recording has a clock that is set, duplicates, lines out of order, or lines without a time.
     #[test]
     fn what_clocks_do_in_a_recording_is_followed() {
         let step = 1.0 / 120.0;
@@ -254,26 +255,26 @@ mod tests {
             let worst = times.iter().enumerate().map(|(i, t)| (*t as f64 * 1e-9 - i as f64 * step).abs());
             assert!(worst.fold(0.0, f64::max) < 1e-4, "{by} s: {times:?}");
         }
-        // A pause is a pause.
+        // A pause stays a pause.
         let time = |i: usize| i as f64 * step + if i >= 30 { 20.0 } else { 0.0 };
         let (times, sets) = replayed(&(0..60).map(|i| line(time(i), "")).collect::<Vec<_>>()).unwrap();
         assert_eq!((times[30] - times[29]) / 1_000_000, 20_008);
         assert_eq!(sets, 0);
-        // Two cameras, out of order by less than a picture, and each line twice.
+        // Two cameras are out of order by less than a picture, and each line is repeated.
         let mut order: Vec<usize> = (0..60).collect();
         order.chunks_exact_mut(2).for_each(|two| two.swap(0, 1));
         let lines: Vec<String> =
             order.iter().flat_map(|i| [line(*i as f64 * step, ""), line(*i as f64 * step, "")]).collect();
         let (times, sets) = replayed(&lines).unwrap();
         assert!(times.is_sorted() && times.len() == 120 && sets == 0 && times[1] == times[0]);
-        // Unknown times.
+        // Some times are unknown.
         let mut lines: Vec<String> = (0..60).map(|i| line(i as f64 * step, "")).collect();
         (lines[7], lines[20]) = (line("NaN", ""), line("null", ""));
         assert_eq!(replayed(&lines).unwrap().0.len(), 58);
         assert!(matches!(replayed(&vec![line("null", ""); 30]), Err(TrackerError::File { .. })));
     }
 
-    /// Positions in metres without a diameter are refused until the unit is stated; then they are read.
+    /// Positions in meters without a diameter are refused until the unit is stated. Then they are read.
     #[test]
     fn positions_in_metres_are_asked_for() {
         let lines = |more: &str| -> Vec<String> {

@@ -1,8 +1,10 @@
-//! Pupil Core's network interface (docs.pupil-labs.com/core/developer/network-api): Pupil Remote answers questions at
-//! port 50020, and names the port at which pupil data is published as MessagePack.
+//! Reads Pupil Core's network interface (docs.pupil-labs.com/core/developer/network-api).
 //!
-//! Sample times are those of Pupil's own clock, which may begin anywhere, also below zero. Samples and the answers to
-//! questions for the time, every few seconds, show that clock on the steady one. Positions are shares of the eye camera's picture, so they need a calibration.
+//! Pupil Remote answers requests at port 50020, and names the port at which pupil data is published as MessagePack.
+//!
+//! Sample times are of Pupil's own clock, which may begin anywhere, also below zero. Samples and the answers to
+//! requests for the time, every few seconds, map that clock to the steady one. Positions are shares of the eye camera's
+//! picture, so they need a calibration.
 
 mod zmtp;
 
@@ -19,16 +21,16 @@ use zmtp::{Socket, invalid};
 
 const CONNECT: Duration = Duration::from_millis(500);
 const ANSWER: Duration = Duration::from_millis(200);
-/// Between attempts to connect.
+/// Time between attempts to connect.
 const RETRY_NS: u64 = 1_000_000_000;
-/// Between questions for the time.
+/// Time between requests for the time.
 const TIME_NS: u64 = 5_000_000_000;
 /// Shortest and longest time between two pictures of one camera.
 const PERIOD_NS: [u64; 2] = [2_000_000, 40_000_000];
-/// An eye that has said nothing for so long is not waited for.
+/// An eye that has been silent for this time is not waited for.
 const ALONE_NS: u64 = 500_000_000;
 
-/// What is used of a pupil datum; the rest is ignored.
+/// The used fields of a pupil datum. Other fields are ignored.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 struct Datum {
     id: u8,
@@ -39,14 +41,14 @@ struct Datum {
     diameter_3d: Option<f64>,
 }
 
-/// A connection.
+/// A connection to Pupil Core.
 struct Link {
     remote: Socket,
     data: Socket,
     asked_ns: u64,
 }
 
-/// Pupil Core over the network; connects again when the connection is lost.
+/// Pupil Core over the network. It connects again when the connection is lost.
 pub struct PupilCoreSource {
     host: String,
     port: u16,
@@ -56,18 +58,19 @@ pub struct PupilCoreSource {
     said: String,
     wrong: Complaints,
     clock: ForeignClock,
-    /// The last reading, of the eye with this number, at this tracker time: it waits for the other eye's.
+    /// The last reading with the number of its eye and its tracker time. It waits for the reading of the other eye.
     waiting: Option<(usize, i64, Sample)>,
-    /// When each eye was last heard, and last heard in 3D.
+    /// Last arrival of each eye.
     heard_ns: [Option<u64>; 2],
-    /// Pupil's time of each eye's last picture, and the time between two; readings nearer than half of it are of a pair.
+    /// Pupil's time of each eye's last picture, and the time between two pictures. Readings within half of it are a
+    /// pair.
     pictures: [(Option<i64>, u64); 2],
     heard_3d_ns: [Option<u64>; 2],
     ready: VecDeque<Sample>,
 }
 
 impl PupilCoreSource {
-    /// A source that connects when it is first asked.
+    /// Creates a source that connects at its first request.
     pub fn new(host: &str, port: u16, latency_ns: u64) -> Self {
         Self {
             host: host.into(),
@@ -94,7 +97,7 @@ impl PupilCoreSource {
         let mut remote = Socket::connect(&self.host, self.port, "REQ", CONNECT)?;
         let answer = remote.ask("SUB_PORT", ANSWER)?.ok_or_else(|| invalid("no answer to SUB_PORT"))?;
         let port = std::str::from_utf8(&answer).ok().and_then(|t| t.trim().parse::<u16>().ok()).filter(|p| *p != 0);
-        let port = port.ok_or_else(|| invalid("the answer to SUB_PORT is no port"))?;
+        let port = port.ok_or_else(|| invalid("the answer to SUB_PORT is not a port"))?;
         let mut data = Socket::connect(&self.host, port, "SUB", CONNECT)?;
         data.subscribe("pupil.")?;
         let mut link = Link { remote, data, asked_ns: now_ns() };
@@ -104,7 +107,7 @@ impl PupilCoreSource {
         Ok(link)
     }
 
-    /// A message to samples that are ready; what is wrong with it.
+    /// Converts a message to samples that are ready. The error states the problem of the message.
     fn take(&mut self, parts: &[Vec<u8>], received_ns: u64) -> Result<(), Reason> {
         let [topic, payload, ..] = parts else { return Err(reason!("no-payload", "a message without a payload")) };
         let datum: Datum = rmp_serde::from_slice(payload).map_err(|e| e.to_string())?;
@@ -117,7 +120,7 @@ impl PupilCoreSource {
         if in_3d {
             self.heard_3d_ns[eye] = Some(received_ns);
         } else if lately(self.heard_3d_ns[eye], ALONE_NS) {
-            return Ok(()); // The same picture again, by the other method.
+            return Ok(()); // It is the same picture by the other method.
         }
         self.heard_ns[eye] = Some(received_ns);
         let Stamp { tracker_ns, time_ns } = self.clock.place(nanoseconds(datum.timestamp), received_ns);
@@ -129,7 +132,7 @@ impl PupilCoreSource {
         let near = self.pictures[eye].1 / 2;
         let [x, y] = datum.norm_pos;
         let reading = Reading {
-            // Theirs counts upwards.
+            // Pupil's y counts upwards.
             position: [x, 1.0 - y],
             diameter: datum.diameter_3d.map(|d| d * 1e-3),
             confidence: datum.confidence,
@@ -140,7 +143,7 @@ impl PupilCoreSource {
         let mut sample = Sample::empty(received_ns);
         sample.tracker_ns = Some(tracker_ns);
         sample.time_ns = time_ns.saturating_sub(self.latency_ns);
-        // Eye 0 is the right one.
+        // Eye 0 is the right eye.
         *if eye == 0 { &mut sample.right } else { &mut sample.left } = Some(reading);
         if let Some((other, at, mut first)) = self.waiting.take() {
             if other != eye && at.abs_diff(tracker_ns) <= near {
@@ -171,13 +174,13 @@ impl PupilCoreSource {
 }
 
 impl Link {
-    /// Asks for Pupil's time. The answer shows it as a sample does, at the moment at which it arrives.
+    /// Requests Pupil's time. The answer shows it at its arrival, as a sample does.
     fn ask_time(&mut self, clock: &mut ForeignClock) -> io::Result<()> {
         self.asked_ns = now_ns();
         let answer = self.remote.ask("t", ANSWER)?;
         let seconds = answer.and_then(|a| std::str::from_utf8(&a).ok()?.trim().parse::<f64>().ok());
         let Some(seconds) = seconds.filter(|s| is_time(*s)) else {
-            // A late answer would be taken for the next one's.
+            // A late answer would be taken for the answer to the next request.
             return Err(invalid("no time in answer to t"));
         };
         clock.place(nanoseconds(seconds), now_ns());
@@ -185,7 +188,7 @@ impl Link {
     }
 }
 
-/// Whether a number is a time, seconds: of any origin, within 300 years.
+/// True if a number can be a time in seconds, of any origin, within 300 years.
 fn is_time(seconds: f64) -> bool {
     seconds.abs() < 9e9
 }
@@ -233,7 +236,7 @@ impl Source for PupilCoreSource {
             Ok(Some(parts)) => {
                 let received = now_ns();
                 if let Err(reason) = self.take(&parts, received) {
-                    let what = format!("a message that makes no sense: {reason}");
+                    let what = format!("an invalid message ({reason})");
                     if let Some(note) = self.wrong.add(received, &self.name(), what) {
                         return Ok(note);
                     }
@@ -241,7 +244,7 @@ impl Source for PupilCoreSource {
                 Ok(self.ready.pop_front().map_or(Event::Nothing, |s| Event::Sample(s, None)))
             }
             Ok(None) => {
-                // The other eye is not coming any more.
+                // The reading of the other eye does not arrive any more.
                 let late = self.waiting.take_if(|(_, _, s)| now_ns().saturating_sub(s.received_ns) > PERIOD_NS[1]);
                 Ok(late.map_or(Event::Nothing, |(_, _, s)| Event::Sample(s, None)))
             }

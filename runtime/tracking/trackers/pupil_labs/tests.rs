@@ -1,4 +1,4 @@
-//! Before a peer that speaks as Pupil Core does, on this machine's loopback, and one that does not.
+//! Tests the source with a peer on loopback that behaves as Pupil Core does, and with one that does not.
 
 use super::zmtp::{Arrival, Frames, frame, greeting, ready};
 use super::*;
@@ -7,7 +7,7 @@ use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::thread::JoinHandle;
 
-/// A datum as Pupil writes it, by hand: a map of short strings, arrays and floats.
+/// A hand-made datum as Pupil writes it, which is a map of short strings, arrays and floats.
 fn datum(id: u8, x: f64, confidence: f64, time: f64, diameter: Option<f64>) -> Vec<u8> {
     let text = |out: &mut Vec<u8>, t: &str| {
         out.push(0xa0 | t.len() as u8);
@@ -53,7 +53,7 @@ fn shake(stream: &mut TcpStream, socket: &str) {
     assert!(body.starts_with(b"\x05READY\x0bSocket-Type\0\0\0\x03"), "{body:?}");
 }
 
-/// Pupil Remote and a publisher of `messages`; ends when its peer goes. Its clock runs `ahead` nanoseconds ahead.
+/// Pupil Remote and a publisher of `messages`. It ends when its peer goes. Its clock runs `ahead` nanoseconds ahead.
 fn peer(messages: Vec<Vec<u8>>, ahead: i64) -> (u16, JoinHandle<()>) {
     let remote = TcpListener::bind("127.0.0.1:0").unwrap();
     let data = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -114,7 +114,8 @@ fn samples(source: &mut PupilCoreSource, most: usize) -> (Vec<Sample>, Vec<Strin
     (samples, notes)
 }
 
-/// Pupil's clock may begin anywhere: its maintainers allow it to be below zero, and a public recording begins at -323801 s.
+/// Pupil's clock may begin anywhere. Its maintainers allow it to be below zero, and a public recording begins at
+/// -323801 s.
 #[test]
 fn both_eyes_arrive_with_steady_times() {
     for ahead_s in [777, 0, -323_801, -1, -1_000_000_000, 1_690_000_000, 3600, -3600, 86_400, -40] {
@@ -128,7 +129,7 @@ fn both_eyes_arrive(ahead: i64) {
     let later = seen + 8_000_000;
     let messages = vec![
         message("pupil.0.3d", &datum(0, 0.75, 0.9, seconds(seen + ahead), Some(3.5))),
-        // The same picture in 2D, ignored; the other eye; the next picture.
+        // The same picture in 2D is ignored. Then come the other eye and the next picture.
         message("pupil.0.2d", &datum(0, 0.1, 0.9, seconds(seen + ahead), None)),
         message("pupil.1.3d", &datum(1, 0.5, 0.0, seconds(seen + ahead), Some(3.0))),
         message("pupil.0.3d", &datum(0, 0.76, 0.9, seconds(later + ahead), Some(3.5))),
@@ -143,7 +144,7 @@ fn both_eyes_arrive(ahead: i64) {
     let first = samples[0].right.unwrap();
     assert_eq!((first.position, first.unit, first.valid), ([0.75, 0.75], Unit::Normalized, true));
     assert!((first.diameter.unwrap() - 3.5e-3).abs() < 1e-12 && first.confidence == 0.9);
-    // On one machine a round trip takes far less than 10 ms, so the clocks agree to that.
+    // A round trip on one machine takes far less than 10 ms, so the clocks agree to that.
     assert!(samples[0].time_ns.abs_diff(seen as u64) < 10_000_000, "{} for {seen}", samples[0].time_ns);
     assert!(!samples[1].left.unwrap().valid, "no confidence");
     let both = samples[2];
@@ -187,7 +188,7 @@ fn a_peer_that_breaks_the_protocol_is_given_up_and_nobody_is_waited_for() {
     drop(source);
     handle.join().unwrap();
 
-    // Nobody listens there any more.
+    // No peer listens there any more.
     let mut source = PupilCoreSource::new("127.0.0.1", port, 0);
     assert!(matches!(source.next(Duration::ZERO).unwrap(), Event::Note(_)));
     assert_eq!(source.next(Duration::ZERO).unwrap(), Event::Nothing, "said once");

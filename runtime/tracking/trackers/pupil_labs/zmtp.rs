@@ -1,14 +1,16 @@
-//! As much of ZeroMQ's wire protocol as two client sockets need: ZMTP 3.0 (rfc.zeromq.org/spec/23), mechanism NULL, over
-//! TCP. What arrives is bounded; a peer that breaks the protocol is an error, after which the connection is given up.
+//! Implements the part of ZeroMQ's wire protocol that two client sockets need.
+//!
+//! It is ZMTP 3.0 (rfc.zeromq.org/spec/23), mechanism NULL, over TCP. Received data is bounded. A peer that breaks the
+//! protocol is an error, after which the connection is closed.
 
 use crate::trackers::resolve::resolve;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-/// Longest message, all its parts together, bytes.
+/// Longest message with all its parts, bytes.
 pub const LONGEST_MESSAGE: usize = 256 << 10;
-/// Most parts of a message.
+/// Largest number of parts of a message.
 pub const MOST_PARTS: usize = 16;
 const GREETING: usize = 64;
 const MORE: u8 = 1;
@@ -20,16 +22,16 @@ pub fn invalid(what: impl Into<String>) -> io::Error {
     io::Error::new(ErrorKind::InvalidData, what.into())
 }
 
-/// What arrived: the parts of a message, or a command.
+/// Received data, which is a message with its parts or a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Arrival {
-    /// A message.
+    /// A message with its parts.
     Message(Vec<Vec<u8>>),
     /// A command with its body.
     Command(Vec<u8>),
 }
 
-/// Puts frames together out of a stream of bytes.
+/// Assembles frames from a stream of bytes.
 #[derive(Debug, Clone, Default)]
 pub struct Frames {
     bytes: Vec<u8>,
@@ -37,7 +39,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Takes bytes as they come.
+    /// Adds bytes that were received.
     pub fn push(&mut self, bytes: &[u8]) {
         self.bytes.extend_from_slice(bytes);
     }
@@ -45,12 +47,12 @@ impl Frames {
     /// The next message or command, if it is complete.
     ///
     /// # Errors
-    /// `InvalidData`: reserved flags, too long, too many parts.
+    /// `InvalidData` for reserved flags, too many bytes or too many parts.
     pub fn next(&mut self) -> io::Result<Option<Arrival>> {
         loop {
             let Some(&flags) = self.bytes.first() else { return Ok(None) };
             if flags & !(MORE | LONG | COMMAND) != 0 || (flags & COMMAND != 0 && flags & MORE != 0) {
-                return Err(invalid(format!("a frame with flags 0x{flags:02x}: not ZMTP 3.0")));
+                return Err(invalid(format!("a frame with flags 0x{flags:02x}, which is not ZMTP 3.0")));
             }
             let (head, length) = if flags & LONG != 0 {
                 let Some(size) = self.bytes.get(1..9).and_then(|b| <[u8; 8]>::try_from(b).ok()) else {
@@ -79,7 +81,7 @@ impl Frames {
     }
 }
 
-/// A frame as it goes over the wire.
+/// A frame in its wire format.
 pub fn frame(body: &[u8], flags: u8) -> Vec<u8> {
     let mut out = Vec::with_capacity(body.len() + 9);
     match u8::try_from(body.len()) {
@@ -103,7 +105,7 @@ pub fn greeting() -> [u8; GREETING] {
     bytes
 }
 
-/// The READY command that says what socket this is.
+/// The READY command that states the type of this socket.
 pub fn ready(socket: &str) -> Vec<u8> {
     let mut body = b"\x05READY\x0bSocket-Type".to_vec();
     body.extend((socket.len() as u32).to_be_bytes());
@@ -111,7 +113,7 @@ pub fn ready(socket: &str) -> Vec<u8> {
     frame(&body, COMMAND)
 }
 
-/// A connected socket.
+/// A connected socket of ZeroMQ.
 #[derive(Debug)]
 pub struct Socket {
     stream: TcpStream,
@@ -119,10 +121,10 @@ pub struct Socket {
 }
 
 impl Socket {
-    /// Connects as a socket of a type (`REQ`, `SUB`), and shakes hands.
+    /// Connects as a socket of a type (`REQ`, `SUB`) and performs the handshake.
     ///
     /// # Errors
-    /// Those of the network; `InvalidData` where the peer does not speak ZMTP 3.
+    /// The errors of the network, and `InvalidData` if the peer does not use ZMTP 3.
     pub fn connect(host: &str, port: u16, socket: &str, timeout: Duration) -> io::Result<Self> {
         let until = Instant::now() + timeout;
         let mut last = io::Error::new(ErrorKind::NotFound, "no such address");
@@ -136,15 +138,15 @@ impl Socket {
         let mut theirs = [0; GREETING];
         this.read_exact(&mut theirs, until)?;
         if theirs[0] != 0xff || theirs[9] & 1 == 0 || theirs[10] < 3 {
-            return Err(invalid("the peer does not speak ZMTP 3"));
+            return Err(invalid("the peer does not use ZMTP 3"));
         }
         if &theirs[12..17] != b"NULL\0" {
-            return Err(invalid("the peer wants a security mechanism other than NULL"));
+            return Err(invalid("the peer requires a security mechanism other than NULL"));
         }
         this.stream.write_all(&ready(socket))?;
         match this.receive(until)? {
             Some(Arrival::Command(body)) if body.starts_with(b"\x05READY") => Ok(this),
-            Some(_) => Err(invalid("the peer does not get ready")),
+            Some(_) => Err(invalid("the peer sent no READY command")),
             None => Err(ErrorKind::TimedOut.into()),
         }
     }
@@ -160,7 +162,7 @@ impl Socket {
         Ok(())
     }
 
-    /// Some bytes, or none within the time.
+    /// Reads some bytes, or none within the time limit.
     fn read(&mut self, bytes: &mut [u8], until: Instant) -> io::Result<Option<usize>> {
         let left = until.saturating_duration_since(Instant::now()).max(Duration::from_micros(100));
         self.stream.set_read_timeout(Some(left))?;
@@ -187,17 +189,17 @@ impl Socket {
         }
     }
 
-    /// The next message, `timeout` at most. A PING is answered on the way.
+    /// Waits at most `timeout` for the next message. It answers a PING on the way.
     ///
     /// # Errors
-    /// Those of the network, and of [`Frames::next`].
+    /// The errors of the network and of [`Frames::next`].
     pub fn message(&mut self, timeout: Duration) -> io::Result<Option<Vec<Vec<u8>>>> {
         let until = Instant::now() + timeout;
         loop {
             match self.receive(until)? {
                 Some(Arrival::Message(parts)) => return Ok(Some(parts)),
                 Some(Arrival::Command(body)) => {
-                    // PING, two bytes of time-to-live, a context that PONG gives back.
+                    // PING has two bytes of time-to-live and a context that PONG returns.
                     if let Some(context) = body.strip_prefix(b"\x04PING").and_then(|rest| rest.get(2..)) {
                         let pong = [b"\x04PONG", &context[..context.len().min(16)]].concat();
                         self.stream.write_all(&frame(&pong, COMMAND))?;
@@ -205,7 +207,7 @@ impl Socket {
                 }
                 None => return Ok(None),
             }
-            // A peer that sends commands alone does not hold up the caller.
+            // A peer that only sends commands does not hold up the caller.
             if Instant::now() >= until {
                 return Ok(None);
             }
@@ -215,7 +217,7 @@ impl Socket {
     /// Sends a message of one or more parts.
     ///
     /// # Errors
-    /// Those of the network.
+    /// The errors of the network.
     pub fn send(&mut self, parts: &[&[u8]]) -> io::Result<()> {
         let last = parts.len().saturating_sub(1);
         let bytes: Vec<u8> =
@@ -223,19 +225,20 @@ impl Socket {
         self.stream.write_all(&bytes)
     }
 
-    /// A SUB socket's subscription to all topics that start with `prefix`.
+    /// Subscribes a SUB socket to all topics that start with `prefix`.
     ///
     /// # Errors
-    /// Those of the network.
+    /// The errors of the network.
     pub fn subscribe(&mut self, prefix: &str) -> io::Result<()> {
         let message = [&[1], prefix.as_bytes()].concat();
         self.send(&[&message])
     }
 
-    /// A REQ socket's question, and the first part of its answer; `None`: none within the time.
+    /// Sends the request of a REQ socket and returns the first part of its answer. It is `None` if there is none within
+    /// the time limit.
     ///
     /// # Errors
-    /// Those of the network.
+    /// The errors of the network.
     pub fn ask(&mut self, question: &str, timeout: Duration) -> io::Result<Option<Vec<u8>>> {
         self.send(&[b"", question.as_bytes()])?;
         let answer = self.message(timeout)?;

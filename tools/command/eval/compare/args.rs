@@ -1,4 +1,4 @@
-//! The arguments of `eyebox eval compare`.
+//! Reads the arguments of `eyebox eval compare`.
 
 use crate::args::{DisplayArgs, EngineArgs, EyeArgs, OverwriteArgs, SceneArgs, SceneOptions};
 use crate::experiment::ExperimentArgs;
@@ -10,49 +10,45 @@ use clap::Args;
 use eyebox_lab::comparison::MaskKind;
 use std::path::PathBuf;
 
-/// `eyebox eval compare`
+/// The arguments of `eyebox eval compare`.
 #[derive(Args)]
 pub struct Compare {
-    /// Scenes: folders of views, a picture (with --depth-map), or builtin:NAME
+    /// Scenes (folders of views, a picture with --depth-map, or builtin:NAME)
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<String>,
-    /// Output folder of the report and everything that it is made from. Results that exist are not computed again
+    /// Output folder of the report and its data. Results that exist are not computed again
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR")]
     pub out: PathBuf,
-    /// Files of others
     #[command(flatten)]
     pub overwrite: OverwriteArgs,
-    /// Look past the display's model, as if the display were ideal, and solve for that
+    /// Ignore the display's model, as if the display were ideal, and solve for that
     #[arg(help_heading = "Display", long)]
     pub ideal: bool,
-    /// The eye that looks
     #[command(flatten)]
     pub eye: EyeArgs,
-    /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac, behind a mask slfh,lf2fs,smooth; with --hologram, none]
+    /// Methods to solve with [default: slfh,lf2fs,stft,smooth,dpac, behind a mask slfh,lf2fs,smooth, with --hologram
+    /// none]
     #[arg(help_heading = "Scene", long, value_name = "LIST", value_delimiter = ',')]
     pub methods: Option<Vec<String>>,
-    /// Sub-frames; several numbers compare them
+    /// Sub-frames, or several numbers of them to compare
     #[arg(help_heading = "Quality", long, value_name = "LIST", value_delimiter = ',', default_value = "8")]
     pub frames: Vec<usize>,
-    /// All colors at once are compared with one color after another, by the same lasers and as many sub-frames in
-    /// all. TIMES is the brightness of white, and several numbers have commas between. Methods are then none by
-    /// default [alone: 1,3]
+    /// All colors at once are compared with one color after another, with the same lasers and number of sub-frames.
+    /// TIMES is the brightness of white, and several numbers have commas between. Methods are then none by default
+    /// [alone: 1,3]
     #[arg(help_heading = "Quality", long, value_name = "TIMES", value_delimiter = ',', num_args = 0..=1, require_equals = true, default_missing_value = "1,3", value_parser = positive)]
     pub joint_color: Option<Vec<f64>>,
-    /// A hologram that exists, or phases (.npy) for --display, under the name that the report gives it; may be repeated
+    /// Existing hologram, or phases (.npy) for --display, with its name in the report. The option may be repeated
     #[arg(help_heading = "Scene", long, value_name = "NAME=FILE", value_parser = named)]
     pub hologram: Vec<(String, PathBuf)>,
-    /// Display
     #[command(flatten)]
     pub display: DisplayArgs,
-    /// Bare phases
     #[command(flatten)]
     pub unit: PhaseUnitArgs,
-    /// How the scenes are read
     #[command(flatten)]
     pub options: SceneOptions,
-    /// Quality: decides steps, pupils, their diameters, window and optimiser of every iterative method; all views and
-    /// sub-frames stay
+    /// The quality determines steps, pupils, their diameters, window and optimizer of every iterative method. All views
+    /// and sub-frames stay.
     #[command(flatten)]
     pub quality: QualityArgs,
     /// Steps of every iterative method [default: 60]
@@ -67,13 +63,10 @@ pub struct Compare {
     /// Seed of first phases and of the pupils drawn
     #[arg(help_heading = "Steps", long, default_value_t = 0, value_name = "S")]
     pub seed: u64,
-    /// What people see
     #[command(flatten)]
     pub seen: JodArgs,
-    /// Settings of the comparison
     #[command(flatten)]
     pub experiment: ExperimentArgs,
-    /// Engine
     #[command(flatten)]
     pub engine: EngineArgs,
     /// One JSON object on standard output, no progress bar
@@ -84,19 +77,20 @@ pub struct Compare {
 /// The table `compare` of the settings.
 #[derive(Args)]
 pub struct CompareSettings {
-    /// Sizes of sources that are compared, mm: the side of a square source's image in the eyebox, 0 for a point. Each
-    /// size is solved for and seen in its own light. Methods are then none by default
+    /// Sizes of sources to compare, mm. A size is the side of a square source's image in the eyebox, 0 for a point.
+    /// Each size is solved for and seen in its own light. Methods are then none by default
     #[arg(help_heading = "Quality", long, value_name = "MM", value_parser = number_in(MM), value_delimiter = ',')]
     pub coherence: Option<Vec<f64>>,
-    /// Masks of finer pixels that are compared: their factors, 1 for none, 2 to 4, with a d for a designed mask. Each
-    /// mask is solved for and measured over its whole eyebox. Methods are then none by default
+    /// Factors of the phase masks to compare, 1 for none, 2 to 4, with a d for a designed mask. Each mask is solved for
+    /// and measured over its whole eyebox. Methods are then none by default
     #[arg(help_heading = "Quality", long, value_name = "FACTOR", value_delimiter = ',')]
     pub etendue: Option<Vec<MaskKind>>,
-    /// Measure what an eye sees across the eyebox of the display's switchable sources, too: steered, in turn and together; methods are
-    /// then none by default
+    /// Measure across the eyebox of the display's switchable sources, too, with the sources lit for the pupil, in turn
+    /// and together. Methods are then none by default
     #[arg(help_heading = "Quality", long)]
     pub sources: bool,
-    /// Published numbers to draw beside the measured ones: columns method,category,n,mean,median,q25,q75,min,max,std
+    /// Published numbers to draw next to the measured ones, with the columns
+    /// method,category,n,mean,median,q25,q75,min,max,std
     #[arg(help_heading = "Scene", long, value_name = "CSV")]
     pub reference: Option<PathBuf>,
     /// Measure the speckle of an even plane
@@ -105,7 +99,7 @@ pub struct CompareSettings {
 }
 
 impl Compare {
-    /// One of the scenes with its depth map, as other commands take it.
+    /// Returns one of the scenes with its depth map, as other commands take it.
     pub fn scene(&self, index: usize, map: Option<&PathBuf>) -> SceneArgs {
         let depth_map = map.cloned().into_iter().collect();
         SceneArgs::new(&self.scenes[index], &SceneOptions { depth_map, ..self.options.clone() })

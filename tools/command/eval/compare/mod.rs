@@ -1,4 +1,4 @@
-//! `eyebox eval compare`: every method, every group of pupils, and a report of what came of it.
+//! `eyebox eval compare` compares methods over every group of pupils, and writes a report.
 
 pub mod args;
 
@@ -26,12 +26,12 @@ use eyebox_lab::report;
 use eyebox_lab::writable;
 use std::path::{Path, PathBuf};
 
-/// The methods that are compared where nothing else is asked for.
+/// The methods that are compared by default.
 const DEFAULT: [Method; 5] = [Method::Slfh, Method::Lf2fs, Method::Stft, Method::Smooth, Method::Dpac];
-/// The same behind a mask, which only methods that look through pupils know of.
+/// The default methods behind a mask. Only methods that compute images through pupils model a mask.
 const MASKED: [Method; 3] = [Method::Slfh, Method::Lf2fs, Method::Smooth];
 
-/// Solves, measures, reports.
+/// Solves with each method, measures, and writes the report.
 pub fn run(args: &Compare) -> Result<(), Failure> {
     let tables: [TableOf; 2] = [("compare", CompareSettings::table), ("viewing", ViewingArgs::table)];
     if args.experiment.printed_tables(&tables)? {
@@ -70,7 +70,7 @@ pub fn run(args: &Compare) -> Result<(), Failure> {
     let done = results.runs.len() + results.speckle.len();
     if results.missing > 0 {
         println!(
-            "stopped: {done} of {} results are kept, and shown in {}; the same command goes on from there",
+            "stopped: {done} of {} results are kept, and shown in {}; the same command continues from there",
             done + results.missing,
             page.display()
         );
@@ -80,10 +80,10 @@ pub fn run(args: &Compare) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A scene by its number, with its depths.
+/// A function that loads a scene by its number, with its depths.
 type Load<'a> = dyn FnMut(usize) -> Result<(scene::LightField, [f64; 2]), Failure> + 'a;
 
-/// Compares, with a progress bar unless `quiet`, until ctrl-C.
+/// Compares until ctrl-C, with a progress bar unless `quiet` is set.
 pub fn compare(
     job: &Comparison,
     folder: &Path,
@@ -98,7 +98,8 @@ pub fn compare(
     Ok(results)
 }
 
-/// Steps, pupils, their diameters, window and optimiser as quality or deadline ask for; says which.
+/// Sets steps, pupils, their diameters, window and optimizer by the requested quality or deadline. Returns a note about
+/// them.
 fn with_quality(job: &mut Comparison, args: &Compare, engine: &dyn Engine) -> Result<Option<String>, Failure> {
     let frames = job.frames.last().copied().unwrap_or(job.settings.frames);
     let size = job.display.picture_size().into();
@@ -154,7 +155,7 @@ fn print_table(results: &Results) {
     }
 }
 
-/// What the arguments ask for; nothing is computed or written yet.
+/// Returns the comparison of these arguments. Nothing is computed or written yet.
 fn job(args: &Compare, compared: &CompareSettings) -> Result<Comparison, Failure> {
     if args.frames.is_empty() || args.frames.iter().any(|f| !(1..=4096).contains(f)) {
         return Err(Failure::Arguments(reason!("frames", "--frames: the numbers of sub-frames must be 1 to 4096")));
@@ -230,12 +231,12 @@ fn job(args: &Compare, compared: &CompareSettings) -> Result<Comparison, Failure
     Ok(comparison)
 }
 
-/// Whether ways of lighting are compared, beside methods or without any.
+/// Returns whether ways of lighting are compared, with methods or without any.
 fn compares_light(args: &Compare, compared: &CompareSettings) -> bool {
     args.joint_color.is_some() || compared.coherence.is_some() || compared.etendue.is_some() || compared.sources
 }
 
-/// Masks that are compared: the display has to go with them.
+/// Returns the masks to compare, which must fit the display.
 fn masks(args: &CompareSettings, display: &Display) -> Result<Vec<MaskKind>, Failure> {
     let mut masks = args.etendue.clone().unwrap_or_default();
     for kind in &masks {
@@ -246,7 +247,7 @@ fn masks(args: &CompareSettings, display: &Display) -> Result<Vec<MaskKind>, Fai
     Ok(masks)
 }
 
-/// Whether the display's switchable sources are measured: it has to have some.
+/// Returns whether the display's switchable sources are measured. The display must have some.
 fn sources(args: &CompareSettings, display: &Display) -> Result<bool, Failure> {
     if args.sources && display.sources.is_empty() {
         return Err(Failure::Arguments(reason!(
@@ -258,7 +259,7 @@ fn sources(args: &CompareSettings, display: &Display) -> Result<bool, Failure> {
     Ok(args.sources)
 }
 
-/// How much brighter all colors at once are to be, where they are compared.
+/// Returns the brightnesses of all colors at once to compare.
 fn joint(args: &Compare, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>, Failure> {
     let times = args.joint_color.clone().unwrap_or_default();
     let most = colors.len() as f64;
@@ -277,7 +278,7 @@ fn joint(args: &Compare, colors: &[Color], frames: &[usize]) -> Result<Vec<f64>,
     Ok(times)
 }
 
-/// Sizes of the sources that are compared, mm.
+/// Returns the sizes of sources to compare, mm.
 fn coherence(args: &CompareSettings, display: &Display) -> Result<Vec<f64>, Failure> {
     let mut sizes = args.coherence.clone().unwrap_or_default();
     let most = display.eyebox_min() * 0.5e3;
@@ -298,13 +299,13 @@ fn coherence(args: &CompareSettings, display: &Display) -> Result<Vec<f64>, Fail
     Ok(sizes)
 }
 
-/// The methods of these names, each once.
+/// Returns the methods of these names, each once.
 fn methods(names: &[String]) -> Result<Vec<Method>, Failure> {
     let mut methods = Vec::new();
     for name in names {
         let known = || Method::ALL.map(Method::name).join(", ");
         let method = Method::by_name(name.trim()).ok_or_else(|| {
-            Failure::Arguments(reason!("no-such-method", "no method is called '{name}': there are {}", known()))
+            Failure::Arguments(reason!("no-such-method", "no method '{name}': expected some of {}", known()))
         })?;
         if !methods.contains(&method) {
             methods.push(method);
@@ -313,7 +314,7 @@ fn methods(names: &[String]) -> Result<Vec<Method>, Failure> {
     Ok(methods)
 }
 
-/// The display asked for, or, where nothing is solved, that of the first hologram.
+/// Returns the requested display, or the display of the first hologram if nothing is solved.
 fn optics(args: &Compare, given: Option<&ExistingHologram>) -> Result<(Display, Vec<Color>), Failure> {
     match given {
         Some(given) if args.display.size.is_none() => Ok((given.hologram.made_for()?, given.hologram.named_colors())),
@@ -325,7 +326,7 @@ fn optics(args: &Compare, given: Option<&ExistingHologram>) -> Result<(Display, 
     }
 }
 
-/// Pictures of one size, or a size that they are all fitted to.
+/// Refuses pictures of different sizes, if no size is given that they are all fitted to.
 fn same_size(sources: &[String]) -> Result<(), Failure> {
     let mut first: Option<(&str, [usize; 2])> = None;
     for source in sources {
@@ -334,7 +335,7 @@ fn same_size(sources: &[String]) -> Result<(), Failure> {
             Some((other, before)) if before != size => {
                 return Err(Failure::Arguments(reason!(
                     "sizes",
-                    "{source}: {} x {} pixels, but {other} has {} x {}: say with --size what all are fitted to",
+                    "{source}: {} x {} pixels, but {other} has {} x {}. Give the common size with --size",
                     size[0],
                     size[1],
                     before[0],
@@ -347,7 +348,7 @@ fn same_size(sources: &[String]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Short names of scenes; whole ones where the short ones are not different.
+/// Returns short names of scenes, or whole ones if the short ones are not unique.
 fn labels(sources: &[String]) -> Vec<String> {
     let short = |source: &String| {
         let plain = source.strip_prefix("builtin:").unwrap_or(source);

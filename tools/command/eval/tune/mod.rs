@@ -1,5 +1,6 @@
-//! `eyebox eval tune`: the time and quality of settings on this machine. The recommended settings are kept for this device, for
-//! `--quality` of every other command.
+//! `eyebox eval tune` measures the time and quality of settings on this machine.
+//!
+//! The recommended settings are kept for this device, for `--quality` of every other command.
 
 mod args;
 
@@ -22,10 +23,11 @@ use eyebox_lab::writable;
 use std::path::Path;
 use std::time::Instant;
 
-/// Pupils through which a trial is judged in JOD, unless all or none are asked for: one takes as long as many looks.
+/// Pupils through which a trial is judged in JOD, unless all or none are requested. One judgment takes as long as many
+/// reconstructions.
 const JUDGED: usize = 2;
 
-/// Measures, reports, and keeps what is recommended.
+/// Measures settings, writes the report, and keeps the recommended settings.
 pub fn run(args: &Tune) -> Result<(), Failure> {
     if args.experiment.printed(&[("viewing", ViewingArgs::table)])? {
         return Ok(());
@@ -69,7 +71,7 @@ pub fn run(args: &Tune) -> Result<(), Failure> {
     if tuned.trials.is_empty() {
         return Err(Failure::Arguments(reason!(
             "stopped",
-            "stopped before anything was measured: the same command starts again"
+            "stopped before anything was measured. The same command starts again"
         )));
     }
     report::write_tuned(&tuned, &mut own)?;
@@ -85,7 +87,7 @@ pub fn run(args: &Tune) -> Result<(), Failure> {
     match tuned.check.iter().find(|c| !c.holds()) {
         Some(c) if c.short_db.is_some() => Err(Failure::Arguments(reason!(
             "below-the-front",
-            "{} is {:.2} dB below the front here: {NEAR_DB:.1} is allowed",
+            "{} is {:.2} dB below the front here, and {NEAR_DB:.1} is allowed",
             c.setting.quality.name(),
             c.short_db.unwrap_or_default()
         ))),
@@ -93,12 +95,12 @@ pub fn run(args: &Tune) -> Result<(), Failure> {
     }
 }
 
-/// Green where there is green, else the middle one.
+/// Returns green if there is green, otherwise the middle color.
 fn leading(colors: &[Color]) -> Color {
     if colors.contains(&Color::Green) { Color::Green } else { colors[colors.len() / 2] }
 }
 
-/// The three settings that another run recommends.
+/// Reads the three settings that another run recommends.
 fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
     let wrong = |what: String| Failure::Arguments(reason!("tradeoff-file", "{}: {what}", file.display()));
     let size = std::fs::metadata(file).map_err(|e| wrong(e.to_string()))?.len();
@@ -118,12 +120,12 @@ fn read_check(file: &Path) -> Result<Vec<Recommended>, Failure> {
     Ok(other.recommended)
 }
 
-/// Keeps what is recommended in the user's cache, if it is what it promises; what keeps it from being kept is said, and
-/// nothing else.
+/// Keeps the recommended settings in the user's cache, if they reach the quality of their names. An error of that is
+/// printed, and the command continues.
 fn store(tuned: &Tuned) -> Option<std::path::PathBuf> {
     let Some(measured) = tuned.measured() else {
         eprintln!(
-            "eyebox: not kept for --quality: a setting is not what its name promises; give it more time with --duration"
+            "eyebox: not kept for --quality: a setting misses the quality of its name; give it more time with --duration"
         );
         return None;
     };
@@ -160,9 +162,9 @@ fn print(tuned: &Tuned, out: &Path) {
             None => println!("checked: {name} of the other run: not measured"),
         }
     }
-    let stopped = if tuned.interrupted { "stopped; the same command goes on from there; " } else { "" };
+    let stopped = if tuned.interrupted { "stopped; the same command continues from there; " } else { "" };
     println!(
-        "{} trials in {:.0} s; {stopped}the page: {}",
+        "{} trials in {:.0} s; {stopped}the page is {}",
         tuned.trials.len(),
         tuned.spent_s,
         out.join("index.html").display()

@@ -1,15 +1,15 @@
-//! Transforms of lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
+//! Transforms lengths with a large prime factor, as convolutions with a chirp (`fft_chirp.comp`).
 
 use super::state::{Fft, Planned, Work};
 use crate::engine::{EngineError, Storage};
 use crate::gpu::{Block, Commands, Pipeline, Range};
 use eyebox_kernels::fft_plan::{Axis, CHIRP_BEGIN, CHIRP_END, CHIRP_FILTER, CHIRP_WORKGROUP};
 
-/// Scratch that is spent on a convolution's lines at once, in bytes, once to read and once to write.
+/// Bytes of scratch for a convolution's lines at once, once to read and once to write.
 const WORK: u64 = 16 << 20;
 
 impl Fft {
-    /// Lines go to the scratch as many at once as fit, each longer than before, and come back.
+    /// Copies as many lines to the scratch as fit, lengthens and convolves them there, and copies them back.
     pub(super) fn convolution(
         &mut self,
         gpu: &mut Commands,
@@ -33,7 +33,7 @@ impl Fft {
                 let data = Range { offset: work.data.offset + offset, size: work.data.size - offset, ..work.data };
                 let inverse = u32::from(work.inverse);
                 let (row, frame) = (chunks.row, chunks.frame);
-                // As `fft_chirp` has them. Its mode comes first.
+                // The arguments are in the order of `fft_chirp`, with its mode first.
                 let arguments =
                     [0, n, m, inverse, u32::from(rows), first, count, work.wrap, work.row, work.frame, row, frame];
                 let step = |fft: &mut Self, gpu: &mut Commands, mode: u32, table: &Block| {
@@ -68,7 +68,7 @@ impl Fft {
                     frames,
                     axis: work.axis,
                     first: 0,
-                    // A column beside the last one may be transformed with it: nobody reads it.
+                    // A column next to the last one may be transformed with it. It is never read.
                     count: if rows { count } else { count.next_multiple_of(2) },
                     wrap: if rows { u32::MAX } else { row },
                     columns: if rows { [0, m] } else { [0, count.next_multiple_of(2)] },
@@ -96,7 +96,7 @@ impl Fft {
     }
 }
 
-/// How a convolution's lines are laid out, and how many are done at once.
+/// The layout of a convolution's lines, and their number at once.
 pub(super) struct Chunks {
     lines: u32,
     frames: u32,
@@ -106,11 +106,11 @@ pub(super) struct Chunks {
 }
 
 impl Chunks {
-    /// Of `lines` of `m` values in each of `frames`.
+    /// Makes the layout of `lines` lines of `m` values in each of `frames` frames.
     pub(super) fn new(m: u32, lines: u32, frames: u32, axis: Axis) -> Self {
         let fit = (WORK / (8 * u64::from(m))).max(2) as u32;
         let lines = lines.clamp(1, fit & !1);
-        // Columns stand in pairs; rows of even length too.
+        // Columns are in pairs, and so are rows of even length.
         let (row, height) = match axis {
             Axis::Rows => (m, lines),
             Axis::Columns | Axis::ColumnPairs => (lines.next_multiple_of(2), m),
@@ -120,13 +120,13 @@ impl Chunks {
         Self { lines, frames, row, frame }
     }
 
-    /// Bytes, a multiple of every device's alignment.
+    /// Returns the bytes, a multiple of every device's alignment.
     pub(super) fn bytes(&self) -> u64 {
         (8 * u64::from(self.frame) * u64::from(self.frames)).next_multiple_of(256)
     }
 }
 
-/// For data stored so; the scratch is in float32 always.
+/// Returns the pipeline for data in this storage. The scratch is always in float32.
 pub(super) fn chirp_pipeline(gpu: &mut Commands, storage: Storage) -> Result<Pipeline, EngineError> {
     gpu.pipeline(eyebox_spirv::FFT_CHIRP.stored(storage == Storage::F16), 3, &[])
 }

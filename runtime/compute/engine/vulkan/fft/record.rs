@@ -9,11 +9,11 @@ use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::fft_plan::{Axis, LONGEST, Method, Plan, PlanLimits, Radix, Shared};
 use std::sync::Arc;
 
-/// Invocations of a workgroup of `fft_pass`, along memory: whole cache lines, one after the other. (16 by 4 was
-/// measured, and takes twice as long.)
+/// Invocations of a workgroup of `fft_pass` along memory. They access whole cache lines, one after the other. By
+/// measurement, 16 by 4 takes twice as long.
 const CROWD: u32 = 32;
 
-/// Scratch that is spent on frames at once (at least one frame), in bytes.
+/// Bytes of scratch for frames at once, of which there is at least one.
 const SCRATCH: u64 = 64 << 20;
 
 /// Push constants of `fft_pass`.
@@ -34,7 +34,7 @@ struct PassArguments {
 }
 
 impl Fft {
-    /// Plan, tables and pipelines of a length.
+    /// Makes plan, tables and pipelines of a length.
     fn axis(
         &mut self,
         gpu: &mut Commands,
@@ -55,7 +55,7 @@ impl Fft {
                 planned
             }
         };
-        // All are compiled now rather than while something is recorded.
+        // All pipelines are compiled now and not during a recording.
         compile(gpu, &planned.plan, axis, even_width, storage)
     }
 
@@ -69,15 +69,15 @@ impl Fft {
         }
     }
 
-    /// Makes what [`record`](Self::record) needs for frames of this (height, width), if it is not there yet (this may upload, so
-    /// nothing is being recorded).
+    /// Makes the resources that [`record`](Self::record) needs for frames of this (height, width), unless they exist.
+    /// Call it outside of a recording, because it may upload.
     pub(in super::super) fn prepare(
         &mut self,
         gpu: &mut Commands,
         [height, width]: [usize; 2],
         storage: Storage,
     ) -> Result<(), EngineError> {
-        // Nothing is being recorded; what was submitted may still be under way.
+        // No recording is open, but submissions may still be under way.
         if !self.outgrown.is_empty() {
             gpu.recorder.idle()?;
             self.outgrown.clear();
@@ -86,13 +86,13 @@ impl Fft {
         self.axis(gpu, height, columns_axis(gpu, width), width.is_multiple_of(2), storage)
     }
 
-    /// The plan of a length that was prepared, with its tables.
+    /// Returns the plan of a length that was prepared, with its tables.
     pub(in super::super) fn planned(&self, n: usize, axis: Axis) -> Option<Arc<Planned>> {
         self.axes.get(&(u32::try_from(n).ok()?, axis)).cloned()
     }
 
-    /// Records the pruned transform of `kernels::fft`, in place. No barrier is needed before or after: the engine sets
-    /// them; those between passes are set here.
+    /// Records the pruned transform of `kernels::fft`, in place. The engine sets barriers before and after it.
+    /// Barriers between passes are set here.
     pub(in super::super) fn record(
         &mut self,
         gpu: &mut Commands,
@@ -110,7 +110,7 @@ impl Fft {
         let limits = gpu.limits;
         let size = frames.storage.bytes() as u64;
         let one = u64::from(height) * u64::from(width);
-        // A frame that starts at an odd value cannot be read in pairs, but each is aligned by itself.
+        // A frame that starts at an odd value cannot be read in pairs, but each frame alone is aligned.
         let packed = one.next_multiple_of(2);
         let most = if frames.stride.is_multiple_of(2) { frames.count } else { 1 };
         let fit = |bytes: u64, frame: u64| (bytes / frame.max(1)).max(1) as usize;
@@ -132,7 +132,7 @@ impl Fft {
             (Along::Both, Direction::Forward) => vec![rows, down],
             (Along::Both, Direction::Inverse) => vec![down, rows],
         };
-        // What is transformed of the columns, for the scratch as for the work.
+        // The same columns are used for the scratch and for the work.
         let [first_column, used] = in_use(columns, frames.width);
         let need = axes.iter().filter(leaves).map(|(axis, planned)| match &planned.plan.method {
             Method::Bluestein { inner } => {
@@ -144,7 +144,7 @@ impl Fft {
         let need = need.max().unwrap_or(0);
         let scratch = if need > 0 { Some(self.scratch(gpu, need)?) } else { None };
         if scratch.is_some() {
-            // What was recorded before may still use the scratch.
+            // Work recorded before may still use the scratch.
             gpu.recorder.barrier();
         }
         let mut done = Ok(());
@@ -200,7 +200,7 @@ impl Fft {
         }
     }
 
-    /// Whole rows, or whole columns two by two.
+    /// Records whole rows, or whole columns in pairs.
     fn shared(
         &mut self,
         gpu: &mut Commands,
@@ -227,8 +227,8 @@ impl Fft {
         Ok(())
     }
 
-    /// From the data to the spare and back, until all passes are done. An odd last one stays on the data: its
-    /// invocations write what they read.
+    /// Records passes from the data to the spare and back. An odd last pass stays on the data, because its
+    /// invocations write the values that they read.
     fn passes(
         &mut self,
         gpu: &mut Commands,
@@ -280,9 +280,9 @@ impl Fft {
     }
 }
 
-/// Columns that wrap, from an even one on and as many as go in pairs: one more may be transformed on either side. Nobody
-/// reads what becomes of it on the way forward, and it is zero on the way back. Of an odd width, whose rows are not
-/// aligned, none go in pairs.
+/// Returns the first column in use and their count, which may wrap, as pairs from an even column on. One more column
+/// may be transformed on either side. On the way forward nobody reads it, and on the way back it is zero. If the
+/// width is odd, rows are not aligned and no columns go in pairs.
 pub(in super::super) fn in_use(columns: Columns, width: usize) -> [u32; 2] {
     let (first, count) = (columns.first % width.max(1), columns.count);
     let (first, count) = match count > 0 && width.is_multiple_of(2) {
@@ -292,11 +292,11 @@ pub(in super::super) fn in_use(columns: Columns, width: usize) -> [u32; 2] {
     [first as u32, count as u32]
 }
 
-/// A plan with its tables.
+/// Makes a plan's tables.
 fn planned(gpu: &mut Commands, plan: Plan) -> Result<Planned, EngineError> {
     let (mut table, starts) = plan.twiddles();
     if table.is_empty() {
-        // Something to bind.
+        // A binding must not be empty.
         table.push([1.0, 0.0, 1.0, 0.0]);
     }
     let twiddles = gpu.filled(bytemuck::cast_slice(&table), "twiddles")?;
@@ -325,7 +325,7 @@ fn compile(gpu: &mut Commands, plan: &Plan, axis: Axis, even_width: bool, storag
             }
         }
         Method::Bluestein { inner } => {
-            // Its first and last kernels meet the data, the one between only the scratch.
+            // The first and last kernels access the data, and the one between only the scratch.
             for storage in [storage, Storage::F32] {
                 chirp_pipeline(gpu, storage)?;
             }
@@ -345,7 +345,7 @@ fn shared_pipeline(gpu: &mut Commands, shared: &Shared, axis: Axis, storage: Sto
     gpu.pipeline(eyebox_spirv::FFT_SHARED.stored(storage == Storage::F16), 2, &constants)
 }
 
-/// The constants of `fft_lines.glsl`.
+/// Returns the constants of `fft_lines.glsl`.
 pub(in super::super) fn shared_constants(shared: &Shared, axis: Axis) -> [u32; 21] {
     let Shared { radices, counts, pair, threads, lines, slots } = shared;
     let mut constants = [1; 21];
@@ -360,14 +360,14 @@ pub(in super::super) fn shared_constants(shared: &Shared, axis: Axis) -> [u32; 2
     constants
 }
 
-/// Workgroups for so many rows.
+/// Returns the workgroups for `rows` rows.
 pub(in super::super) fn row_groups(gpu: &Commands, shared: &Shared, rows: u32) -> [u32; 3] {
     let groups = rows.div_ceil(shared.lines);
     let wide = groups.min(gpu.limits.groups[0]);
     [wide, groups.div_ceil(wide.max(1)), 1]
 }
 
-/// What plans must fit on this device.
+/// Returns the limits of plans on this device.
 pub(in super::super) fn plan_limits(gpu: &Commands) -> PlanLimits {
     let limits = gpu.limits;
     PlanLimits { shared_bytes: limits.shared_memory, invocations: limits.invocations }

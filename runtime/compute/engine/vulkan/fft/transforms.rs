@@ -1,4 +1,4 @@
-//! Transforms of the host's frames, by themselves: for comparison with float64 and for measurement.
+//! Runs single transforms of the host's frames, for comparison with float64 and for measurement.
 
 use super::state::{Along, Fft, Frames};
 use crate::engine::{EngineError, Storage};
@@ -7,57 +7,57 @@ use eyebox_kernels::fft::{Columns, Direction};
 use eyebox_kernels::{Complex32, half};
 use std::time::Instant;
 
-/// Transforms what it is given on a device.
+/// Transforms frames on a device.
 pub struct Transforms {
-    // Dropped before the device.
+    // Fields are dropped before the device.
     block: Option<Block>,
     fft: Fft,
     storage: Storage,
     gpu: Commands,
 }
 
-/// How long a transform took, without uploading and downloading, in seconds.
+/// Duration of a transform in seconds, without upload and download.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timed {
-    /// From submission until it was done.
+    /// Time from submission until completion.
     pub whole: f64,
-    /// Each pass by name, by the device's clock; empty if passes were not timed.
+    /// Each pass by name with its time by the device's clock. The list is empty if passes were not timed.
     pub passes: Vec<(String, f64)>,
 }
 
 impl Transforms {
-    /// On a device.
+    /// Makes transforms on a device.
     ///
     /// # Errors
-    /// The device's.
+    /// The errors of the device.
     pub fn new(gpu: &Gpu) -> Result<Self, EngineError> {
         Ok(Self { block: None, fft: Fft::default(), storage: Storage::F32, gpu: Commands::new(gpu)? })
     }
 
-    /// How frames are stored on the device from now on.
+    /// Sets the storage of frames on the device.
     pub fn store(&mut self, storage: Storage) {
         self.storage = storage;
     }
 
-    /// The device.
+    /// Returns the device of the transforms.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu.shared
     }
 
-    /// Plans of rows and columns in words.
+    /// Returns the plans of rows and columns as text.
     ///
     /// # Errors
-    /// The device's.
+    /// The errors of the device.
     pub fn plans(&mut self, height: usize, width: usize) -> Result<[String; 2], EngineError> {
         self.fft.prepare(&mut self.gpu, [height, width], self.storage)?;
         Ok(self.fft.plans(&self.gpu, height, width))
     }
 
-    /// Seconds of each pass of a forward transform of `count` frames of zeros, by the device's clock, of each of `times` in one
-    /// submission: a device that sleeps between transforms wakes slowly.
+    /// Returns the seconds of each pass of forward transforms of `count` frames of zeros, by the device's clock. All
+    /// `times` repetitions are in one submission, because a device that sleeps between transforms wakes slowly.
     ///
     /// # Errors
-    /// The device's.
+    /// The errors of the device.
     pub fn in_a_row(
         &mut self,
         (height, width, count): (usize, usize, usize),
@@ -84,17 +84,17 @@ impl Transforms {
         Ok(passes)
     }
 
-    /// Values from one frame to the next: an even number, for pairs.
+    /// Returns the values from one frame to the next, an even number because of pairs.
     fn stride(&self, one: usize) -> u64 {
         let value = self.storage.bytes() as u64;
         (value * one as u64).next_multiple_of(self.gpu.limits.offset_alignment.max(2 * value)) / value
     }
 
-    /// Transforms frames (count, height, width) as [`kernels::fft`](eyebox_kernels::fft) does, `before` bytes into a
-    /// buffer (rounded up to what the device allows), one after the other at the device's alignment.
+    /// Transforms frames (count, height, width) like [`kernels::fft`](eyebox_kernels::fft), one after the other at
+    /// the device's alignment. They start `before` bytes into a buffer, rounded up to that alignment.
     ///
     /// # Errors
-    /// The device's.
+    /// The errors of the device.
     pub fn run(
         &mut self,
         frames: &mut [Complex32],

@@ -1,4 +1,6 @@
-//! Kernels over several pupils at once: the pupils of a dispatch are its z, and a table has the arguments of each.
+//! Records kernels over several pupils at once.
+//!
+//! The pupils of a dispatch are its z coordinate, and a table has the arguments of each.
 
 use super::call::Call;
 use crate::engine::{EngineError, Resource};
@@ -7,13 +9,13 @@ use crate::plan::moved;
 use eyebox_kernels::BATCH;
 use eyebox_kernels::photograph::STRIP;
 
-/// Pupils of the dispatch, in their order, whose buffers a kernel sees at once.
+/// Pupils of the dispatch, in order, whose buffers a kernel binds at once.
 pub(super) type Members = Vec<usize>;
 
 impl<'a> Call<'_, 'a> {
-    /// The pupils of the dispatch that have a key, neighbours in memory with one key in batches, of whose `resources` a kernel
-    /// sees all, and which move so many bytes that it does not take long: a pupil moves `bytes`. In software, which starts a
-    /// workgroup at a price even where it finds nothing to do, each by itself.
+    /// Groups the pupils of the dispatch that have a key. A batch has neighbors in memory with one key. A kernel can
+    /// bind all their `resources`, and they move few enough bytes that it does not take long, `bytes` per pupil. In
+    /// software each pupil is separate, because there a workgroup has a cost even if it finds nothing to do.
     pub(super) fn batches<K: PartialEq>(
         &self,
         resources: &[Resource],
@@ -48,18 +50,18 @@ impl<'a> Call<'_, 'a> {
         Ok(batches)
     }
 
-    /// Bytes that a pupil of the dispatch has of these.
+    /// Returns the bytes that a pupil of the dispatch has of these resources.
     pub(super) fn bytes_of(&self, resources: &[Resource], at: usize) -> u64 {
         resources.iter().filter_map(|resource| self.layout_of(*resource, at).ok()).map(|layout| layout.bytes()).sum()
     }
 
-    /// The pupils of the dispatch as they lie in memory.
+    /// Returns the pupils of the dispatch in the order of memory.
     fn order(&self) -> Result<impl Iterator<Item = usize> + use<>, EngineError> {
         let pupils = self.dispatch.pupil_passes.clone();
         let order = self.work.tables.order(&pupils, self.slots);
         let odd = || {
             EngineError::mismatch(format!(
-                "{} runs over pupil_passes {pupils:?}, and another kernel over some of them",
+                "{} runs over pupil passes {pupils:?}, but another kernel runs over some of them",
                 self.kernel.name()
             ))
         };
@@ -67,7 +69,7 @@ impl<'a> Call<'_, 'a> {
         Ok(order.into_iter())
     }
 
-    /// What these pupils of the dispatch have of a resource, and where that starts, in values.
+    /// Returns the range of a resource over these pupils of the dispatch, with its start in values.
     pub(super) fn spread(&self, resource: Resource, batch: &[usize]) -> Result<(Range<'a>, u32), EngineError> {
         let block = self.work.arenas.block(resource).ok_or_else(|| self.missing(resource))?;
         let (mut from, mut to, mut size) = (u64::MAX, 0, 1);
@@ -80,7 +82,7 @@ impl<'a> Call<'_, 'a> {
         Ok((block.range(from, to - from), (from / size) as u32))
     }
 
-    /// The places of these pupils in the table.
+    /// Returns the indices of these pupils in the table.
     pub(super) fn members(&self, batch: &[usize]) -> [u32; BATCH] {
         let mut members = [0; BATCH];
         for (member, at) in members.iter_mut().zip(batch) {
@@ -89,14 +91,14 @@ impl<'a> Call<'_, 'a> {
         members
     }
 
-    /// Workgroups over rows and columns of each of a batch: of the largest.
+    /// Returns the workgroups over rows and columns of each pupil of a batch, sized by the largest pupil.
     fn batch_groups(&self, batch: usize, sizes: impl Iterator<Item = [u32; 2]>) -> [u32; 3] {
         let [rows, columns] = sizes.fold([0; 2], |[h, w], [rows, columns]| [h.max(rows), w.max(columns)]);
         let [across, along, _] = self.work.rows(rows, columns, 1);
         [across, along, batch as u32]
     }
 
-    /// The propagation kernels of all pupils of the dispatch.
+    /// Records the propagation kernels of all pupils of the dispatch.
     pub(super) fn transfer(&mut self) -> Result<(), EngineError> {
         let bytes = |at| 8 * self.pass(at).count() as u64;
         for batch in self.batches(&[Resource::Transfer], bytes, |_| Some(()))? {
@@ -110,7 +112,7 @@ impl<'a> Call<'_, 'a> {
         (0..self.slots.len()).try_for_each(|at| self.transfer_of_modes(at))
     }
 
-    /// Those of a pupil's further modes.
+    /// Records the propagation kernels of a pupil's further modes.
     fn transfer_of_modes(&mut self, at: usize) -> Result<(), EngineError> {
         let (tables, pass) = (self.work.tables, self.pass(at));
         let index = self.dispatch.pupil_passes.start + at;
@@ -127,7 +129,7 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Their photographs at their windows' sizes.
+    /// Records the target images at the size of their windows.
     pub(super) fn resample(&mut self) -> Result<(), EngineError> {
         let resources = [Resource::Accumulator, Resource::Target];
         let has_shot = |at| self.pass(at).shot.is_some().then_some(());
@@ -143,7 +145,8 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Their photographs, block by block of views: a pupil adds up in its accumulator what each block holds.
+    /// Records the target images, block by block of views. A pupil adds up the light of each block in its
+    /// accumulator.
     pub(super) fn photograph(&mut self) -> Result<(), EngineError> {
         let (tables, Some(views)) = (self.work.tables, self.work.views) else { return Ok(()) };
         let pupils = self.dispatch.pupil_passes.clone();
@@ -153,7 +156,8 @@ impl<'a> Call<'_, 'a> {
             if (0..pupils.len()).filter_map(shot).any(|(_, shot)| shot.adds) {
                 self.work.gpu.recorder.barrier();
             }
-            // Two samples of halves a tap, in neighbouring blocks of nine rows; what was added up before, and what is now.
+            // A tap reads two samples of halves, in neighboring blocks of nine rows. Then follow the old and the new
+            // sum.
             let moved = |at: usize| {
                 let pixels = self.layout_of(Resource::Accumulator, at).map_or(0, |layout| layout.values as u64);
                 let (count, adds) = shot(at).map_or((0, false), |(_, shot)| (shot.count, shot.adds));
@@ -167,7 +171,7 @@ impl<'a> Call<'_, 'a> {
                 let sizes = batch.iter().filter_map(|at| self.pass(*at).shot.as_ref());
                 let [height, width] =
                     sizes.fold([0; 2], |[h, w], shot| [h.max(shot.args.height), w.max(shot.args.width)]);
-                // A pupil that moves too much by itself goes in parts.
+                // A pupil that moves too much for one dispatch goes in parts.
                 let parts =
                     batch.iter().map(|at| bytes(*at)).sum::<u64>().div_ceil(self.work.gpu.dispatch_bytes()).max(1);
                 let rows = height.div_ceil(STRIP).div_ceil(parts as u32).max(1) * STRIP;
@@ -195,7 +199,7 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Says what the last dispatch moves, pupil by pupil.
+    /// Reports the moves of the last dispatch, pupil by pupil.
     fn say_batch_moved(&self, batch: &[usize]) {
         self.work.gpu.recorder.moved(|| {
             let mut moves = Vec::new();

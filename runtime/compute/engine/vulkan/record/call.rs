@@ -1,4 +1,6 @@
-//! One kernel over what the device may see at once: bindings in the order of the table, arguments as push constants.
+//! Records one kernel over as much as the device may bind at once.
+//!
+//! Bindings are in the order of the table, and arguments are push constants.
 
 use super::super::fft::{Along, Fft, Frames};
 use super::super::flight::Guarded;
@@ -19,7 +21,7 @@ use std::fmt::Display;
 /// Workgroups that fill any device a few times over.
 const ENOUGH: u32 = 4096;
 
-/// Everything that a recording looks at.
+/// The state of a recording.
 pub(in super::super) struct Work<'a> {
     pub(in super::super) gpu: &'a mut Commands,
     pub(in super::super) transforms: &'a mut Fft,
@@ -29,9 +31,10 @@ pub(in super::super) struct Work<'a> {
     pub(in super::super) arenas: &'a Arenas,
     pub(in super::super) tables: &'a Tables,
     pub(in super::super) views: Option<&'a Views>,
-    /// What changes phases only where losses are finite, if anything does.
+    /// The dispatches that change phases only if losses are finite, if any do.
     pub(in super::super) guarded: Option<Guarded<'a>>,
-    /// Where what `check_finite` found and each pupil pass's sums of the loss start, bytes.
+    /// The block of losses, and the starts of each pupil pass's sums in bytes. It begins with the result of
+    /// `check_finite`.
     pub(in super::super) losses: Option<(&'a Block, &'a [u64])>,
     pub(in super::super) hazards: Hazards,
 }
@@ -44,16 +47,16 @@ pub(super) struct Call<'w, 'a> {
     pub(super) kernel: Kernel,
     pub(super) module: Option<&'static Module>,
     pub(super) dispatch: &'w Dispatch,
-    /// Those of the dispatch's pupil passes.
+    /// Slots of the dispatch's pupil passes.
     pub(super) slots: &'w [Slot],
-    /// Which of the dispatch's pupil passes.
+    /// Index in the dispatch's pupil passes.
     pub(super) at: usize,
-    /// Which of the source's modes in it.
+    /// Index in the source's modes of that pupil pass.
     pub(super) mode: usize,
 }
 
 impl Work<'_> {
-    /// A barrier, if what comes next is bound to what the work since the last one changes.
+    /// Records a barrier if the next bindings depend on the work since the last barrier.
     pub(in super::super) fn before(&mut self, binds: &[(Access, Resource)]) {
         if self.hazards.meets(binds, self.shape) {
             self.gpu.recorder.barrier();
@@ -61,7 +64,7 @@ impl Work<'_> {
     }
 }
 
-/// What a kernel is spread over.
+/// The domain of a kernel.
 #[derive(Clone, Copy)]
 pub(super) enum Grid {
     /// Rows and columns of each sub-frame.
@@ -70,22 +73,22 @@ pub(super) enum Grid {
     Values(usize),
     /// Values, each of which is a sum over the sub-frames.
     Summed(usize),
-    /// Workgroups, each with a part of its own.
+    /// Workgroups, each with its own part.
     Parts(usize),
 }
 
 impl<'a> Call<'_, 'a> {
-    /// Over rows and columns, with these arguments and the strides of what it is bound to.
+    /// Runs over rows and columns, with these arguments and the strides of the bindings.
     pub(super) fn rows(&mut self, rows: u32, columns: u32, args: &impl Pod) -> Result<(), EngineError> {
         self.over(Grid::Rows(rows, columns), |_, _| *args, &[])
     }
 
-    /// Over values.
+    /// Runs over `count` values.
     pub(super) fn values(&mut self, count: usize, args: &impl Pod) -> Result<(), EngineError> {
         self.over(Grid::Values(count), |_, _| *args, &[])
     }
 
-    /// By parts.
+    /// Runs by parts, one per workgroup.
     pub(super) fn parts(&mut self, parts: usize, args: &impl Pod) -> Result<(), EngineError> {
         if parts > self.work.gpu.limits.groups[0] as usize {
             return Err(self.work.too_large("an image", parts));
@@ -93,8 +96,8 @@ impl<'a> Call<'_, 'a> {
         self.over(Grid::Parts(parts), |_, _| *args, &[])
     }
 
-    /// Over as many sub-frames at once as the device allows, `args` saying what they are for (first, count). Push constants
-    /// are the arguments, the strides, and `tail`.
+    /// Runs over as many sub-frames at once as the device allows. `args` returns the arguments for (first, count).
+    /// Push constants are the arguments, the strides, and `tail`.
     pub(super) fn over<A: Pod>(
         &mut self,
         grid: Grid,
@@ -104,7 +107,8 @@ impl<'a> Call<'_, 'a> {
         let binds = self.kernel.binds();
         let framed = self.framed()?;
         let frames = if framed.is_empty() { 1 } else { self.shape.frames };
-        // One stride for each kind of frames: the shape's in the order of the bindings, then the windows'.
+        // Each kind of frames has one stride. The shape's kinds come first, in the order of the bindings, then the
+        // windows'.
         let mut kinds: Vec<PerFrame> = Vec::with_capacity(2);
         let mut more = Vec::with_capacity(4);
         for last in [false, true] {
@@ -116,7 +120,7 @@ impl<'a> Call<'_, 'a> {
             }
         }
         more.extend(tail);
-        // What all sub-frames add to.
+        // All sub-frames add to such a resource.
         let adds = self.kernel.writes().any(|resource| resource.per_frame().is_none());
         let most = framed.iter().map(|(_, layout)| self.work.at_once(layout)).min().unwrap_or(1);
         let most = most.min(self.work.in_time(framed.iter().map(|(_, layout)| 2 * layout.step()).sum()));
@@ -142,7 +146,7 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// The bindings of which each sub-frame has its own.
+    /// Returns the bindings of which each sub-frame has its own.
     fn framed(&self) -> Result<Vec<(PerFrame, Layout)>, EngineError> {
         let mut framed = Vec::with_capacity(4);
         for (_, resource) in self.kernel.binds() {
@@ -153,7 +157,7 @@ impl<'a> Call<'_, 'a> {
         Ok(framed)
     }
 
-    /// How a buffer lies; where nothing is quantised, the phases are what is shown.
+    /// Returns the layout of a buffer. If nothing is quantized, `Shown` is the phases.
     pub(super) fn layout(&self, resource: Resource) -> Result<Layout, EngineError> {
         match resource.is_shared() {
             false => self.layout_of(resource, self.at).map(|layout| self.of_mode(resource, layout)),
@@ -161,7 +165,7 @@ impl<'a> Call<'_, 'a> {
         }
     }
 
-    /// The mode's own part of what holds all of them.
+    /// Returns the mode's part of a buffer that holds all modes.
     fn of_mode(&self, resource: Resource, layout: Layout) -> Layout {
         let frames = match resource {
             Resource::Window => self.shape.frames,
@@ -171,18 +175,18 @@ impl<'a> Call<'_, 'a> {
         Layout { offset: layout.offset + (self.mode * frames) as u64 * layout.step(), frames, ..layout }
     }
 
-    /// How a buffer of one of the dispatch's pupil passes lies, of all modes.
+    /// Returns the layout of a buffer of one of the dispatch's pupil passes, with all modes.
     pub(super) fn layout_of(&self, resource: Resource, at: usize) -> Result<Layout, EngineError> {
         let slot = slot_layout(resource).zip(self.slots.get(at));
         slot.map(|(kind, slot)| slot[kind]).ok_or_else(|| self.missing(resource))
     }
 
-    /// One of the dispatch's pupil passes.
+    /// Returns one of the dispatch's pupil passes.
     pub(super) fn pass(&self, at: usize) -> &'a PupilPass {
         &self.step.pupil_passes[self.dispatch.pupil_passes.start + at]
     }
 
-    /// What is bound; none where the step has nothing of it, so that the kernel has nothing to do.
+    /// Returns the bound range, or none if the step lacks this resource, so that the kernel has nothing to do.
     pub(super) fn range(
         &self,
         resource: Resource,
@@ -195,7 +199,7 @@ impl<'a> Call<'_, 'a> {
             Resource::Spans | Resource::EyeTerms | Resource::TaperWeights | Resource::Moments => {
                 tables.bound(tables.place(index, self.mode), resource).transpose()
             }
-            // What kernels over several pupils find in their own tables.
+            // Kernels over several pupils find these in their own tables.
             Resource::Views | Resource::Taps | Resource::RowWeights | Resource::ColumnWeights => Ok(None),
             Resource::Losses => {
                 let parts = self.step.pupil_passes[index].loss_parts() as u64;
@@ -208,7 +212,7 @@ impl<'a> Call<'_, 'a> {
                     let block = arenas.block(resource).ok_or_else(|| self.missing(resource))?;
                     return Ok(Some(self.layout(resource)?.range(block, first, count)));
                 }
-                // Each mode of the source meets the relay with a table of its own.
+                // Each mode of the source has its own table of the relay.
                 let own = || self.step.pupil_passes[index].mode(self.mode).source_mode;
                 let first = if resource == Resource::Relay { own() } else { first };
                 let stack = stacks.find(self.shape.alias(resource)).ok_or_else(|| self.missing(resource))?;
@@ -221,7 +225,7 @@ impl<'a> Call<'_, 'a> {
         EngineError::mismatch(format!("{} has no {resource:?}", self.kernel.name()))
     }
 
-    /// One dispatch.
+    /// Records one dispatch over these buffers.
     pub(super) fn run(
         &mut self,
         buffers: &[Range<'_>],
@@ -241,7 +245,7 @@ impl<'a> Call<'_, 'a> {
         if let Some(large) = buffers.iter().find(|b| b.size > limit) {
             return Err(self.work.too_large(format!("a buffer of `{}`", module.name), large.size as usize));
         }
-        // What reads or writes phases is told how they are stored.
+        // Kernels that read or write phases have a constant for their storage.
         let phases = |(_, r): &(Access, Resource)| r.per_frame() == Some(PerFrame::Pixels);
         let angles = self.shape.binary_angles && self.kernel.binds().iter().any(phases);
         let pipeline = gpu.pipeline(module, buffers.len() as u32, if angles { &[1] } else { &[] })?;
@@ -253,7 +257,7 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Says what the last dispatch moves: of frames, as many as its ranges hold.
+    /// Reports the moves of the last dispatch. The number of frames follows from its ranges.
     fn say_moved(&self, buffers: &[Range<'_>]) {
         self.work.gpu.recorder.moved(|| {
             let pass = self.kernel.takes_pupil_passes().then(|| self.pass(self.at).mode(self.mode));
@@ -268,12 +272,12 @@ impl<'a> Call<'_, 'a> {
         });
     }
 
-    /// Transforms what the kernel changes, over the grid.
+    /// Transforms the buffers that the kernel changes, over the grid.
     pub(super) fn grid_transform(&mut self, direction: Direction) -> Result<(), EngineError> {
         self.grid_transform_of(direction, self.step.columns)
     }
 
-    /// The same in these columns.
+    /// Transforms them in these columns.
     pub(super) fn grid_transform_of(&mut self, direction: Direction, columns: Columns) -> Result<(), EngineError> {
         let place = &self.shape.place;
         let size = [place.grid_height as usize, place.grid_width as usize];
@@ -290,7 +294,7 @@ impl<'a> Call<'_, 'a> {
         self.window_lines(pass, direction, Along::Both)
     }
 
-    /// Or their rows, or columns.
+    /// Transforms their rows, their columns, or both.
     pub(super) fn window_lines(
         &mut self,
         pass: &PupilPass,
@@ -306,43 +310,43 @@ impl<'a> Call<'_, 'a> {
 
 impl<'a> Work<'a> {
     pub(super) fn too_large(&self, what: impl Display, size: usize) -> EngineError {
-        self.gpu.unsuitable(format!("{what} is too large for it ({size}); use a smaller size"))
+        self.gpu.unsuitable(format!("{what} is too large for it ({size}). Use a smaller size"))
     }
 
-    /// Frames of a buffer that a kernel may see at once.
+    /// Returns the frames of a buffer that a kernel may bind at once.
     pub(super) fn at_once(&self, layout: &Layout) -> usize {
         layout.at_once(self.gpu.limits.storage_range)
     }
 
-    /// Frames, or rows, of which each moves so many bytes, that are one dispatch's.
+    /// Returns the number of frames, or rows, for one dispatch if each moves `bytes` bytes.
     pub(super) fn in_time(&self, bytes: u64) -> usize {
         usize::try_from(self.gpu.dispatch_bytes() / bytes.max(1)).unwrap_or(usize::MAX).max(1)
     }
 
-    /// Frames (first, count) of which a kernel may see `most` at once.
+    /// Returns chunks (first, count) of frames, of which a kernel may bind `most` at once.
     pub(super) fn chunks(&self, frames: usize, most: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
-        // A single frame that is too large is found, and named, when it is dispatched.
+        // A single frame that is too large is refused by name at its dispatch.
         let most = most.clamp(1, self.gpu.limits.groups[2] as usize);
         (0..frames).step_by(most).map(move |first| (first, most.min(frames - first)))
     }
 
-    /// Workgroups of a kernel over rows and columns.
+    /// Returns the workgroups of a kernel over rows and columns.
     pub(super) fn rows(&self, rows: u32, columns: u32, frames: usize) -> [u32; 3] {
         let across = columns.div_ceil(WIDTH);
         [across, self.shared_out(rows, across * frames as u32, self.gpu.limits.groups[1]), frames as u32]
     }
 
-    /// Workgroups of a kernel over values.
+    /// Returns the workgroups of a kernel over values.
     pub(super) fn along(&self, count: usize, frames: usize) -> [u32; 3] {
         let pieces = count.div_ceil(WIDTH as usize).min(u32::MAX as usize) as u32;
         [self.shared_out(pieces, frames as u32, self.gpu.limits.groups[0]), 1, frames as u32]
     }
 
-    /// How many workgroups share `pieces` of work, of which there are `times` beside each other: enough to fill the
-    /// device, and no more, for each costs something to start.
+    /// Returns the number of workgroups that share `pieces` of work, if `times` such loads run at once. They fill the
+    /// device, and no more are used because each costs something to start.
     fn shared_out(&self, pieces: u32, times: u32, limit: u32) -> u32 {
         let enough = ENOUGH.div_ceil(times.max(1));
-        // Equal shares: whole rounds of the kernel's loop.
+        // Shares are equal, in whole rounds of the kernel's loop.
         let rounds = (pieces / enough).clamp(1, 16);
         pieces.div_ceil(rounds).min(limit)
     }

@@ -1,4 +1,4 @@
-//! Fused kernels: what stands before and behind a transform, done where its lines are read and written.
+//! Records fused kernels, which run neighbors of a transform where its lines are read and written.
 
 use super::super::fft::{Along, Frames, Planned, plan_limits};
 use super::call::{Call, Work, frames_of};
@@ -20,7 +20,7 @@ pub(super) struct Lines<'l> {
 }
 
 impl Work<'_> {
-    /// How the entries of a part of the step's list are recorded, once their transforms are prepared.
+    /// Returns the fusion of each entry of a part of the step's list, once their transforms are prepared.
     pub(in super::super) fn ways(&self, list: &[&Dispatch]) -> Vec<Fusion> {
         ways(self.step, list, self.fusable(list))
     }
@@ -29,7 +29,8 @@ impl Work<'_> {
         let place = &self.shape.place;
         let limit = self.gpu.limits.storage_range;
         let shared = |[rows, columns]: [usize; 2]| {
-            // Of an odd width no columns go in pairs, though those of another window as high may.
+            // If the width is odd, no columns go in pairs, though the columns of another window with as many rows
+            // may.
             if !columns.is_multiple_of(2) {
                 return None;
             }
@@ -71,7 +72,7 @@ impl Work<'_> {
 }
 
 impl<'a> Call<'_, 'a> {
-    /// Records the entry, and those that are fused with it.
+    /// Records the entry, and the entries fused with it.
     pub(super) fn fused(&mut self, way: Fusion) -> Result<(), EngineError> {
         use Access::{Read, Update, Write};
         match way {
@@ -138,7 +139,7 @@ impl<'a> Call<'_, 'a> {
         self.work.lines_of(n, axis).ok_or_else(missing)
     }
 
-    /// Rows, or columns, of the grid's transform.
+    /// Records the rows, or columns, of the grid's transform.
     pub(super) fn grid_lines(
         &mut self,
         resource: Resource,
@@ -166,7 +167,8 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Frames (first, count) of which these may be seen at once, `beside` bytes of other things moving with each.
+    /// Returns chunks (first, count) of frames for which these resources may be bound at once. Each frame also moves
+    /// `beside` bytes of other data.
     pub(super) fn frames_at_once(
         &self,
         resources: &[Resource],

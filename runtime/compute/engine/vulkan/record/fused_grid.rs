@@ -1,4 +1,4 @@
-//! The whole frame, fused: from phases to the spectrum, and from what pupils return to phases.
+//! Records the fused kernels over whole frames, from phases to the spectrum and from pupils back to phases.
 
 use super::super::fft::{in_use, row_groups, shared_constants};
 use super::call::Call;
@@ -24,7 +24,7 @@ struct FieldArguments {
     field_stride: u32,
 }
 
-/// Those of `gather_columns`.
+/// Push constants of `gather_columns`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct GatherArguments {
@@ -40,7 +40,7 @@ struct GatherArguments {
 }
 
 impl<'a> Call<'_, 'a> {
-    /// Constants of kernels that read or write phases beside their rows.
+    /// Returns the constants of kernels that read or write phases along with their rows.
     fn constants(&self, shared: &Shared) -> [u32; 21] {
         let mut constants = shared_constants(shared, Axis::Rows);
         constants[20] = u32::from(self.shape.binary_angles);
@@ -55,7 +55,7 @@ impl<'a> Call<'_, 'a> {
         self.field_rows(&eyebox_spirv::MODULATE_WAVE_ROWS, &[(Read, Resource::Wave), (Read, Resource::Pixels)])
     }
 
-    /// The rows of the field that these make, the first of which has a value for each pixel of each sub-frame.
+    /// Records the rows of the field from these resources, the first of which has a value per pixel and sub-frame.
     fn field_rows(&mut self, module: &'static Module, lit: &[(Access, Resource)]) -> Result<(), EngineError> {
         let [height, width] = self.grid_size();
         let planned = self.planned(width, Axis::Rows)?;
@@ -86,7 +86,7 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// The rows of the change, and a kernel that is bound to it and, for each pixel, to others of its resources.
+    /// Records the rows of the change with a kernel that also binds other resources per pixel.
     pub(super) fn rows_behind(&mut self, module: &'static Module, own: &impl Pod) -> Result<(), EngineError> {
         let [_, width] = self.grid_size();
         let planned = self.planned(width, Axis::Rows)?;
@@ -119,13 +119,13 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// As bound; of the phases that a display's model makes, too, those of these sub-frames.
+    /// Returns the bound range. For the phases of a display's model it has only these sub-frames.
     pub(super) fn plane(&self, resource: Resource, first: usize, count: usize) -> Result<Range<'a>, EngineError> {
         let range = self.bound(resource, first, count)?;
         Ok(if resource == Resource::Wave { self.layout(resource)?.range(range.block, first, count) } else { range })
     }
 
-    /// What a kernel moves that looks at each pixel once; phases that are shown as they are, once.
+    /// Returns the moves of a kernel that visits each pixel once. Phases that are shown without levels count once.
     pub(super) fn moves_of_pixels(
         &self,
         binds: &[(Access, Resource)],
@@ -148,7 +148,7 @@ impl<'a> Call<'_, 'a> {
         Ok(moves)
     }
 
-    /// What the pupils of the dispatch return, behind those of the groups before.
+    /// Records the gathering of the pupils of the dispatch, after the groups before.
     pub(super) fn gather_columns(&mut self, adds: bool, last: bool) -> Result<(), EngineError> {
         let [height, width] = self.grid_size();
         let planned = self.planned(height, Axis::ColumnPairs)?;

@@ -1,5 +1,6 @@
-//! The pupils' windows, fused: from the spectrum to the loss, and back to the windows' spectra. Pupils whose windows have
-//! lines of one length go in one dispatch.
+//! Records the fused kernels over pupils' windows, from the spectrum to the loss and back to the windows' spectra.
+//!
+//! Pupils whose windows have lines of one length share one dispatch.
 
 use super::super::fft::{in_use, shared_constants};
 use super::batches::Members;
@@ -12,17 +13,18 @@ use crate::plan::Move;
 use bytemuck::cast_slice;
 use eyebox_kernels::fft_plan::{Axis, Shared};
 
-/// Modes of `compare_rows`.
+/// Modes of the shader `compare_rows`.
 const LOOK: u32 = 0;
 const SEE: u32 = 1;
 const TURN_BACK: u32 = 2;
 const WHOLE: u32 = 3;
 
-/// A batch, and the frames of it (first, count) that a kernel sees at once.
+/// A batch, and its frames (first, count) that a kernel binds at once.
 type BatchFrames = (Members, usize, usize);
 
 impl<'a> Call<'_, 'a> {
-    /// The pupils of the dispatch side by side, stage by stage: to what they see, or on to the spectra of what they lack.
+    /// Records the pupils of the dispatch together, stage by stage, to their images, or also back to the spectra of
+    /// the differences.
     pub(super) fn windows(&mut self, back: bool) -> Result<(), EngineError> {
         self.work.before(&[
             (Read, Resource::Field),
@@ -46,19 +48,20 @@ impl<'a> Call<'_, 'a> {
         self.window_columns()
     }
 
-    /// Whether a row of all sub-frames fits shared memory.
+    /// Returns true if a row of all sub-frames fits shared memory.
     fn is_whole(&self, pass: &PupilPass) -> bool {
         let along = self.work.lines_of(pass.window.columns, Axis::Rows);
         along.and_then(|along| self.work.together(&along, pass.window.columns)).is_some_and(|together| together.whole)
     }
 
-    /// Pairs of columns in use of those of a batch that have most.
+    /// Returns the largest number of column pairs in use by a pupil of a batch.
     fn column_pairs(&self, batch: &[usize]) -> u32 {
         let used = |at: &usize| in_use(self.pass(*at).columns, self.pass(*at).window.columns)[1];
         batch.iter().map(used).max().unwrap_or(0) / 2
     }
 
-    /// Says what the last dispatch moves: of each of a batch, by its pupil pass and the values of its columns in use.
+    /// Reports the moves of the last dispatch. `of` returns them for a pupil pass and its number of values in used
+    /// columns.
     fn say_lines_moved(&self, batch: &[usize], of: impl Fn(&PupilPass, u64) -> Vec<Move>) {
         self.work.gpu.recorder.moved(|| {
             let moves = |at: &usize| {
@@ -70,8 +73,8 @@ impl<'a> Call<'_, 'a> {
         });
     }
 
-    /// Pupils whose windows have equally many rows, and frames (first, count) of which a kernel sees these and those of their
-    /// windows at once: all, or of one pupil some.
+    /// Returns batches of pupils whose windows have equally many rows, with frames (first, count) that a kernel can
+    /// bind together with their windows. A batch has all frames, or a single pupil has some of them.
     fn frames_of_batches(&self, framed: &[Resource], resources: &[Resource]) -> Result<Vec<BatchFrames>, EngineError> {
         let moved = |at: usize| 2 * self.bytes_of(&[Resource::Window], at);
         let beside = |at: &usize| moved(*at) / self.shape.frames.max(1) as u64;
@@ -90,14 +93,15 @@ impl<'a> Call<'_, 'a> {
         Ok(all)
     }
 
-    /// Windows of a batch, of one pupil these frames, and where the first pupil's window starts.
+    /// Returns the windows of a batch, or these frames of a single pupil, with the start of the first pupil's window.
     fn spread_frames(&self, batch: &[usize], first: usize, count: usize) -> Result<(Range<'a>, u32), EngineError> {
         let (range, base) = self.spread(Resource::Window, batch)?;
         let [at] = batch else { return Ok((range, base)) };
         Ok((self.layout_of(Resource::Window, *at)?.range(range.block, first, count), base))
     }
 
-    /// Push constants of these kernels: numbers in the order of their shader, and the places of a batch.
+    /// Returns the push constants of these kernels, with numbers in the order of their shader and the indices of a
+    /// batch.
     fn push(&self, numbers: &[u32], batch: &[usize]) -> Vec<u32> {
         [numbers, &self.members(batch)].concat()
     }
@@ -159,7 +163,8 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// The rows of those pupils that `mode` says one for, by whether a row of all sub-frames fits shared memory.
+    /// Records the rows of the pupils for which `mode` returns a mode. Its argument is true if a row of all
+    /// sub-frames fits shared memory.
     fn compare_rows(&mut self, mode: impl Fn(bool) -> Option<u32>) -> Result<(), EngineError> {
         let key = |at| mode(self.is_whole(self.pass(at))).map(|mode| (mode, self.pass(at).window.columns));
         let resources = [Resource::Window, Resource::Image, Resource::Target];
@@ -179,7 +184,7 @@ impl<'a> Call<'_, 'a> {
         let frames = self.shape.frames as u32;
         let (window, window_base) = self.spread(Resource::Window, batch)?;
         let (image, pixels_base) = self.spread(Resource::Image, batch)?;
-        // What a mode does not look at may be anything.
+        // Ranges that a mode does not access may be anything.
         let compares = mode == SEE || mode == WHOLE;
         let target = if compares { self.spread(Resource::Target, batch)?.0 } else { image };
         let (losses, losses_base) = if compares { self.spread_losses(batch) } else { None }.unwrap_or((image, 0));
@@ -191,7 +196,7 @@ impl<'a> Call<'_, 'a> {
         constants.extend([mode, kept, pixels, if compares { threads * lines } else { 1 }]);
         let rounds = if mode == TURN_BACK { frames.div_ceil(lines) } else { 1 };
         let rows = batch.iter().map(|at| self.pass(*at).window.rows).max().unwrap_or(0);
-        // One pupil by rows, so many at once that what belongs to them begins at a multiple of 256 bytes.
+        // A single pupil goes by rows, in numbers of rows whose data starts at a multiple of 256 bytes.
         let size = self.shape.storage.bytes() as u64;
         let row = [size, 4, 4].map(|bytes| bytes * width as u64);
         let of_row = 2 * row[0] * u64::from(frames) + row[1] + row[2];
@@ -228,7 +233,7 @@ impl<'a> Call<'_, 'a> {
         Ok(())
     }
 
-    /// Where the losses of a batch are, and where that starts, in values.
+    /// Returns the range of the losses of a batch, with its start in values.
     fn spread_losses(&self, batch: &[usize]) -> Option<(Range<'a>, u32)> {
         let (block, offsets) = self.work.losses?;
         let places = batch.iter().map(|at| {

@@ -1,9 +1,11 @@
-//! Where barriers go: before what meets something that was written, or will be, since the last one.
+//! Decides on barriers between conflicting reads and writes.
+//!
+//! A barrier precedes an access to a resource that was written since the last one, or a write to one that was read.
 
 use crate::engine::{Resource, Shape};
 use crate::plan::Access;
 
-/// What runs side by side since the last barrier reads and writes.
+/// Reads and writes since the last barrier.
 pub(in super::super) struct Hazards {
     read: Vec<Resource>,
     written: Vec<Resource>,
@@ -20,7 +22,7 @@ impl Default for Hazards {
 }
 
 impl Hazards {
-    /// Adds what is to run; whether it has to wait for what runs.
+    /// Adds the next bindings. Returns true if they have to wait for running work.
     pub(super) fn meets(&mut self, binds: &[(Access, Resource)], shape: &Shape) -> bool {
         let binds = binds.iter().map(|(access, resource)| (*access != Access::Read, shape.alias(*resource)));
         let meets = binds.clone().any(|(writes, r)| self.written.contains(&r) || (writes && self.read.contains(&r)));

@@ -1,18 +1,18 @@
-//! How each kernel's shader is run, from the table.
+//! Maps each kernel to its shader, from the table.
 
 use super::call::Call;
 use crate::engine::{EngineError, Kernel, PupilPass};
 use eyebox_spirv::{Module, module};
 use std::sync::LazyLock;
 
-/// How a shader is run.
+/// The repetition of a shader.
 #[derive(Clone, Copy)]
 pub(super) enum Shader {
-    /// Once for the dispatch.
+    /// Once for each dispatch.
     Once(fn(&mut Call<'_, '_>) -> Result<(), EngineError>),
-    /// For each of its pupil passes.
+    /// Once per pupil pass of the dispatch.
     Each(fn(&mut Call<'_, '_>, &PupilPass) -> Result<(), EngineError>),
-    /// For each mode of the source in each of them.
+    /// Once per mode of the source in each pupil pass.
     Modes(fn(&mut Call<'_, '_>, &PupilPass) -> Result<(), EngineError>),
 }
 
@@ -29,14 +29,15 @@ macro_rules! shaders {
             shader: $how:ident $shader:expr,
         }
     )*) => {
-        /// With their modules; there is none for what the transfer queue does, and for transforms, which have several.
+        /// The shaders with their modules. There is none for work of the transfer queue, nor for transforms, which
+        /// have several.
         static SHADERS: LazyLock<[(Shader, Option<&'static Module>); Kernel::ALL.len()]> =
             LazyLock::new(|| [$((Shader::$how($shader), module($name))),*]);
     };
 }
 eyebox_kernels::kernels!(shaders);
 
-/// That of a kernel, and its module.
+/// Returns the shader of a kernel, and its module.
 pub(super) fn shader(kernel: Kernel) -> (Shader, Option<&'static Module>) {
     SHADERS[kernel as usize]
 }

@@ -1,14 +1,14 @@
-//! Kernels that are recorded in ways of their own.
+//! Records kernels with individual forms.
 
 use super::call::{Call, Grid};
 use crate::engine::{EngineError, PupilPass, Resource};
 use eyebox_kernels::{SUM_WIDTH, intensity, motion};
 
-/// Values, over all sub-frames, that a workgroup of `energy` adds up at once: 4096 to an invocation.
+/// Values, over all sub-frames, that a workgroup of `energy` adds up at once. They are 4096 per invocation.
 const ENERGY_SHARE: u32 = 4096 * SUM_WIDTH;
 
 impl Call<'_, '_> {
-    /// Zeroes what the kernel writes.
+    /// Zeroes the buffers that the kernel writes.
     pub(super) fn clear(&mut self) -> Result<(), EngineError> {
         let stacks = self.work.stacks;
         for stack in self.kernel.writes().filter_map(|resource| stacks.find(resource)) {
@@ -23,7 +23,7 @@ impl Call<'_, '_> {
         self.over(grid, |_, _| place, &[self.shape.field_scale().to_bits()])
     }
 
-    /// Patches come in shares: float32 loses the small end of a longer sum.
+    /// Adds up patches in shares, because float32 loses the small end of a longer sum.
     pub(super) fn energy(&mut self) -> Result<(), EngineError> {
         let place = self.step.equalise_eyebox.place;
         let layout = self.layout(Resource::Field)?;
@@ -62,7 +62,7 @@ impl Call<'_, '_> {
         self.over(Grid::Summed(pass.count()), args, &[])
     }
 
-    /// Both ways are one module, told where in the table its sub-frames begin.
+    /// Both directions are one module, with the index of the first sub-frame in the table as an argument.
     pub(super) fn motion(&mut self, pass: &PupilPass, back: bool) -> Result<(), EngineError> {
         let Some(args) = pass.motion_args(0, back) else { return Ok(()) };
         self.module = Some(&eyebox_spirv::MOTION);

@@ -1,4 +1,4 @@
-//! The buffers of a shape on the device.
+//! Holds the buffers of a shape on the device.
 
 use super::super::layout::Layout;
 use crate::engine::{Buffer, EngineError, ModelTables, Resource, misfit};
@@ -11,7 +11,7 @@ pub(in super::super) struct Stack {
     pub(in super::super) block: Block,
 }
 
-/// The buffers of the shape, those that its purpose needs, in the order of [`Resource::OF_SHAPE`].
+/// The buffers of the shape that its purpose needs, in the order of [`Resource::OF_SHAPE`].
 #[derive(Default)]
 pub(in super::super) struct Stacks(
     pub(in super::super) [Option<Stack>; Resource::OF_SHAPE.len()],
@@ -20,7 +20,7 @@ pub(in super::super) struct Stacks(
 );
 
 impl Stacks {
-    /// Fills the tables of a display's model, where they hold another's.
+    /// Fills the tables of a display's model, unless they already hold it.
     pub(in super::super) fn hold(
         &mut self,
         gpu: &mut Commands,
@@ -41,7 +41,7 @@ impl Stacks {
     }
 
     pub(in super::super) fn get(&self, buffer: Buffer) -> Result<&Stack, EngineError> {
-        let missing = || EngineError::mismatch(format!("{buffer:?} is not made for this purpose"));
+        let missing = || EngineError::mismatch(format!("{buffer:?} does not exist for this purpose"));
         self.find(buffer.resource().0).ok_or_else(missing)
     }
 

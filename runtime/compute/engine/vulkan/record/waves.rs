@@ -1,4 +1,6 @@
-//! What stands between phases and field where the display is more than its phases: over sub-frames and their sub-pixels.
+//! Records the kernels between phases and field, for displays whose model goes beyond phases.
+//!
+//! They run over sub-frames and their sub-pixels.
 
 use super::super::fft::{Along, Frames};
 use super::call::{Call, Work, frames_of};
@@ -12,13 +14,13 @@ use eyebox_kernels::multiply;
 use eyebox_kernels::{TILE, TILE_THREADS};
 use eyebox_spirv::Module;
 
-/// Pixels that crosstalk reaches along y and along x.
+/// Returns the pixels that crosstalk reaches along y and along x.
 fn reach(shape: &Shape) -> [u32; 2] {
     shape.model.crosstalk.unwrap_or_default().map(|pixels| pixels as u32)
 }
 
 impl Work<'_> {
-    /// Whether a tile, with as much around it as crosstalk reaches, fits shared memory.
+    /// Returns true if a tile, with the surroundings that crosstalk reaches, fits shared memory.
     pub(super) fn tiles_fit(&self) -> bool {
         let [tall, wide] = reach(self.shape).map(|pixels| u64::from(TILE) + 2 * u64::from(pixels));
         let states = if self.step.drive.lag > 0.0 { tall * wide } else { 1 };
@@ -34,7 +36,7 @@ impl Call<'_, '_> {
         self.planes([place.height, place.width], 1, &step.drive, &[self.shape.subpixels() as u32])
     }
 
-    /// All sub-frames at once, in either direction.
+    /// Runs over all sub-frames at once, in either direction.
     pub(super) fn lag(&mut self) -> Result<(), EngineError> {
         let layout = self.layout(Resource::Wave)?;
         if self.work.at_once(&layout) < layout.frames {
@@ -50,7 +52,7 @@ impl Call<'_, '_> {
         self.run(&[wave], &args, &[], groups)
     }
 
-    /// Along columns or rows, transposed or not.
+    /// Runs along columns or rows, transposed or not.
     pub(super) fn crosstalk(&mut self, way: [bool; 2]) -> Result<(), EngineError> {
         let (args, place) = (self.shape.crosstalk(), self.shape.place);
         self.module = Some(&eyebox_spirv::CROSSTALK);
@@ -73,7 +75,7 @@ impl Call<'_, '_> {
         self.planes([place.height, place.width], 1, &step.modulate_mask, &[])
     }
 
-    /// From the SLM to a mask at a distance and through it, or back.
+    /// Propagates from the SLM to a mask at a distance and through it, or back.
     pub(super) fn through_mask(&mut self, back: bool) -> Result<(), EngineError> {
         self.module = Some(&eyebox_spirv::MULTIPLY);
         let [through, reach] = self.shape.mask_factors(back);
@@ -91,7 +93,7 @@ impl Call<'_, '_> {
         self.planes([factors.grid_height, factors.grid_width], 1, factors, &[u32::from(propagates)])
     }
 
-    /// All columns of what the kernel changes, whichever the step's pupils pass.
+    /// Transforms all columns of the buffers that the kernel changes, not only the ones that the step's pupils pass.
     fn full_transform(&mut self, direction: Direction) -> Result<(), EngineError> {
         self.work.gpu.recorder.barrier();
         let columns = Columns::all(self.shape.place.grid_width as usize);
@@ -104,13 +106,13 @@ impl Call<'_, '_> {
         self.planes([place.height, place.width], self.shape.subpixels().pow(2), &place, &[])
     }
 
-    /// `drive`, `lag` and crosstalk.
+    /// Records `drive`, `lag` and crosstalk over tiles.
     pub(super) fn drive_tiles(&mut self) -> Result<(), EngineError> {
         let binds = [(Read, Resource::Shown), (Read, Resource::Pixels), (Write, Resource::Wave)];
         self.tiles(&eyebox_spirv::DRIVE_TILES, &[], &binds)
     }
 
-    /// Crosstalk and lag back, `drive_adjoint` and `project`.
+    /// Records the adjoints of crosstalk and lag, `drive_adjoint` and `project` over tiles.
     pub(super) fn project_tiles(&mut self) -> Result<(), EngineError> {
         let project = self.step.project;
         let read = [Resource::Pixels, Resource::Shown, Resource::Wave, Resource::Losses].map(|r| (Read, r));
@@ -119,8 +121,8 @@ impl Call<'_, '_> {
         self.tiles(&eyebox_spirv::PROJECT_TILES, &own, &binds)
     }
 
-    /// Over tiles of pixels in all sub-frames, as many rows of tiles at once as take their time; losses are judged, and bound to
-    /// nothing.
+    /// Runs over tiles of pixels in all sub-frames, with as many rows of tiles at once as the time limit allows.
+    /// Losses only order the work and are not bound.
     fn tiles(&mut self, module: &'static Module, own: &[u32], binds: &[(Access, Resource)]) -> Result<(), EngineError> {
         let blurs = self.shape.model.crosstalk.is_some();
         let mut all = binds.to_vec();
@@ -165,8 +167,8 @@ impl Call<'_, '_> {
         self.planes([place.height, place.width], 1, &step.drive, &[self.shape.subpixels() as u32])
     }
 
-    /// Between the fields of sub-pixels and the central order of their spectrum: the rows of all, and the columns of what those
-    /// of a row of sub-pixels add up to.
+    /// Transforms between the fields of sub-pixels and the central order of their spectrum. All sub-pixels need their
+    /// rows, but each row of sub-pixels is summed before its columns.
     pub(super) fn subpixels(&mut self, direction: Direction) -> Result<(), EngineError> {
         self.module = Some(&eyebox_spirv::SUBPIXELS);
         let (p, place) = (self.shape.subpixels(), self.shape.place);
@@ -197,8 +199,8 @@ impl Call<'_, '_> {
         Ok(())
     }
 
-    /// Over rows and columns of as many sub-frames at once as the device allows, each in `planes` dispatches of its own. Push
-    /// constants are the arguments, `more`, and the strides in the order of the bindings.
+    /// Runs over rows and columns of as many sub-frames at once as the device allows, each with `planes` workgroups
+    /// in z. Push constants are the arguments, `more`, and the strides in the order of the bindings.
     fn planes(
         &mut self,
         [rows, columns]: [u32; 2],

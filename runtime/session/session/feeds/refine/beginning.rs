@@ -1,4 +1,4 @@
-//! What the steps of a set begin with: the phases moved with the content, or others where it is another picture altogether.
+//! Chooses the phases that a set starts from, either shifted with the content or new ones for a different picture.
 
 use super::Refining;
 use crate::optics::PupilDistribution;
@@ -8,7 +8,8 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 impl Refining {
-    /// Moves the phases with the content, to where it is when they are lit, from `light_ns` on: how many losses were looked at.
+    /// Shifts the phases to the position of the content at their light, from `light_ns` on. Returns the number of
+    /// losses that were compared.
     pub(super) fn shift_phases(
         &mut self,
         light_ns: i64,
@@ -19,7 +20,7 @@ impl Refining {
         let Some(look) = moments.find_shifts(light_ns, moves.turn) else { return Ok(0) };
         let Some((pixels, lighting)) = moments.shifts() else { return Ok(0) };
         if let Some(journal) = &self.options.journal {
-            // What losses are looked at through.
+            // The losses are compared through this pupil.
             journal.steps(pupil, moves, 0);
             journal.keep(Decision::Carry { pixels: Shifts::of(pixels), look });
         }
@@ -29,7 +30,7 @@ impl Refining {
         Ok(looks)
     }
 
-    /// Begins anew where the content is another picture altogether.
+    /// Starts with other phases if the content is a completely different picture.
     pub(super) fn fit(&mut self, pupil: &PupilDistribution, moves: &Moves) -> Result<(), SessionError> {
         if !self.refiner.needs_reinit() {
             return Ok(());

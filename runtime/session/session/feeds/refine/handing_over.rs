@@ -1,4 +1,4 @@
-//! The end of each set's way through refinement: encoded, and handed over.
+//! Encodes each refined set and hands it over.
 
 use super::Refining;
 use crate::encode::PhaseSet;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 impl Refining {
-    /// Encodes what there is, and shows it to nobody.
+    /// Encodes the current phases without showing them.
     pub(super) fn rehearse(&mut self) -> Result<(), SessionError> {
         let Some(mut buffer) = self.sender.buffer() else { return Ok(()) };
         let begun = Instant::now();
@@ -38,7 +38,7 @@ impl Refining {
         Ok(())
     }
 
-    /// Encodes what there is, refined for `aim`, and hands it over.
+    /// Encodes the current phases, refined for `aim`, and hands the set over.
     pub(super) fn hand_over(
         &mut self,
         timestamps: Timestamps,

@@ -1,4 +1,4 @@
-//! What a refinement is started with.
+//! Defines the options of a refinement.
 
 use crate::gpu::{Gpu, PixelOrder};
 use crate::optics::PupilDistribution;
@@ -19,44 +19,44 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Makes the engines with all that is on them, and says which device they share, if it is one.
+/// Opens the engines with all of their data, and returns the device that they share, if there is one.
 pub(crate) type Begin = Box<dyn FnMut() -> Result<(LiveRefiner, Option<Gpu>), SessionError> + Send>;
 
 pub(crate) struct RefinementOptions {
-    /// The player's clock; none where time is simulated, and work takes what it is said to take.
+    /// The clock of the player. It is `None` if time is simulated, and work then takes the time that `cost` gives.
     pub clock: Option<RealClock>,
-    /// What work takes.
+    /// The time that work takes.
     pub cost: Cost,
-    /// Who is asked where the pupil will be.
+    /// The source of predicted pupils.
     pub watch: PupilSource,
-    /// What is to be seen, where that changes.
+    /// The scenes, if the content changes.
     pub scenes: Option<Box<dyn Scenes>>,
-    /// Where decisions are kept.
+    /// The journal of decisions, if it is kept.
     pub journal: Option<Journal>,
-    /// When the display begins sets; who presents says it.
+    /// The timing of the sets on the display, which the present thread updates.
     pub timing: Arc<AtomicCell<SetTiming>>,
-    /// From the beginning of a set to the middle of its light.
+    /// The time from the beginning of a set to the middle of its light.
     pub light_after: Duration,
-    /// What moves while a set is lit.
+    /// The motion during the light of a set.
     pub moments: MotionCompensation,
-    /// Whether the hologram follows the eye; if not, the one for the whole eyebox is shown.
+    /// True if the hologram follows the pupil. If it is false, the hologram for the whole eyebox is shown.
     pub steered: Arc<AtomicBool>,
-    /// Where no scene brings one: the pupils that are refined for in its place.
+    /// The pupils to refine for if no scene brings a hologram for the whole eyebox.
     pub whole: Option<PupilDistribution>,
-    /// Video frames go straight to a display that shows from the engines' device, in this order of colours.
+    /// The order of colors of a display that shows from the device of the engines, to which video frames go directly.
     pub direct: Option<PixelOrder>,
-    /// Sets carry their phases, for somebody who looks at them too.
+    /// True if sets carry their phases for a preview.
     pub with_phases: bool,
-    /// Makes the engines again when one was lost, and all that is on them.
+    /// The function that opens the engines again after a loss, with all of their data.
     pub again: Begin,
-    /// Where it says what went wrong.
+    /// The sink for notes about failures.
     pub notes: Notes,
-    /// What the thread does, for a trace.
+    /// The track of the thread in a trace.
     pub track: Track,
 }
 
 impl RefinementOptions {
-    /// What is refined for: where the pupil is expected, or all of the eyebox.
+    /// Returns the pupil to refine for, which is the predicted pupil or the whole eyebox.
     pub(super) fn expect(&mut self, now_ns: u64, light_ns: u64) -> Result<PupilEstimate, SessionError> {
         match self.whole {
             Some(pupil) if !self.steered.load(Ordering::Acquire) => Ok(PupilEstimate::of(pupil)),

@@ -1,4 +1,4 @@
-//! The thread that encodes: phases become video frames, on a device as long as there is one.
+//! Encodes phases to video frames on a thread, on a device while there is one.
 
 use super::shared::{Encoded, POLL_INTERVAL, Phases, Shared, of_epoch};
 use crate::encode::{Encoder, PhaseSet, VideoFrames};
@@ -17,9 +17,9 @@ use std::time::Instant;
 
 pub(super) struct Encoding {
     pub(super) shape: [usize; 4],
-    /// The colours, by their places, whose phases the display receives.
+    /// The indices of the colors whose phases the display receives.
     pub(super) sent: Vec<usize>,
-    /// Turns of the colours' light over all drives, where these are no colour's phases.
+    /// The turns of the light of each color over all drives, if the drives are not the phases of a color.
     pub(super) hidden: Option<Vec<f64>>,
     pub(super) mark: usize,
     pub(super) shared: Arc<Shared>,
@@ -47,7 +47,7 @@ impl Encoding {
             Ok(encoder.encode_into(&PhaseSet::trusted(colors), frames)?)
         };
         let failed = match crate::engine::pool(threads) {
-            // On a thread of the pool: calls from outside would allocate.
+            // The work runs on a thread of the pool, because calls from outside would allocate.
             Ok(pool) => pool.install(|| {
                 meet();
                 self.run(encode)
@@ -70,7 +70,7 @@ impl Encoding {
             let Some(mut item) = self.encode.take_within(POLL_INTERVAL) else { continue };
             let epoch = self.shared.epoch.load(Ordering::Acquire);
             let useful = of_epoch(self.shared.useful.load(Ordering::Acquire), epoch).unwrap_or(0);
-            // What comes too late is left out if something newer waits.
+            // Frames that are too late are skipped if a newer one waits.
             let useless = item.epoch != epoch || (item.position < useful && !self.encode.is_empty());
             let mut frames = None;
             if !useless && !item.damaged {
@@ -84,7 +84,7 @@ impl Encoding {
                     item.values[sent * each..][..each].copy_from_slice(&drives);
                 }
                 mark_corner(&mut item.values, self.shape, self.mark, item.position);
-                // One to three colours as a rule; never more than fit here.
+                // There are usually one to three colors, and never more than fit here.
                 let mut colors: [&[f32]; 16] = [&[]; 16];
                 let count = self.sent.len().min(colors.len());
                 colors.iter_mut().zip(&self.sent).for_each(|(c, sent)| *c = &item.values[sent * each..][..each]);
@@ -113,8 +113,8 @@ impl Encoding {
     }
 }
 
-/// Has every thread of the pool take work from another once: what that needs is made the first time, which on a busy
-/// machine may be long after the first picture.
+/// Makes every thread of the pool steal work once. The memory for that is allocated at the first time, which on a
+/// loaded machine may be long after the first picture.
 fn meet() {
     let all = std::sync::Barrier::new(rayon::current_num_threads());
     let wait = || {

@@ -1,4 +1,4 @@
-//! The thread that reads: phase buffers are filled from the file, checked.
+//! Reads phases from the file on a thread, and checks them.
 
 use super::shared::{POLL_INTERVAL, Phases, Shared, StreamOptions, of_epoch, tagged};
 use crate::hologram::Sequence;
@@ -46,9 +46,9 @@ impl Reader {
                     index %= count;
                 } else {
                     if !waits && self.shared.end.load(Ordering::Acquire) != tagged(epoch, position) {
-                        // Those that were left out were not there: the end is the file's.
+                        // The skipped frames were not in the file, so the end is the end of the file.
                         let end = position - (index - count).min(position);
-                        // Said before it is known, and so before anybody stops listening.
+                        // The note is sent before the end is published, while a reader of notes still listens.
                         said_end = said_end || self.say_where_it_ends();
                         self.shared.end.store(tagged(epoch, end), Ordering::Release);
                     }

@@ -1,4 +1,4 @@
-//! What the threads of a stream share.
+//! Holds the options and the state that the threads of a stream share.
 
 use crate::encode::VideoFrames;
 use crate::session::frame_log::error::SessionError;
@@ -10,30 +10,31 @@ use std::time::Duration;
 
 #[derive(Debug, Clone)]
 pub(crate) struct StreamOptions {
-    /// Sets that wait encoded, beside the one on the screen; at least 2.
+    /// The encoded sets that wait, without the one on the screen. There are at least 2.
     pub ahead: usize,
-    /// Whether the file begins again when it is over.
+    /// True if the file starts again at its end.
     pub looped: bool,
-    /// Whether to wait for a sequence that is still being written.
+    /// True if the reader waits for a sequence that is still being written.
     pub follow: bool,
-    /// The frame of the file to begin with.
+    /// The first frame of the file to read.
     pub first: u64,
-    /// Threads that encode on the CPU; 0 for as many as there are cores.
+    /// The threads that encode on the CPU, or 0 for the number of cores.
     pub threads: usize,
-    /// Side of the corner mark, pixels; 0 for none.
+    /// The side of the corner mark (pixels), or 0 for none.
     pub mark: usize,
-    /// Where it says what was left out.
+    /// The sink for notes about skipped holograms.
     pub notes: Notes,
-    /// Traces what the threads do.
+    /// The trace of the threads.
     pub trace: Trace,
 }
 
-/// How often a thread that waits looks whether it is to stop.
+/// The interval at which a waiting thread checks for its end.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// Holograms under way between file and encoder.
+/// The number of holograms between the file and the encoder.
 pub(super) const PHASES: usize = 3;
 
-/// A position of an epoch: positions begin anew with every seek, and what belongs to an older epoch means nothing.
+/// The shift of the epoch in a position. Positions start at 0 again with every seek, and values of an older epoch are
+/// void.
 pub(super) const EPOCH_SHIFT: u32 = 48;
 
 pub(super) fn tagged(epoch: u64, position: u64) -> u64 {
@@ -48,12 +49,12 @@ pub(super) struct Shared {
     pub(super) stop: AtomicBool,
     pub(super) epoch: AtomicU64,
     pub(super) seek_to: AtomicU64,
-    /// Positions read, useful, and the end; each with its epoch.
+    /// The first position that is not read, the first useful position and the end, each with its epoch.
     pub(super) read: AtomicU64,
     pub(super) useful: AtomicU64,
     pub(super) end: AtomicU64,
     pub(super) failure: Mutex<Option<SessionError>>,
-    /// Positions from which on a test has the reader and the encoder panic.
+    /// The positions from which a test makes the reader and the encoder panic.
     #[cfg(test)]
     pub(super) panics: [AtomicU64; 2],
 }

@@ -1,5 +1,6 @@
-//! What a scene begins with that brings no phases and that the phases before do not fit: those that a table has for it
-//! ([`StartTable`]).
+//! Chooses first phases from a table ([`StartTable`]) for a new scene that brings no phases.
+//!
+//! This is for scenes that the previous phases do not fit.
 
 use super::together::share;
 use super::{LiveColor, LiveRefiner};
@@ -9,11 +10,12 @@ use crate::session::frame_log::error::SessionError;
 use crate::solve::{Problem, SharedDrives, StartTable};
 use std::sync::Arc;
 
-/// The table of each color, from the user's cache or fitted, of which `observe` is told: the share of all that is fitted. None for colors
-/// that have none. Colors that share their sub-frames have one table, of their drive.
+/// Returns the table of each color, from the cache of the user or newly fitted, or `None` for colors without a table.
+/// Colors that share their sub-frames have one table of their drive. `observe` receives the share of all fits that is
+/// done.
 ///
 /// # Errors
-/// Those of the fit.
+/// Returns the errors of the fit.
 pub fn start_tables(
     colors: &[LiveColor],
     observe: &mut dyn FnMut(f64) -> bool,
@@ -32,7 +34,7 @@ pub fn start_tables(
     colors.iter().enumerate().map(one).collect()
 }
 
-/// The table of the drive that these colors share, if their display has one.
+/// Returns the table of the drive that these colors share, if their display has one.
 fn drive_table(
     colors: &[LiveColor],
     observe: &mut dyn FnMut(f64) -> bool,
@@ -46,7 +48,8 @@ fn drive_table(
     Ok(StartTable::of_shared(&problems, &lasers, observe)?.map(Arc::new))
 }
 
-/// Has these colors begin with the phases that their [`start_tables`] have for their scene; without a table they stay as they are.
+/// Starts these colors with the phases that their [`start_tables`] hold for their scene. A color without a table is
+/// left unchanged.
 pub(in crate::session) fn begin_with_tables(
     colors: &mut [LiveColor],
     tables: &[Option<Arc<StartTable>>],
@@ -70,8 +73,8 @@ pub(in crate::session) fn begin_with_tables(
 }
 
 impl LiveRefiner {
-    /// With what [`start_tables`] gives for its colors; none where there is none. Phases of one color are not those of a drive that colors
-    /// share: such tables are left out.
+    /// Sets the tables that [`start_tables`] returns for these colors. A table of phases of one color does not fit a
+    /// drive that colors share, so such tables are left out.
     #[must_use]
     pub fn with_start_tables(mut self, tables: Vec<Option<Arc<StartTable>>>) -> Self {
         let shares = self.shared.is_some();
@@ -85,16 +88,17 @@ impl LiveRefiner {
         self
     }
 
-    /// Whether [`fit`](Self::fit) has something to look at: a scene came that is another picture altogether, and brought no phases.
+    /// Returns true if [`fit`](Self::fit) has work to do, because a scene is a different picture and brought no phases.
     pub fn needs_reinit(&self) -> bool {
         self.colors.iter().any(|color| color.needs_reinit)
     }
 
-    /// Colors whose scene is another picture altogether go on with the phases of the table: how many that are. The phases before are not
-    /// compared with them, because two losses take longer than the one step that is worth more (measured).
+    /// Starts colors whose scene is a different picture with the phases of the table, and returns the number of these
+    /// colors. The previous phases are not compared, because two losses take longer than one step, and that step is
+    /// worth more (measured).
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn fit(&mut self) -> Result<u32, EngineError> {
         if self.shared.is_some() {
             return self.fit_together();
@@ -109,11 +113,11 @@ impl LiveRefiner {
         Ok(looked_up)
     }
 
-    /// Begins with phases that are given, color by color, whatever is lost. Colors that share their sub-frames begin with the first of them
-    /// as their drive, as phases of one turn.
+    /// Starts with the given phases of each color, regardless of their loss. Colors that share their sub-frames start
+    /// with the first entry as their drive, as phases of one turn.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn begin_with(&mut self, phases: &[Vec<f32>]) -> Result<(), EngineError> {
         self.colors.iter_mut().for_each(|color| color.needs_reinit = false);
         if let Some(shared) = &mut self.shared {

@@ -1,4 +1,4 @@
-//! All colours at once (OPTICS 13): colours that share their sub-frames' drives, and are refined together.
+//! Refines colors that share the drives of their sub-frames together (simultaneous color, OPTICS 13).
 
 use super::{Followed, LiveColor, LiveRefiner, OneColor, PhasesOfColors};
 use crate::encode::Lighting;
@@ -22,27 +22,29 @@ impl AsMut<Refiner> for OneColor {
     }
 }
 
-/// Sub-frames that these colours have in a set: their own, or those that they share.
+/// Returns the sub-frames of these colors in a set, which are their own or the shared ones.
 pub(in crate::session) fn sub_frames_of(colors: &[LiveColor]) -> usize {
     let each = colors.iter().map(LiveColor::frames);
     if share(colors) { each.max().unwrap_or(0) } else { each.sum() }
 }
 
-/// Whether these colours share their sub-frames.
+/// Returns true if these colors share their sub-frames.
 pub(in crate::session) fn share(colors: &[LiveColor]) -> bool {
     colors.iter().any(|color| color.laser.is_some())
 }
 
-/// When the sub-frames of these colours are lit by what an encoder says of those that it sends.
+/// Returns the times at which the sub-frames of these colors are lit, from the lighting of the encoder for the colors
+/// that it sends.
 pub fn lighting_of(lighting: Lighting, colors: &[LiveColor]) -> Lighting {
     if share(colors) { lighting.shared_by(colors.len()) } else { lighting }
 }
 
 impl LiveRefiner {
-    /// The lasers of colours that share their sub-frames; none where none has one of its own.
+    /// Returns the lasers of colors that share their sub-frames, or `None` if no color has a laser of its own.
     ///
     /// # Errors
-    /// [`SessionError::Setting`] where some have one and some have not; [`SessionError::Solve`] for colours that cannot share drives.
+    /// Returns [`SessionError::Setting`] if only some colors have a laser, and [`SessionError::Solve`] for colors that
+    /// cannot share drives.
     pub(super) fn lasers_of(colors: &[LiveColor]) -> Result<Option<Vec<Laser>>, SessionError> {
         let lit = || colors.iter().filter_map(|color| color.laser.as_ref());
         match lit().count() {
@@ -53,23 +55,24 @@ impl LiveRefiner {
             }
             some => Err(reason!(
                 "together",
-                "{some} of {} colours share their sub-frames: all colours at once, or one after the other",
+                "only {some} of {} colors share their sub-frames, but either all or none must share them",
                 colors.len()
             )
             .into()),
         }
     }
 
-    /// The drives that these colours have their phases of, as phases of one turn.
+    /// Returns the drives from which these colors have their phases, as phases of one turn.
     pub(super) fn drives_of(lasers: &[Laser], colors: &[LiveColor]) -> Vec<f32> {
         let slopes: Vec<f64> = lasers.iter().map(|laser| laser.slope).collect();
         drives_of(&slopes, |color| &colors[color].phases)
     }
 
-    /// The phases that an SLM receives: of every colour, or the drives that all of them share.
+    /// Returns the phases that an SLM receives. These are the phases of every color, or the drives that all of them
+    /// share.
     ///
     /// # Errors
-    /// Those of the engines.
+    /// Returns the errors of the engines.
     pub fn sent(&mut self) -> Result<PhasesOfColors<'_>, EngineError> {
         match self.shared {
             Some(ref shared) => Ok(std::iter::once(shared.sent()).collect()),
@@ -77,7 +80,7 @@ impl LiveRefiner {
         }
     }
 
-    /// A step of all colours, if `may_begin` says so of as many steps: how many were taken.
+    /// Takes a step of all colors if `may_begin` allows as many steps. Returns the number of steps.
     pub(super) fn step_together(
         &mut self,
         may_begin: &mut dyn FnMut(u32, Duration) -> bool,
@@ -95,7 +98,7 @@ impl LiveRefiner {
         Ok(count)
     }
 
-    /// The mean of the colours' losses through the pupils of the next step.
+    /// Returns the mean of the losses of the colors through the pupils of the next step.
     fn loss_together(&mut self) -> Result<f64, EngineError> {
         let mut sum = 0.0;
         for color in &mut self.colors {
@@ -104,7 +107,7 @@ impl LiveRefiner {
         Ok(sum / self.colors.len().max(1) as f64)
     }
 
-    /// [`shift_phases`](Self::shift_phases) for the drives that all colours share, which have one pixel.
+    /// Applies [`shift_phases`](Self::shift_phases) to the drives that all colors share, which have one pixel size.
     pub(super) fn carry_together(
         &mut self,
         pixels: &[[i64; 2]],
@@ -130,7 +133,8 @@ impl LiveRefiner {
         Ok((moved, 2 * self.colors.len() as u32))
     }
 
-    /// [`fit`](Self::fit) of the drive that all colors share: their number, if the scene is another picture in one of them.
+    /// Applies [`fit`](Self::fit) to the drive that all colors share. Returns the number of colors if the scene is a
+    /// different picture in one of them.
     pub(super) fn fit_together(&mut self) -> Result<u32, EngineError> {
         let wanted = self.needs_reinit();
         self.colors.iter_mut().for_each(|color| color.needs_reinit = false);
@@ -143,18 +147,18 @@ impl LiveRefiner {
         Ok(self.colors.len() as u32)
     }
 
-    /// Refuses a scene whose lasers are not the lasers of the drives that all colours share.
+    /// Refuses a scene whose lasers are not the lasers of the drives that all colors share.
     pub(super) fn check_lasers(&self, scene: &[LiveColor]) -> Result<(), SessionError> {
         let lasers = self.shared.as_ref().map_or(&[][..], SharedDrives::lasers);
         if scene.iter().zip(lasers).any(|(new, laser)| new.laser.as_ref() != Some(laser)) {
-            let line = "a scene in the light of other lasers: their powers stay while all colours at once are refined";
+            let line = "the scene has other lasers, but the powers are fixed while simultaneous colors are refined";
             return Err(SessionError::Setting(Reason::new("other-lasers", line)));
         }
         Ok(())
     }
 
-    /// [`follow`](Self::follow) of colours that share their sub-frames, once they have their new scene: they go on with one drive, or
-    /// begin with another together.
+    /// Applies [`follow`](Self::follow) to colors that share their sub-frames and already have their new scene. They
+    /// continue with one drive, or start with another one together.
     pub(super) fn follow_together(&mut self, scene: &[LiveColor]) -> Result<Followed, SessionError> {
         let Some(shared) = &self.shared else { return Ok(Followed::default()) };
         let drives = Self::drives_of(shared.lasers(), scene);

@@ -1,4 +1,4 @@
-//! From reports to samples.
+//! Tests the decoding of reports into samples.
 
 use super::super::report::{extract, insert};
 use super::super::{Decoder, Descriptor, DeviceFile, Layout};
@@ -26,7 +26,7 @@ fn a_report_is_what_it_says() {
     assert_eq!(bytes.len(), 65);
     let sample = decoder.sample(&bytes, 9_000_000_000).unwrap();
     assert_eq!(mm(&sample), [100.0, -50.0, -32.0, 1.0, 600.0, 31.0, -2.0, 605.0]);
-    // Over 2^32 microseconds.
+    // The time is over 2^32 microseconds.
     assert_eq!(sample.tracker_ns, Some(4_294_967_301_000));
     let (gaze, left) = (sample.combined.unwrap(), sample.left.unwrap());
     assert_eq!((gaze.quantity, gaze.unit, gaze.distance), (Quantity::Gaze, Unit::Metres, None));
@@ -62,7 +62,8 @@ fn short_and_foreign_reports_are_passed_over_and_long_ones_taken() {
 
 #[test]
 fn other_sizes_orders_and_padding_decode_too() {
-    // Unnumbered; right before left; 24 bits; 3 bits of padding in front; a time of 4 bytes in milliseconds.
+    // Reports are unnumbered, with right before left, 24 bits, 3 bits of padding in front, and a time of 4 bytes in
+    // milliseconds.
     let axes =
         |b: Build, usage| b.usage(usage).open(0).size(24, 3).usage(0x21).usage(0x22).usage(0x23).input(3).close();
     let build = Build::default().page(0x12).usage(1).open(1).usage(0x10).open(2).size(3, 1).input(3);
@@ -99,14 +100,14 @@ fn missing_usages_are_made_up_for() {
         |b: Build, axes: i64| (0..axes).fold(b.open(0).size(32, axes), |b, i| b.usage(0x21 + i)).input(3).close();
     let tail = |b: Build| b.size(32, 6).input(3).close().close().0;
     let variants = [
-        // The outer collections without names.
+        // The outer collections have no names.
         tail(start(false).position(0x24, 2).position(0x25, 3).position(0x26, 3)),
-        // The positions without names: told by their places; and all of them.
+        // The positions have no names and are identified by their places, then all collections have none.
         tail(unnamed(unnamed(unnamed(start(true), 2), 3), 3)),
         tail(unnamed(unnamed(unnamed(start(false), 2), 3), 3)),
-        // One of them.
+        // One position has no name.
         tail(unnamed(start(true).position(0x24, 2), 3).position(0x26, 3)),
-        // Axes without usages; the first usage alone.
+        // The axes have no usages, or only the first usage.
         tail(
             start(true)
                 .usage(0x24)
@@ -122,9 +123,9 @@ fn missing_usages_are_made_up_for() {
                 .close()
                 .position(0x26, 3),
         ),
-        // No unit: micrometres; no range: signed.
+        // Without a unit the positions are micrometers, and without a range they are signed.
         tail(start(true).unit(0, 0).logical(0, 0).position(0x24, 2).position(0x25, 3).position(0x26, 3)),
-        // A range of usages.
+        // The usages are a range.
         tail(
             start(true)
                 .position(0x24, 2)
@@ -206,7 +207,7 @@ fn a_file_describes_a_device() {
     assert!(!decoder.sample(&bytes, 5_000_000_001).unwrap().left.unwrap().valid);
     (bytes[12], bytes[8]) = (1, 0x7f);
     assert!(!decoder.sample(&bytes, 5_000_000_002).unwrap().left.unwrap().valid, "out of its range");
-    // Four bytes of microseconds turn over after 72 minutes.
+    // Four bytes of microseconds wrap around after 72 minutes.
     let turned = decoder.sample(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 80, 1, 0], 6_000_000_000).unwrap();
     assert_eq!(turned.tracker_ns, Some(0), "a step back by less than half the range is no turn");
 }

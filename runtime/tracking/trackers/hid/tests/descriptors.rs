@@ -1,4 +1,4 @@
-//! What descriptors say.
+//! Tests the parsing of descriptors.
 
 use super::super::descriptor::{LONGEST_DESCRIPTOR, ReportKind, Usage};
 use super::super::{Description, Descriptor, Layout};
@@ -42,7 +42,7 @@ fn what_is_no_eye_tracker_is_told_so() {
     let description = Description::of(&touch).unwrap();
     assert!(!description.eye_tracker);
     assert!(description.to_string().contains("Touch Screen"));
-    // A head tracker alone, and an eye tracker that gives no positions.
+    // The first is a head tracker alone, the second an eye tracker without positions.
     let head = Build::default().page(0x12).usage(0x02).open(1).position(0x27, 3).close().0;
     assert!(!Description::of(&head).unwrap().eye_tracker);
     let mute = Build::default().page(0x12).usage(0x01).open(1).usage(0x400).size(8, 1).feature(2).close().0;
@@ -80,12 +80,12 @@ fn usage(page: u16, id: u16) -> Option<Usage> {
 
 #[test]
 fn the_page_that_holds_at_the_main_item_counts_and_four_bytes_bring_their_own() {
-    // 0x0b: a usage of four bytes.
+    // The item 0x0b is a usage of four bytes.
     let mut build = Build::default().page(1).usage(0x21);
     build.0.extend([0x0b, 0x22, 0, 0x0c, 0]);
     let descriptor = parse(build.page(0x12).size(8, 2).input(2));
     assert_eq!((descriptor.fields[0].usage(0), descriptor.fields[0].usage(1)), (usage(0x12, 0x21), usage(0x0c, 0x22)));
-    // Of alternatives the first is taken.
+    // The first one of alternatives counts.
     let build =
         Build::default().page(1).item(0xa8, 1).usage(0x30).usage(0x31).item(0xa8, 0).usage(0x32).size(8, 2).input(2);
     let descriptor = parse(build);
@@ -94,7 +94,7 @@ fn the_page_that_holds_at_the_main_item_counts_and_four_bytes_bring_their_own() 
 
 #[test]
 fn ranges_and_exponents_are_read_as_devices_write_them() {
-    // 25 ff after 15 00 means 255; after 15 80 it means -1.
+    // The bytes 25 ff after 15 00 mean 255, and after 15 80 they mean -1.
     let mut build = Build::default().size(8, 1);
     build.0.extend([0x15, 0x00, 0x25, 0xff]);
     let mut build = build.page(1).usage(0x30).input(2);
@@ -106,7 +106,7 @@ fn ranges_and_exponents_are_read_as_devices_write_them() {
 
 #[test]
 fn a_physical_range_scales() {
-    // 0 to 1000 stand for -50 to 50 mm.
+    // The range 0 to 1000 means -50 to 50 mm.
     let build = Build::default().page(0x12).usage(1).open(1).logical(0, 1000).physical(-50, 50).unit(0x11, -1);
     let layout = Layout::find(&parse(build.position(0x24, 2).close())).unwrap();
     let slot = layout.inputs[0].places[0].axes[0].unwrap();
@@ -117,7 +117,7 @@ fn a_physical_range_scales() {
 #[test]
 fn odd_items_become_notes() {
     let mut bytes = tracker();
-    bytes.push(0x00); // a stray byte, as recorded devices have it
+    bytes.push(0x00); // a stray byte, as in descriptors of recorded devices
     let with_stray = Descriptor::parse(&bytes).unwrap();
     assert_eq!(with_stray.fields, Descriptor::parse(&tracker()).unwrap().fields);
     assert_eq!(with_stray.notes.len(), 1);
@@ -126,7 +126,7 @@ fn odd_items_become_notes() {
     let odd = Descriptor::parse(&bytes).unwrap();
     assert_eq!((odd.fields.len(), odd.notes.len()), (with_stray.fields.len(), 5), "{:?}", odd.notes);
     assert!(Layout::find(&odd).is_ok());
-    // Never closed.
+    // The collections are never closed.
     assert!(Descriptor::parse(&tracker()[..100]).unwrap().notes.len() == 1);
 }
 

@@ -1,4 +1,4 @@
-//! Whatever a device says, nothing panics, and nothing is read beyond what there is.
+//! Tests that no data of a device causes a panic or a read beyond the data.
 
 use super::super::descriptor::LONGEST_REPORT;
 use super::super::{Decoder, Description, Descriptor, Layout};
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-/// What must hold of every descriptor and of every report after it.
+/// Checks the invariants of every descriptor and of every report after it.
 fn check(descriptor: &[u8], reports: &[Vec<u8>]) -> bool {
     let Ok(parsed) = Descriptor::parse(descriptor) else { return false };
     for field in &parsed.fields {
@@ -51,7 +51,7 @@ fn sound(sample: &Sample) {
 }
 
 fn item() -> impl Strategy<Value = Vec<u8>> {
-    // Items that mean something, with values that matter more often than not.
+    // Valid items, with relevant values more often than not.
     let prefixes = prop::sample::select(vec![
         0x04u8, 0x08, 0x14, 0x24, 0x34, 0x44, 0x54, 0x64, 0x74, 0x84, 0x94, 0xa4, 0xb4, 0x18, 0x28, 0xa8, 0x80, 0x90,
         0xb0, 0xa0, 0xc0, 0xfc,
@@ -114,11 +114,11 @@ proptest! {
     }
 }
 
-/// Fuzzing for as long as one likes: `EYEBOX_FUZZ_SECONDS` (60) from `EYEBOX_FUZZ_SEED` (1).
+/// Fuzzes for `EYEBOX_FUZZ_SECONDS` (60) seconds from the seed `EYEBOX_FUZZ_SEED` (1).
 ///
 /// `cargo test --release -p eyebox --lib fuzz_for_long -- --ignored --nocapture`
 #[test]
-#[ignore = "runs for as long as it is told"]
+#[ignore = "runs for EYEBOX_FUZZ_SECONDS"]
 fn fuzz_for_long() {
     let number = |name: &str, default: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
     let (seconds, seed) = (number("EYEBOX_FUZZ_SECONDS", 60), number("EYEBOX_FUZZ_SEED", 1));

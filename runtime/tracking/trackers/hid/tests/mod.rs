@@ -1,4 +1,4 @@
-//! Descriptors and reports, written by hand after the HID usage tables; none is a device's own.
+//! Builds descriptors and reports by hand after the HID usage tables. None comes from a device.
 
 mod decoding;
 mod descriptors;
@@ -7,7 +7,7 @@ mod plugging;
 #[cfg(target_os = "linux")]
 mod uhid;
 
-/// A report descriptor in the making: items as the specification names them.
+/// A report descriptor under construction, with the item names of the specification.
 #[derive(Default, Clone)]
 pub struct Build(pub Vec<u8>);
 
@@ -39,7 +39,7 @@ impl Build {
         self.item(0x34, low).item(0x44, high)
     }
 
-    /// The unit's code and its exponent as the four bits that it is.
+    /// The unit's code, and its exponent as four bits.
     pub fn unit(self, code: i64, exponent: i64) -> Self {
         self.item(0x64, code).item(0x54, exponent & 0xf)
     }
@@ -79,7 +79,7 @@ impl Build {
         self
     }
 
-    /// A physical collection with so many axes of 32 bits, flagged constant and variable.
+    /// A physical collection with this number of axes of 32 bits, flagged constant and variable.
     pub fn position(self, usage: i64, axes: i64) -> Self {
         let named = (0..axes).fold(self.usage(usage).open(0).size(32, axes), |b, i| b.usage(0x21 + i));
         named.input(3).close()
@@ -90,7 +90,7 @@ pub const MICROMETRES: (i64, i64) = (0x11, -4);
 pub const MICROSECONDS: (i64, i64) = (0x1001, -6);
 pub const HERTZ: (i64, i64) = (0xf001, 0);
 
-/// An eye tracker as HUTRR74 has it: a time of eight bytes, gaze point, both eyes, reserved fields; status, mode.
+/// An eye tracker as in HUTRR74. It has a time of eight bytes, gaze point, both eyes, reserved fields, status and mode.
 pub fn tracker() -> Vec<u8> {
     Build::default()
         .page(0x12)
@@ -147,7 +147,7 @@ pub fn tracker() -> Vec<u8> {
         .0
 }
 
-/// A report of [`tracker`]: time in microseconds, then gaze, left eye, right eye in micrometres.
+/// A report of [`tracker`] with time in microseconds, then gaze, left eye and right eye in micrometers.
 pub fn report(time_us: u64, positions: [i32; 8]) -> Vec<u8> {
     let mut out = vec![0x10];
     out.extend(time_us.to_le_bytes());

@@ -1,4 +1,4 @@
-//! A device that comes, goes, is silent, floods: behind the bus, no hardware.
+//! Tests a device that comes, goes, is silent or floods, behind the bus and without hardware.
 
 use super::super::device::{Bus, HidSource, Info, Port, status_name};
 use super::super::{DeviceFile, HidError, list};
@@ -8,14 +8,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// What is plugged in and what it does, shared with the test.
+/// The plugged-in devices and their behavior, shared with the test.
 #[derive(Default)]
 struct Desk {
     devices: Vec<Info>,
     descriptor: Vec<u8>,
     /// Reports that wait to be read.
     reports: Vec<Vec<u8>>,
-    /// One for ever.
+    /// A report that is repeated forever.
     flood: Option<Vec<u8>>,
     written: Vec<Vec<u8>>,
     broken: Option<&'static str>,
@@ -86,7 +86,7 @@ fn note(event: Event) -> String {
     }
 }
 
-/// A clock that the test moves; one for each test that uses it.
+/// A clock that the test moves. Each test that uses it has its own.
 macro_rules! clock {
     ($name:ident, $function:ident) => {
         static $name: AtomicU64 = AtomicU64::new(1_000_000_000);
@@ -195,7 +195,7 @@ fn a_flood_keeps_the_newest_and_memory_flat() {
     let status = stream.status();
     assert!(status.samples >= 50_000 && status.dropped > 40_000, "{status:?}");
     assert!(stream.arrived().count() <= 256);
-    // Then it is pulled out: the stream lives on, and says so.
+    // Then the device is unplugged. The stream continues and reports it.
     bus.0.lock().unwrap().devices.clear();
     let mut notes = Vec::new();
     while !notes.iter().any(|n: &String| n.contains("unplugged")) && Instant::now() < until {

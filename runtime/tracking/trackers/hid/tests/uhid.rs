@@ -1,4 +1,4 @@
-//! The same, through a virtual device of the kernel and real hidraw, where this machine has them.
+//! Tests a virtual device of the kernel through real hidraw, if the machine has them.
 
 use super::super::{HidSource, list, system_bus};
 use super::{report, tracker};
@@ -14,7 +14,7 @@ const GET_REPORT: u32 = 9;
 const GET_REPORT_REPLY: u32 = 10;
 const SET_REPORT: u32 = 13;
 const SET_REPORT_REPLY: u32 = 14;
-/// `struct uhid_event` (linux/uhid.h): the type, and the largest of its payloads, that of CREATE2.
+/// `struct uhid_event` (linux/uhid.h), with its type and its largest payload, which is the one of CREATE2.
 const EVENT: usize = 4 + 4372;
 const NAME: &[u8] = b"eyebox virtual tracker";
 
@@ -25,7 +25,7 @@ fn event(kind: u32, payload: &[u8]) -> Vec<u8> {
     out
 }
 
-/// name 128, phys 64, uniq 64, rd_size u16, bus u16, vendor, product, version, country u32, rd_data.
+/// The fields are name 128, phys 64, uniq 64, rd_size u16, bus u16, vendor, product, version, country u32, rd_data.
 fn create() -> Vec<u8> {
     let mut payload = NAME.to_vec();
     payload.resize(256, 0);
@@ -51,7 +51,7 @@ fn a_virtual_device_is_found_started_and_read() {
     };
     device.write_all(&create()).expect("the kernel takes the device");
     let mut kernel = device.try_clone().unwrap();
-    // The device's side: answers status and mode, then sends.
+    // The device's side answers status and mode, then sends.
     let side = std::thread::spawn(move || {
         let mut asked = false;
         let mut bytes = vec![0; EVENT];
