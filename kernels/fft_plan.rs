@@ -311,7 +311,7 @@ impl Plan {
     }
 }
 
-/// Returns `exp(-i 2 pi k / n)`.
+/// Returns the root of unity `exp(-i 2 pi k / n)` as (re, im).
 fn root(k: u32, n: u32) -> [f32; 2] {
     let (sin, cos) = (TAU * f64::from(k) / f64::from(n)).sin_cos();
     [cos as f32, -sin as f32]

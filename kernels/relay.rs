@@ -1,6 +1,6 @@
 //! Multiplies each bin inside the spans by the response of the pixel aperture and the relay (OPTICS 10).
 //!
-//! `transfer *= relay`.
+//! The kernel computes `transfer *= relay` for one pupil pass.
 
 use crate::{Complex32, pass_pupil::Args};
 

@@ -4,13 +4,13 @@
 /// kernels one by one follows from it. This is `Kernel` and `Step` in the runtime's plan, costs, checks, barriers,
 /// hand-over, and the dispatch of both engines.
 ///
-/// These are the entries of a row. `over` is the unit over which the CPU engine runs the kernel. `group` is the group
-/// whose rate prices its work. `binds` lists the buffers that it reads, writes or updates, in the order of the shader's
-/// bindings. `args` has its arguments, if a step has one set of them. `fits` checks that the arguments match these
-/// buffers. `work` is an estimate in nanoseconds of one core. It is per pupil pass for kernels that work on pupil
-/// passes (`u.pass`), and per sub-frame for all others. `twin` is the call of the twin by the CPU engine. `shader` is
-/// the way in which the Vulkan engine runs the module of the kernel's name. The engine runs it `Once`, for `Each` pupil
-/// pass, or for each of its source's `Modes`.
+/// A row has the following entries. The value of `over` is the unit over which the CPU engine runs the kernel. The rate
+/// of the `group` prices its work. With `binds` the row lists the buffers that the kernel reads, writes or updates, in
+/// the order of the shader's bindings. The `args` are its arguments, if a step has one set of them. The expression
+/// `fits` checks that the arguments match these buffers. The estimate `work` is in nanoseconds of one core. It is per
+/// pupil pass (`u.pass`) for kernels that work on pupil passes, and per sub-frame for all others. The expression `twin`
+/// is the call of the twin by the CPU engine. The expression `shader` runs the module of the kernel's name in the
+/// Vulkan engine. The engine runs it `Once`, for `Each` pupil pass, or for each of its source's `Modes`.
 #[macro_export]
 macro_rules! kernels {
     ($then:ident) => {

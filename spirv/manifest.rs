@@ -153,7 +153,7 @@ pub fn faults(root: &Path) -> Result<Vec<String>, String> {
     let known: BTreeSet<String> = manifest.module.iter().map(|m| m.name.clone()).collect();
     let mut faults = Vec::new();
     if manifest.flags != FLAGS {
-        faults.push("spirv/manifest.toml: written with other compiler flags".to_owned());
+        faults.push("spirv/manifest.toml was written with other compiler flags".to_owned());
     }
     if std::fs::read_to_string(root.join("spirv").join("modules.rs")).is_ok_and(|text| text != list(&sources)) {
         faults.push("spirv/modules.rs lists other modules".to_owned());

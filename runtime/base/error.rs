@@ -1,7 +1,7 @@
-//! Errors as data. Each error has a stable code and the fields that its sentence names.
+//! Represents errors as data. Each error has a stable code and the fields that its sentence names.
 //!
-//! Every error enum of eyebox serializes as `{"code": "variant-name", "fields": {...}}`. [`ErrorData::of`] follows the wrapped errors
-//! down to the innermost one. A variant for many faults holds a [`Reason`], which has its own code.
+//! Every error enum of eyebox serializes as `{"code": "variant-name", "fields": {...}}`. [`ErrorData::of`] follows the
+//! wrapped errors down to the innermost one. A variant for many faults holds a [`Reason`], which has its own code.
 
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};

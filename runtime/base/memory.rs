@@ -1,4 +1,4 @@
-//! Checks that memory is available before it is allocated, so that no size in a file or an argument causes an abort.
+//! Checks that memory is available before it is allocated, so that no size in a file or argument causes an abort.
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 

@@ -1,4 +1,4 @@
-//! Reads quantities as people write them, such as `4mm`, `0.5D`, `520nm`, `30Hz`, `10s`, `4GiB`, and sizes like `1080p`.
+//! Reads quantities as people write them, such as `4mm`, `0.5D`, `520nm`, `30Hz`, `10s`, `4GiB` and `1080p`.
 //!
 //! A number without a unit is in the unit that its reader names. The case of a unit does not matter.
 
@@ -253,7 +253,8 @@ impl<'a> Quantity<'a> {
         self.unit
     }
 
-    /// Returns the number in another unit of the same dimension. Powers of ten are exact because they move the decimal point of the text.
+    /// Returns the number in another unit of the same dimension. Powers of ten are exact because they move the decimal
+    /// point of the text.
     pub fn value_in(self, unit: Unit) -> f64 {
         let shift = self.unit.exponent - unit.exponent;
         let (mantissa, exponent) = self.number.split_once(['e', 'E']).unwrap_or((self.number, "0"));

@@ -1,4 +1,5 @@
-//! Random numbers that are the same on every machine, by the generator and the mixer of Steele, Lea and Flood (2014).
+//! Makes random numbers that are the same on every machine. The generator and the mixer are by Steele, Lea and Flood
+//! (2014).
 
 /// Step of the state of [`SplitMix`], 2^64 divided by the golden ratio.
 pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;

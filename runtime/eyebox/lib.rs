@@ -72,20 +72,20 @@
 //! |---|---|
 //! | [`error`] | Errors as data |
 //! | [`files`] | Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy` and PNG |
-//! | [`optics`] | Display, pupil, propagation and window as pure functions in float64, without buffers or threads |
-//! | [`scene`] | Light fields: reading, built-in scenes, depth and disparity, target images |
-//! | [`engine`] | Runs lists of kernels over buffers: on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
-//! | [`gpu`] | One Vulkan device, opened once and shared |
+//! | [`optics`] | Defines display, pupil, propagation and window as pure functions in float64, without buffers or threads |
+//! | [`scene`] | Reads scenes as light fields, from files or built-in scenes, and measures depths and makes views |
+//! | [`engine`] | Runs lists of kernels over buffers on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |
+//! | [`gpu`] | Opens one Vulkan device, which its users share |
 //! | [`present`] | Brings video frames to light in a window, on a direct display or in memory, and reports when each one lit up |
-//! | [`encode`] | Converts phases to the bytes that the SLM receives: calibration, levels, packing |
-//! | [`hologram`] | The hologram file: phase frames with their metadata, whole, in sequences and in tiles |
-//! | [`produce`] | Makes holograms of scenes: all colors of one, sequences, tiled far fields, and the refinement of a finished one |
+//! | [`encode`] | Converts phases to the bytes that the SLM receives, by calibration, levels and packing |
+//! | [`hologram`] | The hologram file holds phase frames with their metadata, for one hologram, a sequence or tiles |
+//! | [`produce`] | Makes holograms of scenes, sequences and tiled far fields, and refines finished holograms |
 //! | [`reconstruction`] | Computes the image that an eye sees of a hologram, and compares it with the target image of the scene |
-//! | [`solve`] | Stochastic Light Field Holography (Schiffers et al. 2023): draws pupils, compares what the wave gives with what the light field gives, moves the phases |
+//! | [`solve`] | Solves holograms by Stochastic Light Field Holography (Schiffers et al. 2023) and related methods |
 //! | [`calibrate`] | Fits a model of a real display to pictures that a camera took of it (OPTICS 10) |
 //! | [`gaze`] | Predicts where the pupil will be when the light arrives, as a distribution, from the samples of a tracker |
-//! | [`trackers`] | Reads eye trackers: devices, recordings, the network and a simulated eye, as `Sample`s with a steady time |
-//! | [`preview`] | Shows what an eye sees of a hologram, live, in an ordinary window |
+//! | [`trackers`] | Reads eye trackers as `Sample`s with a steady time |
+//! | [`preview`] | Shows the simulated image of a hologram, live, in an ordinary window |
 //! | [`session`] | Plays content on a display on time, refines it for the tracked pupil, and records what was shown |
 //!
 //! A comment with "OPTICS n" refers to section n of `docs/optics.md`. Lengths are in meters and angles in radians.

@@ -28,8 +28,8 @@ pub struct Feed {
     /// Holograms per second, one for each frame of a scene
     #[arg(help_heading = "Time", long, value_name = "HZ", value_parser = rate, default_value = "30")]
     pub rate: Rate,
-    /// Parameter of the one built-in scene that goes from one value to the other and back. camera=-2..2 moves the
-    /// camera, shift=-0.3..0.3 the fruit of the still lifes or the pattern of builtin:plane sideways, depth=-1..1
+    /// Parameter of the built-in scene that goes from one value to the other and back. camera=-2..2 moves the camera.
+    /// shift=-0.3..0.3 moves the fruit of the still lifes or the pattern of builtin:plane. depth=-1..1 moves
     /// builtin:plane in depth
     #[arg(help_heading = "Scene", long, value_name = "KEY=A..B", value_parser = path)]
     pub r#move: Option<ParameterPath>,

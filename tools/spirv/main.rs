@@ -87,7 +87,7 @@ fn check(root: &Path, compiler: &str, built: &[(Entry, Vec<u8>)]) -> Result<Stri
     let constants = std::fs::read_to_string(root.join(CONSTANTS)).map_err(|e| format!("{CONSTANTS}: {e}"))?;
     let mut wrong = faults(root)?;
     if constants != eyebox_kernels::shared::glsl() {
-        wrong.push(format!("{CONSTANTS}: differs from the output of kernels/shared.rs"));
+        wrong.push(format!("{CONSTANTS} differs from the output of kernels/shared.rs"));
     }
     let manifest = Manifest::read(root)?;
     if manifest.compiler != compiler {

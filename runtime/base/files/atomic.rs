@@ -54,7 +54,7 @@ pub(super) fn is_stream(file: &Path) -> Result<bool, FileError> {
     match fs::metadata(file) {
         Ok(there) if there.is_dir() => Err(FileError::taken(
             file,
-            reason!("is-a-folder", "is a folder, and a file cannot replace it: give another path"),
+            reason!("is-a-folder", "is a folder, and a file cannot replace it: give another place"),
         )),
         there => Ok(there.is_ok_and(|there| !there.is_file())),
     }
@@ -85,7 +85,7 @@ impl FolderDraft {
         match fs::metadata(&place) {
             Ok(there) if !there.is_dir() => return Err(FileError::is_a_file(&place)),
             Ok(_) if !is_empty(&place) && !ours(&place) => {
-                let left = "has other contents, so it is not replaced: give another path or remove it";
+                let left = "has other contents, so it is not replaced: give another place or remove it";
                 return Err(FileError::taken(&place, Reason::new("holds-something-else", left)));
             }
             _ => {}
@@ -124,7 +124,7 @@ impl FolderDraft {
         for folder in folders_of(new).map_err(failed)? {
             sync_folder(&folder).map_err(failed)?;
         }
-        // From here on, the draft's path may hold the old folder of the destination.
+        // From here on, the temporary path may hold the old folder of the destination.
         drop(open);
         let begun = Instant::now();
         // Other writers may act between a look and a rename. A file system may also give the same answer repeatedly.
@@ -149,11 +149,12 @@ impl FolderDraft {
             }
             match rename(new, &place) {
                 Ok(()) => {
-                    // The folder is no longer where the draft was.
+                    // The folder is no longer at its temporary path.
                     drop(draft.keep());
                     return sync_folder(parent(&place)).map_err(failed);
                 }
-                // Rename replaces an empty folder on local file systems of Unix. FUSE, SMB and network storage may refuse.
+                // On local file systems of Unix, a rename replaces an empty folder. FUSE, SMB and network storage may
+                // refuse.
                 Err(_) if exists && replaces_empty => replaces_empty = false,
                 Err(e) if !matches!(e.kind(), io::ErrorKind::DirectoryNotEmpty | io::ErrorKind::AlreadyExists) => {
                     return Err(failed(e));
@@ -184,7 +185,7 @@ fn turn(place: &Path) -> Option<File> {
 fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> Result<(), FileError> {
     let changed = |path: &Path| {
         let left =
-            "something else was put there in the meantime, so it is not replaced: give another path or remove it";
+            "something else was put there in the meantime, so it is not replaced: give another place or remove it";
         FileError::taken(path, Reason::new("taken-meanwhile", left))
     };
     let new = draft.path();
@@ -203,7 +204,7 @@ fn replace(draft: tempfile::TempDir, place: &Path, ours: fn(&Path) -> bool) -> R
         }
         return Err(changed(place));
     }
-    // After an exchange the draft's name holds the old folder, and dropping the draft removes it.
+    // After an exchange the temporary name holds the old folder, and dropping `draft` removes it.
     Ok(())
 }
 

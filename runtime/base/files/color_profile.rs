@@ -77,7 +77,7 @@ impl Transform {
         Ok(Self { inner, is_gray })
     }
 
-    /// Converts pixels of three values each. With a gray profile the first of the three counts.
+    /// Converts pixels of three values each. If the profile is gray, the first of the three counts.
     fn colors(&self, stored: &[f32]) -> Result<Vec<f32>, Reason> {
         let mut converted = vec![0.0; stored.len()];
         let done = if self.is_gray {

@@ -1,29 +1,29 @@
-//! How a file of another kind becomes one that is read: one line that works when it is followed.
+//! Suggests a command line that converts a file of another kind to one that eyebox reads.
 
 use super::FileKind;
 use std::path::Path;
 
-/// What a reader wants.
+/// The kind of data that a reader expects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Wanted {
     /// Views of a scene, or one picture.
     Scene,
-    /// Depth or disparity map.
+    /// A depth map or a disparity map.
     DepthMap,
-    /// Phases.
+    /// Phases of a hologram.
     Phases,
     /// Gray levels of a picture.
     Levels,
-    /// Hologram.
+    /// A hologram with its optics.
     Hologram,
-    /// Table of numbers as text.
+    /// A table of numbers as text.
     Table,
 }
 
 impl Wanted {
-    /// It, as a noun.
+    /// Returns a noun with its article.
     pub fn describe(self) -> &'static str {
         match self {
             Self::Scene => "a scene",
@@ -35,7 +35,7 @@ impl Wanted {
         }
     }
 
-    /// Files that are read as it.
+    /// Returns the file formats that are read as this kind of data.
     fn forms(self) -> &'static str {
         match self {
             Self::Scene => {
@@ -47,27 +47,28 @@ impl Wanted {
             }
             Self::Phases => "phases are a NumPy array (.npy, .npz), or pictures (PNG, BMP, TIFF, PGM)",
             Self::Levels => "levels are a grayscale PNG, BMP, TIFF or PGM of 8 or 16 bits, or a NumPy array (.npy)",
-            Self::Hologram => "a hologram is a .zarr folder; bare phases (.npy) need the optics too",
+            Self::Hologram => "a hologram is a .zarr folder, and bare phases (.npy) need the optics too",
             Self::Table => "a table is text (CSV)",
         }
     }
 }
 
-/// A file of another kind than the one that is read.
+/// A file of another kind than the reader expects.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[error("{file}: it is {}, which is not read as {}; {remedy}", found.describe(), wanted.describe())]
 pub struct OtherKind {
-    /// The file.
+    /// Path of the file.
     pub file: String,
-    /// Its kind, from its content.
+    /// Kind of the file, from its content.
     pub found: FileKind,
-    /// What the reader wanted.
+    /// Kind of data that the reader expects.
     pub wanted: Wanted,
-    /// A line that makes a file of it that is read.
+    /// A command line that converts the file to one that is read.
     pub remedy: String,
 }
 
-/// Path of a result beside `file`, with another ending, as a word of a shell. It is never the file itself.
+/// Returns the path of a result next to `file`, with another extension, as a word of a shell. It is never the file
+/// itself.
 fn beside(file: &Path, ending: &str) -> String {
     let to = file.with_extension(ending);
     if to != file {
@@ -77,13 +78,13 @@ fn beside(file: &Path, ending: &str) -> String {
     word(&file.with_file_name(format!("{stem}-converted.{ending}")))
 }
 
-/// A path as a word of a shell.
+/// Quotes a path as a word of a shell.
 fn word(path: &Path) -> String {
     let text = path.display().to_string();
     shlex::try_quote(&text).map_or_else(|_| text.clone(), Into::into)
 }
 
-/// A line of Python that keeps the largest array that `find` gets from the file, in C order.
+/// Returns a command line of Python that keeps the largest array that `find` gets from the file, in C order.
 fn python(file: &Path, find: &str) -> String {
     let save = "numpy.save(sys.argv[2], numpy.ascontiguousarray(a))";
     format!("python -c \"import sys, numpy; {find}; {save}\" {} {}", word(file), beside(file, "npy"))
@@ -91,7 +92,7 @@ fn python(file: &Path, find: &str) -> String {
 
 const LARGEST: &str = "key=lambda v: v.size";
 
-/// The remedy for `file`, which is of kind `found` where `wanted` is read.
+/// Returns the remedy for `file`, which is of kind `found`, if `wanted` is expected.
 pub fn remedy(file: &Path, found: FileKind, wanted: Wanted) -> String {
     let numbers = wanted != Wanted::Table && wanted != Wanted::Hologram;
     let convert = |line: String| format!("convert it by: {line}");
@@ -104,7 +105,7 @@ pub fn remedy(file: &Path, found: FileKind, wanted: Wanted) -> String {
             convert(python(file, &format!("import scipy.io; a = max({arrays}, {LARGEST})")))
         }
         FileKind::Hdf5 | FileKind::Matlab73 if numbers => {
-            // MATLAB writes its axes in the reverse order.
+            // MATLAB writes axes in the reverse order.
             let turned = if found == FileKind::Matlab73 { ".T" } else { "" };
             let find = "import h5py; f = h5py.File(sys.argv[1]); d = []; \
                         f.visititems(lambda n, v: d.append(v) if hasattr(v, 'dtype') and v.dtype.kind in 'fiu' else None)";
@@ -153,19 +154,19 @@ pub fn remedy(file: &Path, found: FileKind, wanted: Wanted) -> String {
     }
 }
 
-/// A line of Python that keeps one array of an archive of several.
+/// Returns a command line of Python that keeps one array of an archive of several.
 pub fn npz_line(file: &Path, name: &str) -> String {
     let find = format!("a = numpy.load(sys.argv[1])[{}]", python_text(name));
     format!("keep the one by: {}", python(file, &find))
 }
 
-/// A name as a literal of Python inside double quotes of a shell.
+/// Returns a name as a literal of Python inside double quotes of a shell.
 fn python_text(name: &str) -> String {
     let plain = name.chars().all(|c| c.is_alphanumeric() || "_-. /".contains(c));
     format!("'{}'", if plain { name } else { "NAME" })
 }
 
-/// A line of Python that copies a Zarr store of any version and compression to one that is read.
+/// Returns a command line of Python that copies a Zarr store of any version and compression to one that is read.
 pub fn zarr_line(folder: &Path) -> String {
     let name = folder.file_stem().unwrap_or_default().to_string_lossy();
     let to = word(&folder.with_file_name(format!("{name}-plain.zarr")));
@@ -177,7 +178,7 @@ pub fn zarr_line(folder: &Path) -> String {
     )
 }
 
-/// The remedy for all files of a folder of views, of which `first` is one.
+/// Returns the remedy for all files of a folder of views. `first` is one of them.
 pub fn remedy_of_all(folder: &Path, first: &Path, found: FileKind) -> String {
     let ending = first.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
     match found {
@@ -199,7 +200,7 @@ pub fn remedy_of_all(folder: &Path, first: &Path, found: FileKind) -> String {
     }
 }
 
-/// Folder into which an archive is unpacked: a Zarr store must end in `.zarr`.
+/// Returns the folder into which an archive is unpacked. A Zarr store must end in `.zarr`.
 fn unpacked(file: &Path, found: FileKind) -> std::path::PathBuf {
     let bare = file.with_extension("");
     match found {

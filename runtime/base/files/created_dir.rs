@@ -15,7 +15,7 @@ impl CreatedDirGuard {
     /// Creates a folder if it does not exist.
     ///
     /// # Errors
-    /// Returns [`FileError::Write`].
+    /// Returns [`FileError::Write`] if the folder cannot be created.
     pub fn new(folder: &Path) -> Result<Self, FileError> {
         let missing = folder.ancestors().take_while(|at| !at.as_os_str().is_empty() && !at.exists());
         // The innermost is removed first.

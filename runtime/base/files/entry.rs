@@ -5,7 +5,7 @@ use std::io;
 /// The type of an entry in a folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// A regular file.
+    /// A regular file of the file system.
     File,
     /// A folder, which is not a link.
     Folder,

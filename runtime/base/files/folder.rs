@@ -69,8 +69,8 @@ impl Folder {
         write_to_disk(self.held.create(name)?, fill)
     }
 
-    /// Writes `name` to the disk through the file `draft`, so that it is complete or unchanged. If this fails, no draft
-    /// is left.
+    /// Writes `name` to the disk through the file `draft`, so that it is complete or unchanged. If this fails, no
+    /// `draft` is left.
     pub fn replace(
         &self,
         draft: &str,

@@ -1,4 +1,4 @@
-//! Files that grow for as long as something lasts: recordings. What was written up to any end, by force too, is there.
+//! Writes files that grow while something runs, such as recordings. Data up to any end, even a forced one, is kept.
 
 use super::FileError;
 use super::atomic::{is_stream, parent};
@@ -9,29 +9,30 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How long what was written may wait for the file.
+/// Maximum time that data waits before it goes to the file.
 const EVERY: Duration = Duration::from_secs(1);
 
-/// A file that grows by whole entries and is written to every second. Its first entry puts it in its place, where a file of its
-/// name is replaced; before that nothing has changed there. Where the disk is full, it ends with its last whole entry.
+/// A file that grows by complete entries and is written to every second. Its first entry puts it in place and replaces
+/// a file of its name. Before that, nothing changes there. If the disk is full, the file ends with its last complete
+/// entry.
 #[derive(Debug)]
 pub struct GrowingFile {
     place: PathBuf,
     out: Out,
     waiting: Vec<u8>,
-    /// Bytes of whole entries in the file.
+    /// Bytes of complete entries in the file.
     whole: u64,
     written: Option<Instant>,
 }
 
 #[derive(Debug)]
 enum Out {
-    /// Not yet in its place.
+    /// A temporary file that is not yet in place.
     Draft(FileDraft),
     File(File),
-    /// A pipe or a device, of which nothing can be taken back.
+    /// A pipe or a device, from which nothing can be taken back.
     Stream(TimeoutWriter),
-    /// It failed.
+    /// The file after an error.
     Ended,
 }
 
@@ -39,7 +40,7 @@ impl GrowingFile {
     /// Begins a file that will be at `place`.
     ///
     /// # Errors
-    /// [`FileError::Taken`] for a folder; [`FileError::Write`], [`FileError::Full`].
+    /// Returns [`FileError::Taken`] for a folder, [`FileError::Write`] or [`FileError::Full`].
     pub fn new(place: &Path) -> Result<Self, FileError> {
         let failed = |e| FileError::write(place, e);
         let out = if is_stream(place)? {
@@ -50,15 +51,15 @@ impl GrowingFile {
         Ok(Self { place: place.to_path_buf(), out, waiting: Vec::new(), whole: 0, written: None })
     }
 
-    /// Whether nothing came to be in it.
+    /// Returns true if no entry was added.
     pub fn is_empty(&self) -> bool {
         self.whole == 0 && self.waiting.is_empty()
     }
 
-    /// Adds an entry, all that `fill` writes.
+    /// Adds an entry, which is all data that `fill` writes.
     ///
     /// # Errors
-    /// As [`tend`](Self::tend); those of `fill`.
+    /// Returns the errors of [`tend`](Self::tend) and of `fill`.
     pub fn add(&mut self, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
         let before = self.waiting.len();
         if let Err(e) = fill(&mut self.waiting) {
@@ -68,11 +69,11 @@ impl GrowingFile {
         self.tend()
     }
 
-    /// Writes what has waited for a second; to be called now and then where nothing is added.
+    /// Writes the data that has waited for a second. Call this now and then if nothing is added.
     ///
     /// # Errors
-    /// [`FileError::Full`], [`FileError::Write`]: once; then the file ends with the last whole entry that had room, and nothing
-    /// more is written.
+    /// Returns [`FileError::Full`] or [`FileError::Write`], once. The file then ends with the last complete entry that
+    /// had room, and nothing more is written.
     pub fn tend(&mut self) -> Result<(), FileError> {
         match self.written {
             Some(written) if written.elapsed() < EVERY => Ok(()),
@@ -80,10 +81,10 @@ impl GrowingFile {
         }
     }
 
-    /// Writes the rest, to the disk.
+    /// Writes the rest to the disk.
     ///
     /// # Errors
-    /// As [`tend`](Self::tend).
+    /// Returns the errors of [`tend`](Self::tend).
     pub fn finish(mut self) -> Result<(), FileError> {
         self.flush()?;
         match &self.out {
@@ -101,7 +102,7 @@ impl GrowingFile {
         self.waiting.clear();
         if written.is_err() {
             if let Out::File(file) = &self.out {
-                // What is left behind the last whole entry is readable all the same.
+                // A rest after the last complete entry does not make the file unreadable.
                 let _ = file.set_len(self.whole);
             }
             self.out = Out::Ended;
@@ -130,7 +131,7 @@ impl GrowingFile {
                 Ok(n) => left = &left[n..],
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
                 Err(e) => {
-                    // Entries end with lines: those that had room stay.
+                    // Entries end with lines, so the complete lines that had room stay.
                     let had_room = &self.waiting[..self.waiting.len() - left.len()];
                     self.whole += had_room.iter().rposition(|b| *b == b'\n').map_or(0, |at| at as u64 + 1);
                     return Err(e);
@@ -144,7 +145,7 @@ impl GrowingFile {
 
 impl Drop for GrowingFile {
     fn drop(&mut self) {
-        // Who did not finish it was told why, or will not hear it.
+        // A caller that did not finish the file already has the error, or will not use it.
         let _ = self.flush();
     }
 }

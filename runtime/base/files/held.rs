@@ -1,4 +1,4 @@
-//! Holds a folder by its descriptor. Names are looked up in it part by part, and a link on the way is an error.
+//! Holds a folder by its descriptor. Each part of a name is opened in turn, and a link on the way is an error.
 
 use super::entry::{Kind, split};
 use rustix::fd::{AsFd, BorrowedFd, OwnedFd};

@@ -7,15 +7,15 @@
 pub enum FileKind {
     /// A file without any bytes.
     Empty,
-    /// A PNG picture.
+    /// A picture in PNG format.
     Png,
-    /// A JPEG picture.
+    /// A picture in JPEG format.
     Jpeg,
-    /// An OpenEXR picture.
+    /// A picture in OpenEXR format.
     Exr,
-    /// A TIFF picture.
+    /// A picture in TIFF format.
     Tiff,
-    /// A BMP picture.
+    /// A picture in BMP format.
     Bmp,
     /// A PBM, PGM, PPM or PAM picture.
     Pnm,
@@ -31,21 +31,21 @@ pub enum FileKind {
     Y4m,
     /// A compressed video, by the name of its container.
     Video(&'static str),
-    /// A NumPy array.
+    /// An array of NumPy.
     Npy,
     /// A NumPy archive of arrays.
     Npz,
-    /// A Python pickle.
+    /// An object in Python's pickle format.
     Pickle,
-    /// A PyTorch file.
+    /// A file of PyTorch.
     Torch,
     /// A MATLAB file of version 5.
     Matlab,
     /// A MATLAB file of version 7.3, which is HDF5.
     Matlab73,
-    /// An HDF5 file.
+    /// A file in HDF5 format.
     Hdf5,
-    /// A ZIP archive.
+    /// An archive in ZIP format.
     Zip,
     /// A ZIP archive of a Zarr store.
     ZarrZip,
@@ -53,11 +53,11 @@ pub enum FileKind {
     Archive(&'static str),
     /// An Office document, by its name.
     Office(&'static str),
-    /// A PDF document.
+    /// A document in PDF format.
     Pdf,
     /// An HTML, XML or SVG document.
     Markup,
-    /// A text file.
+    /// A file of text.
     Text,
     /// A resource fork, which macOS leaves next to a file.
     AppleDouble,
@@ -193,7 +193,7 @@ impl FileKind {
             Self::Pdf => "a PDF document".into(),
             Self::Markup => "an HTML, XML or SVG document".into(),
             Self::Text => "a text file".into(),
-            Self::AppleDouble => "a resource fork that macOS left beside a file".into(),
+            Self::AppleDouble => "a resource fork that macOS left next to a file".into(),
             Self::Other(name) => name.into(),
             Self::Unknown => "a file of an unknown kind".into(),
         }

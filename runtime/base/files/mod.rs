@@ -1,8 +1,8 @@
-//! Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy`
-//! and PNG.
+//! Reads files up to a limit, and writes files completely or not at all.
 //!
-//! Everything is written beside its destination and renamed when it is complete and on the disk, so that a full disk,
-//! a crash or Ctrl-C leaves what was there before. This room knows bytes and shapes, nothing of optics.
+//! It also has the two plain formats of the runtime, `.npy` and PNG. Everything is written to a temporary name next to
+//! its destination, and renamed when it is complete and on the disk. After a full disk, a crash or Ctrl-C, the old
+//! contents are still there. This module handles bytes and shapes, and has no optics.
 
 mod array;
 mod atomic;
@@ -75,19 +75,19 @@ use crate::error::Reason;
 use crate::reason;
 use std::{io, path::Path};
 
-/// Grey levels of a picture.
+/// The gray levels of a picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Grey {
-    /// 256 or 65536: what the picture's bits can tell apart.
+    /// Number of levels that the bits of the picture distinguish, 256 or 65536.
     pub levels: u32,
-    /// Row by row.
+    /// The levels, row by row.
     pub values: Vec<u16>,
 }
 
-/// Why a file cannot be read, with the remedy if there is one.
+/// Returns the reason that a file cannot be read, with the remedy if there is one.
 pub fn reason_to_read(error: &io::Error) -> String {
     match error.kind() {
-        // One that has the remedy already is no error of the system itself.
+        // An error that already has the remedy is not an error of the system itself.
         io::ErrorKind::PermissionDenied if error.raw_os_error().is_some() => {
             format!("{error}: allow reading it, as by chmod")
         }
@@ -95,69 +95,69 @@ pub fn reason_to_read(error: &io::Error) -> String {
     }
 }
 
-/// What can be wrong with a file.
+/// The errors of files.
 #[derive(Debug, thiserror::Error, serde::Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub enum FileError {
-    /// It could not be read.
+    /// The file could not be read.
     #[error("{file}: cannot be read: {source}")]
     Read {
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// Why.
+        /// Error of the system.
         #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
-    /// It could not be written; nothing was left behind.
+    /// The file could not be written. Nothing was left behind.
     #[error("{file}: cannot be written: {source}")]
     Write {
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// Why.
+        /// Error of the system.
         #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
-    /// The system denies it: the folder or the disk is read-only for whoever runs this; nothing was left behind.
+    /// The system denies it, because the folder or the disk is read-only for this user. Nothing was left behind.
     #[error("{file}: cannot be written: {source}: give another place, or allow writing there")]
     Denied {
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// What the system said.
+        /// Error of the system.
         #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
-    /// The disk, the quota or the file size limit is exhausted; nothing was left behind.
+    /// The disk, the quota or the file size limit is exhausted. Nothing was left behind.
     #[error("{file}: cannot be written, the disk is full ({source}): free some space or write elsewhere")]
     Full {
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// What the system said.
+        /// Error of the system.
         #[serde(serialize_with = "crate::error::as_text")]
         source: io::Error,
     },
-    /// Its content is not what it should be.
+    /// The content of the file is not valid.
     #[error("{file}: {reason}")]
     Content {
-        /// The file.
+        /// Path of the file.
         file: String,
-        /// What is wrong, where, and what would be right.
+        /// The fault, its place in the file, and the expected content.
         reason: Reason,
     },
-    /// It is a file of another kind than the one that is read here.
+    /// The file is of another kind than the reader expects.
     #[error(transparent)]
     Kind(#[from] OtherKind),
-    /// The place is taken by something that must not be replaced.
+    /// The path is taken by something that must not be replaced.
     #[error("{path}: {reason}")]
     Taken {
-        /// The place.
+        /// Path that is taken.
         path: String,
-        /// What is there.
+        /// Contents that are there.
         reason: Reason,
     },
 }
 
 impl FileError {
-    /// A failure to read `file`.
+    /// Returns the error of a failure to read `file`.
     pub fn read(file: &Path, source: io::Error) -> Self {
         let source = match source.kind() {
             io::ErrorKind::PermissionDenied => io::Error::new(source.kind(), reason_to_read(&source)),
@@ -166,10 +166,11 @@ impl FileError {
         Self::Read { file: file.display().to_string(), source }
     }
 
-    /// A failure to write `file`: [`FileError::Full`] if there was no room, [`FileError::Denied`] without the right to write,
-    /// [`FileError::Taken`] if a file is in the way or a folder is missing.
+    /// Returns the error of a failure to write `file`. It is [`FileError::Full`] if there was no room,
+    /// [`FileError::Denied`] without the right to write, and [`FileError::Taken`] if a file is in the way or a folder
+    /// is missing.
     pub fn write(file: &Path, source: io::Error) -> Self {
-        // An error of a temporary file names a path that nobody has seen, and has the system's own inside.
+        // An error of a temporary file names a path that no user has seen, and contains the error of the system.
         let own = source.get_ref().and_then(|error| error.source()).and_then(|error| error.downcast_ref::<io::Error>());
         let own = own.map(|own| own.raw_os_error().map_or_else(|| own.kind().into(), io::Error::from_raw_os_error));
         let source = own.unwrap_or(source);
@@ -194,37 +195,37 @@ impl FileError {
         }
     }
 
-    /// What a decoder of `file` says, in one line, with the remedy.
+    /// Returns the error of a decoder of `file` in one line, with the remedy.
     #[cfg(feature = "image-formats")]
     pub fn damaged(file: &Path, error: impl ToString) -> Self {
         let said = error.to_string().replace('\n', " ");
-        let remedy = "the file is damaged or of a kind that is not read; copy it again or save it anew";
+        let remedy = "the file is damaged or its format is not read, so copy it again or save it again";
         Self::content(file, reason!("damaged", "{said}: {remedy}"))
     }
 
-    /// `file` is of kind `found`, and `wanted` is read.
+    /// Returns the error of `file`, which is of kind `found` although `wanted` is expected.
     pub fn of_kind(file: &Path, found: FileKind, wanted: Wanted) -> Self {
         let remedy = convert::remedy(file, found, wanted);
         Self::Kind(OtherKind { file: file.display().to_string(), found, wanted, remedy })
     }
 
-    /// All views in `folder`, of which `first` is one, are of kind `found`.
+    /// Returns the error of a folder whose views are all of kind `found`. `first` is one of them.
     pub fn of_all(folder: &Path, first: &Path, found: FileKind) -> Self {
         let remedy = convert::remedy_of_all(folder, first, found);
         Self::Kind(OtherKind { file: first.display().to_string(), found, wanted: Wanted::Scene, remedy })
     }
 
-    /// Refuses to replace `path`.
+    /// Returns the error of a refusal to replace `path`.
     pub fn taken(path: &Path, reason: Reason) -> Self {
         Self::Taken { path: path.display().to_string(), reason }
     }
 
-    /// Refuses to replace a file by a folder.
+    /// Returns the error of a refusal to replace a file by a folder.
     fn is_a_file(path: &Path) -> Self {
-        Self::taken(path, reason!("is-a-file", "is a file: a folder cannot replace it; give another place"))
+        Self::taken(path, reason!("is-a-file", "is a file, and a folder cannot replace it: give another place"))
     }
 
-    /// `file` does not hold what it should.
+    /// Returns the error of a `file` whose content is not valid.
     pub fn content(file: &Path, reason: impl Into<Reason>) -> Self {
         Self::Content { file: file.display().to_string(), reason: reason.into() }
     }

@@ -1,4 +1,4 @@
-//! Replaces the picture formats in a build without the feature `image-formats`, and returns an error that states this.
+//! Replaces the picture formats in a build without the feature `image-formats` by errors that state this.
 
 use super::{ColorSpace, FileError, Pixels, Wanted};
 use crate::error::Reason;
@@ -41,7 +41,7 @@ pub fn color_space(_: &Pixels, _: f32) -> Result<Option<ColorSpace>, Reason> {
 /// Always fails, instead of encoding 8-bit levels as a PNG.
 ///
 /// # Errors
-/// Returns [`io::ErrorKind::Unsupported`].
+/// Returns [`io::ErrorKind::Unsupported`] in every case.
 pub fn encode_png8(_: &mut dyn Write, _: usize, _: usize, _: usize, _: &[u8]) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
 }
@@ -49,7 +49,7 @@ pub fn encode_png8(_: &mut dyn Write, _: usize, _: usize, _: usize, _: &[u8]) ->
 /// Always fails, instead of encoding 8-bit red, green and blue as a JPEG.
 ///
 /// # Errors
-/// Returns [`io::ErrorKind::Unsupported`].
+/// Returns [`io::ErrorKind::Unsupported`] in every case.
 pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::Unsupported, WHY))
 }
@@ -57,7 +57,7 @@ pub fn encode_jpeg8(_: &mut dyn Write, _: usize, _: usize, _: &[u8], _: u8) -> i
 /// Always fails, instead of reading an 8-bit PNG as (height, width, channels, bytes).
 ///
 /// # Errors
-/// Returns [`FileError::Content`].
+/// Returns [`FileError::Content`] in every case.
 pub fn read_png8(_: File, file: &Path) -> Result<(usize, usize, usize, Vec<u8>), FileError> {
     Err(FileError::content(file, Reason::new("no-image-formats", WHY)))
 }

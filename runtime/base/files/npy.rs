@@ -58,7 +58,7 @@ pub fn read_npy_with_gaps(file: &Path) -> Result<Npy, FileError> {
 /// # Errors
 /// Returns the errors of [`write_file`].
 pub fn write_npy(file: &Path, shape: &[usize], values: &[f32]) -> Result<(), FileError> {
-    assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape is that of the values");
+    assert_eq!(shape.iter().product::<usize>(), values.len(), "the shape must match the values");
     write_file(file, |out| {
         out.write_all(&npy_header("<f4", shape))?;
         write_le(out, values)

@@ -1,20 +1,20 @@
-//! The header of `.npy`: a Python dictionary of three literals.
+//! Parses the header of `.npy`, which is a Python dictionary of three literals.
 
-/// Axes that an array may have; more than any picture needs, and a bound on the work that a header can ask for.
+/// Maximum number of axes of an array. It is more than any picture has, and bounds the work that a header can cause.
 const MOST_AXES: usize = 8;
 
-/// What stands before the values.
+/// The information before the values.
 pub(super) struct Header {
-    /// The type of an element, as NumPy says it: order of bytes, kind and bytes.
+    /// NumPy's name of the element type, which has the byte order, the kind and the number of bytes.
     pub descr: String,
-    /// Whether the first axis is the fastest.
+    /// True if the first axis is the fastest.
     pub fortran_order: bool,
     /// Length of each axis.
     pub shape: Vec<usize>,
 }
 
 impl Header {
-    /// The header is a Python dictionary of three literals.
+    /// Parses the text of a header. Returns `None` if it is not such a dictionary.
     pub fn parse(text: &[u8]) -> Option<Self> {
         let mut text = Text(str::from_utf8(text).ok()?);
         let (mut descr, mut fortran_order, mut shape) = (None, None, None);
@@ -72,7 +72,7 @@ impl<'a> Text<'a> {
             let text = self.0.trim_start();
             let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
             axes.push(text[..digits].parse().ok()?);
-            // Python 2 wrote long integers so.
+            // Python 2 wrote long integers in this way.
             self.0 = text[digits..].strip_prefix('L').unwrap_or(&text[digits..]);
             if axes.len() > MOST_AXES {
                 return None;

@@ -32,7 +32,7 @@ pub struct Pixels {
     pub profile: Option<Vec<u8>>,
     /// Color primaries that the file states in addition to a profile.
     pub primaries: Option<Primaries>,
-    /// The stored values.
+    /// Stored values of the picture.
     pub samples: Samples,
 }
 

@@ -1,8 +1,8 @@
 //! Manages the temporary files and folders that are written next to a destination before they are renamed.
 //!
-//! The program that writes a temporary file (called draft here) locks it. The next program that writes in the same
-//! folder can then recognize the drafts of programs that have ended, and removes them. A program that a signal ends can
-//! remove its own drafts ([`end_without_drafts`]).
+//! The program that writes a temporary name locks it. The next program that writes in the same folder can then
+//! recognize the temporary names of programs that have ended, and removes them. A program that a signal ends can remove
+//! its own ([`end_without_drafts`]).
 
 use super::os::{is_same, open_own, permit};
 use std::collections::BTreeSet;
@@ -15,25 +15,25 @@ use tempfile::{NamedTempFile, TempDir};
 const HEAD: &str = ".eyebox-";
 const TAIL: &str = ".part";
 
-/// Returns true if a file or folder of this name is a draft.
+/// Returns true if a name in a folder is temporary in this sense.
 pub fn is_draft(name: &str) -> bool {
     let middle = name.strip_prefix(HEAD).and_then(|rest| rest.strip_suffix(TAIL));
     middle.is_some_and(|middle| middle.bytes().all(|b| b.is_ascii_alphanumeric()))
 }
 
-/// The drafts that this program writes.
+/// The temporary paths that this program writes.
 static OPEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn open_drafts() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     OPEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Marks a path as a draft of this program, until this is dropped.
+/// Marks a path as temporary and as written by this program, until this is dropped.
 #[derive(Debug)]
 pub(super) struct Open(PathBuf);
 
 impl Open {
-    /// Makes a draft and records it. In between, [`end_without_drafts`] cannot end the program.
+    /// Makes a temporary file or folder and records it. In between, [`end_without_drafts`] cannot end the program.
     fn make<T>(make: impl FnOnce() -> io::Result<T>, path: impl Fn(&T) -> &Path) -> io::Result<(T, Self)> {
         let mut open = open_drafts();
         let draft = make()?;
@@ -49,10 +49,10 @@ impl Drop for Open {
     }
 }
 
-/// Ends the program by `end`, and removes its drafts first. It is for programs that end by a signal, and is called from
-/// a separate thread.
+/// Ends the program by `end`, and removes its temporary files first. It is for programs that end by a signal, and is
+/// called from a separate thread.
 pub fn end_without_drafts(end: impl FnOnce()) {
-    // The lock is held until the end, so no new draft begins.
+    // The lock is held until the end, so no new temporary file begins.
     let open = open_drafts();
     for path in &*open {
         // Another thread may write into a folder until the end, which makes removing it fail.
@@ -65,7 +65,7 @@ pub fn end_without_drafts(end: impl FnOnce()) {
 #[derive(Debug)]
 pub(super) struct FileDraft {
     pub file: NamedTempFile,
-    /// This field comes after the file, because the path is a draft until the file is gone.
+    /// This field comes after the file, because the path is temporary until the file is gone.
     _open: Open,
 }
 
@@ -107,8 +107,8 @@ fn builder(mode: u32, suffix: &'static str) -> tempfile::Builder<'static, 'stati
     builder
 }
 
-/// Locks a draft. Another program that removes drafts of ended programs may have found it first, and may have removed
-/// it. A file system without locks has no drafts that are removed.
+/// Locks a temporary file or folder. Another program that cleans up after ended programs may have found it first, and
+/// may have removed it. On a file system without locks nothing is cleaned up in this way.
 fn is_mine(draft: &File, path: &Path) -> bool {
     match draft.try_lock() {
         Err(TryLockError::WouldBlock) => false,
@@ -117,7 +117,7 @@ fn is_mine(draft: &File, path: &Path) -> bool {
     }
 }
 
-/// Removes the drafts whose programs have ended, once for each folder. They belong to the user of `mine`.
+/// Removes temporary files of the user of `mine` whose programs have ended, once for each folder.
 fn remove_the_dead(folder: &Path, mine: &File) {
     static LOOKED_AT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
     let first = |path| LOOKED_AT.lock().is_ok_and(|mut known| known.insert(path));
@@ -133,7 +133,7 @@ fn remove_unlocked(folder: &Path, mine: &File) {
             continue;
         }
         let Ok(open) = open_own(&path, mine) else { continue };
-        // The draft is locked while it is removed. A program that made it a moment ago finds that it is gone, and makes
+        // The path is locked while it is removed. A program that made it a moment ago finds that it is gone, and makes
         // another.
         if open.try_lock().is_ok() && is_same(&open, &path) {
             let _ = if kind.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
@@ -164,7 +164,7 @@ mod tests {
         let mine = [file.path(), folder.path()].map(Path::to_path_buf);
         assert_eq!(left, kept.iter().map(|name| at.join(name)).chain(mine).collect());
         assert!(data.path().join("x").exists());
-        // When its writer is gone, the draft is removed.
+        // When its writer is gone, the temporary folder is removed.
         let path = folder.keep();
         drop(lock);
         remove_unlocked(at, file.as_file());

@@ -90,7 +90,7 @@ pub(super) fn read(file: &Path) -> Result<Pixels, FileError> {
             let n = num_samples;
             return wrong(reason!(
                 "tiff-channels",
-                "it has {n} channels that are no colors: save gray or red, green, blue"
+                "it has {n} channels that are not colors: save gray or red, green, blue"
             ));
         }
         other => {

@@ -60,7 +60,7 @@ fn of_frames(
     let wanted: Vec<usize> = pictures.iter().enumerate().map(frame).collect();
     match wanted.iter().find(|frame| **frame >= count) {
         Some(frame) => {
-            Err(SceneError::Maps { what: format!("{what} has {count} maps, but none for picture {frame}, from 0 on") })
+            Err(SceneError::Maps { what: format!("{what}: {count} maps, but none for picture {frame}, from 0 on") })
         }
         None => Ok(wanted.into_iter().map(map).collect()),
     }

@@ -1,5 +1,4 @@
 //! Stores holograms larger than memory in square tiles on the disk.
-//!
 //! Each tile has all sub-frames. Callers read and write one rectangle at a time.
 //!
 //! An unfinished hologram is a hologram already. Tiles that were never written hold the first phases, which are a
@@ -36,8 +35,7 @@ use std::sync::{Arc, OnceLock};
 
 const PROGRESS: &str = "progress.json";
 const STAGED: &str = "staged";
-/// The path of the progress until it is complete. A killed program leaves it in the folder from which everything that
-/// does not count is removed.
+/// The path of incomplete progress. [`Tiles::resume`] removes what a killed program left here.
 const DRAFT: &str = "staged/.eyebox-progress.part";
 
 /// The progress of an unfinished hologram.

@@ -83,7 +83,7 @@ pub fn chapter() -> Chapter {
         case("The name of the folder is not UTF-8.", "render caf\\xE9", move |at| save(&at.join(bytes()), usual))
             .refused(
                 "usage/invalid-utf8 UTF-8",
-                convert("rename", "caf\\xE9", "cafe", move |at| {
+                convert("Rename", "caf\\xE9", "cafe", move |at| {
                     fs::rename(at.join(bytes()), at.join("cafe")).expect("renamed")
                 }),
                 EXACT,

@@ -76,7 +76,7 @@ pub(crate) fn encoder_of(what: &str, about: &Hologram, display: &Display) -> Res
         let name = &display.name;
         return Err(reason!(
             "size",
-            "{what}: it has {h}x{w} pixels, but the display '{name}' takes {eh}x{ew}. Set `size` to {h}x{w}, or use \
+            "{what}: it has {h}x{w} pixels, but the display '{name}' takes {eh}x{ew}. Give `size` {h}x{w}, or use \
              the display that it was made for"
         )
         .into());
