@@ -1,8 +1,9 @@
 //! 2-D complex transforms of frames, unnormalised, pruned to the columns in use.
 //!
 //! Forward: all rows, then the columns in use. Inverse: the columns in use (all others must be zero), then all rows.
-//! The twin is RustFFT; the shaders have plans of their own.
+//! Rows and columns of other lengths than [`ColumnPlan`] takes are transformed by RustFFT. The shaders have plans of their own.
 
+use crate::fft_columns::{ColumnPlan, TOGETHER};
 use crate::{Complex32, ZERO};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -81,31 +82,48 @@ type Plan = Arc<dyn Fft<f32>>;
 /// What is done to values when they are stored: between the axes and at the end. Nothing for float32.
 pub type Store = fn(&mut [Complex32]);
 
-/// Plans of RustFFT by length and direction, made when first asked for.
-#[derive(Default)]
-pub struct Plans {
-    made: Mutex<HashMap<(usize, Direction), Plan>>,
+/// How columns of one length are transformed.
+#[derive(Clone)]
+enum Down {
+    /// Where they are.
+    InPlace(Arc<ColumnPlan>),
+    /// Gathered into rows, because the length has a prime factor that [`ColumnPlan`] does not take.
+    Gathered(Plan),
 }
 
-/// Columns gathered at once: a cache line holds eight complex values.
-const BLOCK: usize = 16;
+/// Plans by length and direction, made at their first use.
+#[derive(Default)]
+pub struct Plans {
+    rows: Mutex<HashMap<(usize, Direction), Plan>>,
+    columns: Mutex<HashMap<(usize, Direction), Down>>,
+}
 
 thread_local! {
     static SCRATCH: RefCell<(Vec<Complex32>, Vec<Complex32>)> = const { RefCell::new((Vec::new(), Vec::new())) };
 }
 
 impl Plans {
-    fn get(&self, length: usize, direction: Direction) -> Plan {
-        let mut made = self.made.lock().unwrap_or_else(|e| e.into_inner());
+    fn along(&self, length: usize, direction: Direction) -> Plan {
+        let mut made = self.rows.lock().unwrap_or_else(|e| e.into_inner());
         let plan =
             made.entry((length, direction)).or_insert_with(|| FftPlanner::new().plan_fft(length, direction.into()));
         Arc::clone(plan)
     }
 
+    fn down(&self, length: usize, direction: Direction) -> Down {
+        let mut made = self.columns.lock().unwrap_or_else(|e| e.into_inner());
+        let plan = || match ColumnPlan::new(length, direction) {
+            Some(plan) => Down::InPlace(Arc::new(plan)),
+            None => Down::Gathered(self.along(length, direction)),
+        };
+        made.entry((length, direction)).or_insert_with(plan).clone()
+    }
+
     /// Makes the plans for frames of these rows and columns.
-    pub fn prepare(&self, size: [usize; 2]) {
-        for (length, direction) in size.into_iter().flat_map(|n| [(n, Direction::Forward), (n, Direction::Inverse)]) {
-            self.get(length, direction);
+    pub fn prepare(&self, [height, width]: [usize; 2]) {
+        for direction in [Direction::Forward, Direction::Inverse] {
+            self.along(width, direction);
+            self.down(height, direction);
         }
     }
 
@@ -131,7 +149,7 @@ impl Plans {
     /// The rows of it alone.
     pub fn rows(&self, frame: &mut [Complex32], width: usize, direction: Direction, store: Store) {
         if width > 1 {
-            in_place(&self.get(width, direction), frame);
+            in_place(&self.along(width, direction), frame);
             store(frame);
         }
     }
@@ -149,23 +167,16 @@ impl Plans {
         if height < 2 {
             return;
         }
-        let down = self.get(height, direction);
-        SCRATCH.with_borrow_mut(|(block, scratch)| {
-            let (block, scratch) = (room(block, BLOCK * height), room(scratch, down.get_inplace_scratch_len()));
-            for (first, count) in columns.pieces(width) {
-                for x in (first..first + count).step_by(BLOCK) {
-                    let n = BLOCK.min(first + count - x);
-                    let block = &mut block[..n * height];
-                    gather(frame, block, width, x, n);
-                    down.process_with_scratch(block, scratch);
-                    store(block);
-                    scatter(block, frame, width, x, n);
-                }
+        let down = self.down(height, direction);
+        for (first, count) in columns.pieces(width) {
+            down.transform(frame, width, [first, count]);
+            for row in frame.chunks_exact_mut(width) {
+                store(&mut row[first..first + count]);
             }
-        });
+        }
     }
 
-    /// As [`fft`](Self::fft), on all cores: the same bits, through a transposed copy in `turned` (resized as needed).
+    /// As [`fft`](Self::fft), on all cores: the same bits, through a copy of the columns in `blocks` (resized as needed).
     #[allow(clippy::too_many_arguments)]
     pub fn fft_wide(
         &self,
@@ -174,10 +185,10 @@ impl Plans {
         width: usize,
         direction: Direction,
         columns: Columns,
-        turned: &mut Vec<Complex32>,
+        blocks: &mut Vec<Complex32>,
         store: Store,
     ) {
-        let (rows, down) = (self.get(width, direction), self.get(height, direction));
+        let (rows, down) = (self.along(width, direction), self.down(height, direction));
         let along = |frame: &mut [Complex32]| {
             let some = width * height.div_ceil(4 * rayon::current_num_threads());
             frame.par_chunks_mut(some.max(width)).for_each(|part| {
@@ -189,22 +200,26 @@ impl Plans {
             along(frame);
         }
         if height > 1 && columns.count > 0 {
-            let turned = room(turned, columns.count * height);
+            // Block by block of neighboring columns, each a frame of its own.
+            let blocks = room(blocks, columns.count * height);
             let from = &*frame;
-            turned.par_chunks_mut(BLOCK * height).enumerate().for_each(|(b, block)| {
-                for (i, line) in block.chunks_exact_mut(height).enumerate() {
-                    let x = (columns.first + b * BLOCK + i) % width;
-                    for (y, v) in line.iter_mut().enumerate() {
-                        *v = from[y * width + x];
+            blocks.par_chunks_mut(TOGETHER * height).enumerate().for_each(|(b, block)| {
+                let count = block.len() / height;
+                for (row, line) in from.chunks_exact(width).zip(block.chunks_exact_mut(count)) {
+                    for (i, value) in line.iter_mut().enumerate() {
+                        *value = row[(columns.first + b * TOGETHER + i) % width];
                     }
                 }
-                in_place(&down, block);
+                down.transform(block, count, [0, count]);
                 store(block);
             });
-            let turned = &*turned;
+            let blocks = &*blocks;
             frame.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-                for i in 0..columns.count {
-                    row[(columns.first + i) % width] = turned[i * height + y];
+                for (b, block) in blocks.chunks(TOGETHER * height).enumerate() {
+                    let count = block.len() / height;
+                    for (i, value) in block[y * count..][..count].iter().enumerate() {
+                        row[(columns.first + b * TOGETHER + i) % width] = *value;
+                    }
                 }
             });
         }
@@ -228,13 +243,33 @@ fn in_place(plan: &Plan, data: &mut [Complex32]) {
     });
 }
 
+impl Down {
+    /// Transforms `count` columns of a frame (any height, width) from the first, without storing them as anything else.
+    fn transform(&self, frame: &mut [Complex32], width: usize, [first, count]: [usize; 2]) {
+        SCRATCH.with_borrow_mut(|(block, scratch)| match self {
+            Down::InPlace(plan) => plan.transform(frame, width, [first, count], scratch),
+            Down::Gathered(plan) => {
+                let height = frame.len() / width;
+                let (block, scratch) = (room(block, TOGETHER * height), room(scratch, plan.get_inplace_scratch_len()));
+                for x in (first..first + count).step_by(TOGETHER) {
+                    let n = TOGETHER.min(first + count - x);
+                    let block = &mut block[..n * height];
+                    gather(frame, block, width, x, n);
+                    plan.process_with_scratch(block, scratch);
+                    scatter(block, frame, width, x, n);
+                }
+            }
+        });
+    }
+}
+
 fn gather(frame: &[Complex32], block: &mut [Complex32], width: usize, x: usize, n: usize) {
     let height = block.len() / n;
     // Tiles of rows keep the lines that are written in the first cache.
-    for y0 in (0..height).step_by(BLOCK) {
+    for y0 in (0..height).step_by(TOGETHER) {
         for i in 0..n {
             let line = &mut block[i * height..][..height];
-            for y in y0..(y0 + BLOCK).min(height) {
+            for y in y0..(y0 + TOGETHER).min(height) {
                 line[y] = frame[y * width + x + i];
             }
         }
@@ -243,8 +278,8 @@ fn gather(frame: &[Complex32], block: &mut [Complex32], width: usize, x: usize, 
 
 fn scatter(block: &[Complex32], frame: &mut [Complex32], width: usize, x: usize, n: usize) {
     let height = block.len() / n;
-    for y0 in (0..height).step_by(BLOCK) {
-        for y in y0..(y0 + BLOCK).min(height) {
+    for y0 in (0..height).step_by(TOGETHER) {
+        for y in y0..(y0 + TOGETHER).min(height) {
             let row = &mut frame[y * width + x..][..n];
             for (i, v) in row.iter_mut().enumerate() {
                 *v = block[i * height + y];

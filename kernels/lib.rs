@@ -27,6 +27,7 @@ pub mod equalise_eyebox;
 pub mod exposure;
 pub mod eye;
 pub mod fft;
+mod fft_columns;
 pub mod fft_plan;
 pub mod half;
 pub mod halve_views;
