@@ -229,12 +229,14 @@ impl Plans {
     }
 }
 
-/// Returns the first `count` values of a list, which grows if it is shorter.
-fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
-    if values.len() < count {
-        values.resize(count, ZERO);
+/// Returns `count` values of a list, which grows if it is shorter. They begin on a cache line if the platform can tell.
+pub(crate) fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
+    const LINE: usize = 8;
+    if values.len() < count + LINE {
+        values.resize(count + LINE, ZERO);
     }
-    &mut values[..count]
+    let start = values.as_ptr().align_offset(64).min(LINE);
+    &mut values[start..start + count]
 }
 
 fn in_place(plan: &Plan, data: &mut [Complex32]) {

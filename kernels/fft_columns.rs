@@ -6,7 +6,7 @@
 //! All vector widths give the same bits.
 
 use crate::Complex32;
-use crate::fft::Direction;
+use crate::fft::{Direction, room};
 use pulp::{NullaryFnOnce, Simd, WithSimd};
 use std::f64::consts::TAU;
 
@@ -96,12 +96,8 @@ impl WithSimd for Transform<'_> {
         let Self { plan, frame, width, first, count, scratch } = self;
         let swapped = plan.inverse;
         let lanes = S::F32_LANES;
-        // A vector of the processor's own width begins on a cache line. Columns that do not fill one are padded.
-        const LINE: usize = 8;
-        let block = TOGETHER * plan.length;
-        scratch.resize((2 * block + LINE).max(scratch.len()), Complex32::default());
-        let start = scratch.as_ptr().align_offset(64).min(LINE);
-        let (work, padded) = scratch[start..start + 2 * block].split_at_mut(block);
+        // Columns that do not fill a vector are padded.
+        let (work, padded) = room(scratch, 2 * TOGETHER * plan.length).split_at_mut(TOGETHER * plan.length);
         let mut x = 0;
         while x < count {
             let columns = TOGETHER.min(count - x);

@@ -10,6 +10,7 @@
 //! kernel stores them, also between the axes of a transform. That takes longer than float32 and saves nothing.
 
 mod buffers;
+mod floats;
 mod frames;
 mod pupil_pass;
 mod twins;
@@ -314,12 +315,12 @@ impl Engine for CpuEngine {
             Buffer::Shown => &self.buffers.shown,
             _ => return Err(not_kept(buffer)),
         };
-        self.buffers.kept.clone_from(from);
+        self.buffers.kept.set(from);
         Ok(())
     }
 
     fn kept(&mut self) -> Result<Vec<f32>, EngineError> {
-        if self.buffers.kept.is_empty() { Err(nothing_kept()) } else { Ok(self.buffers.kept.clone()) }
+        if self.buffers.kept.is_empty() { Err(nothing_kept()) } else { Ok(self.buffers.kept.to_vec()) }
     }
 
     fn restore(&mut self) -> Result<(), EngineError> {

@@ -1,5 +1,6 @@
 //! Holds the buffers of the CPU engine.
 
+use super::floats::Floats;
 use crate::engine::{Buffer, EngineError, Kernel, PupilPass, Resource, Shape, Storage, misfit};
 use eyebox_kernels::{Complex32, binary_angle, fft::Store, half};
 
@@ -9,12 +10,12 @@ pub(super) const SPLIT: usize = 1 << 15;
 /// Buffers of one pupil, which grow to the largest pupil that they held. Complex values are pairs of numbers.
 #[derive(Default)]
 pub(super) struct Slot {
-    pub(super) transfer: Vec<f32>,
-    pub(super) window: Vec<f32>,
-    pub(super) image: Vec<f32>,
-    pub(super) target: Vec<f32>,
-    pub(super) accumulator: Vec<f32>,
-    pub(super) sums: Vec<f32>,
+    pub(super) transfer: Floats,
+    pub(super) window: Floats,
+    pub(super) image: Floats,
+    pub(super) target: Floats,
+    pub(super) accumulator: Floats,
+    pub(super) sums: Floats,
     pub(super) scratch: Vec<f32>,
     pub(super) loss: f64,
 }
@@ -22,27 +23,27 @@ pub(super) struct Slot {
 /// All buffers. Complex values are pairs of numbers.
 #[derive(Default)]
 pub(super) struct Buffers {
-    pub(super) phases: Vec<f32>,
-    pub(super) shown: Vec<f32>,
-    pub(super) levels: Vec<f32>,
-    pub(super) momentum: Vec<f32>,
-    pub(super) second: Vec<f32>,
-    pub(super) field: Vec<f32>,
-    pub(super) change: Vec<f32>,
-    pub(super) hits: Vec<f32>,
-    pub(super) energy: Vec<f32>,
-    pub(super) wave: Vec<f32>,
-    pub(super) blurred: Vec<f32>,
-    pub(super) subpixels: Vec<f32>,
-    pub(super) pixels: Vec<f32>,
-    pub(super) crosstalk: Vec<f32>,
-    pub(super) offsets: Vec<f32>,
-    pub(super) relay: Vec<f32>,
-    pub(super) mask: Vec<f32>,
-    pub(super) mask_transfer: Vec<f32>,
+    pub(super) phases: Floats,
+    pub(super) shown: Floats,
+    pub(super) levels: Floats,
+    pub(super) momentum: Floats,
+    pub(super) second: Floats,
+    pub(super) field: Floats,
+    pub(super) change: Floats,
+    pub(super) hits: Floats,
+    pub(super) energy: Floats,
+    pub(super) wave: Floats,
+    pub(super) blurred: Floats,
+    pub(super) subpixels: Floats,
+    pub(super) pixels: Floats,
+    pub(super) crosstalk: Floats,
+    pub(super) offsets: Floats,
+    pub(super) relay: Floats,
+    pub(super) mask: Floats,
+    pub(super) mask_transfer: Floats,
     pub(super) slots: Vec<Slot>,
     /// Kept phases, empty if there are none.
-    pub(super) kept: Vec<f32>,
+    pub(super) kept: Floats,
 }
 
 /// The tables of a display's model that kernels over sub-frames read.
@@ -79,7 +80,7 @@ impl Slot {
     pub(super) fn fit(&mut self, kernel: Kernel, pass: &PupilPass, shape: &Shape) {
         for (_, resource) in kernel.binds().iter().filter(|(_, resource)| Resource::OF_SLOT.contains(resource)) {
             if let Some(values) = self.values(*resource) {
-                grow(values, pass.extent(*resource, shape).floats());
+                values.grow(pass.extent(*resource, shape).floats());
             }
         }
     }
@@ -88,12 +89,12 @@ impl Slot {
     pub(super) fn reserve(&mut self, pass: &PupilPass, shape: &Shape) {
         for resource in Resource::OF_SLOT.into_iter().filter(|resource| *resource != Resource::Sums) {
             if let Some(values) = self.values(resource) {
-                values.reserve_exact(pass.extent(resource, shape).floats().saturating_sub(values.len()));
+                values.reserve(pass.extent(resource, shape).floats());
             }
         }
     }
 
-    fn values(&mut self, resource: Resource) -> Option<&mut Vec<f32>> {
+    fn values(&mut self, resource: Resource) -> Option<&mut Floats> {
         Some(match resource {
             Resource::Transfer => &mut self.transfer,
             Resource::Window => &mut self.window,
@@ -110,7 +111,7 @@ impl Buffers {
     /// Makes the buffers of this shape, all zero.
     pub(super) fn load(&mut self, shape: &Shape) -> Result<(), EngineError> {
         self.slots.clear();
-        self.kept = Vec::new();
+        self.kept = Floats::default();
         for resource in Resource::OF_SHAPE {
             if let Some(values) = self.values(resource, None) {
                 renew(values, shape.extent(resource).floats(), resource)?;
@@ -130,8 +131,7 @@ impl Buffers {
             return Err(misfit(buffer, to.len(), data.len()));
         }
         // The memory is reused, so that writing a large buffer repeatedly touches no new memory.
-        to.clear();
-        to.extend_from_slice(data);
+        to.set(data);
         match resource {
             _ if resource.is_complex() => storing(resource.stored(shape.storage))(complex_mut(to)),
             Resource::Phases if shape.binary_angles => binary_angle::round(to),
@@ -147,7 +147,7 @@ impl Buffers {
         self.values(resource, slot).map(|values| &values[..]).ok_or_else(|| never_written(buffer))
     }
 
-    fn values(&mut self, resource: Resource, slot: Option<usize>) -> Option<&mut Vec<f32>> {
+    fn values(&mut self, resource: Resource, slot: Option<usize>) -> Option<&mut Floats> {
         Some(match resource {
             Resource::Phases => &mut self.phases,
             Resource::Shown => &mut self.shown,
@@ -202,24 +202,10 @@ pub(super) fn storing_drives(storage: Storage) -> fn(&mut [f32]) {
     }
 }
 
-/// Makes room for `length` values. The content is lost if the buffer has to grow. The old memory is released first,
-/// so that pupils of growing size leave no trail of blocks.
-fn grow(buffer: &mut Vec<f32>, length: usize) {
-    if length > buffer.capacity() {
-        *buffer = Vec::new();
-        buffer.reserve_exact(length);
-    }
-    buffer.resize(length, 0.0);
-}
-
-fn renew(buffer: &mut Vec<f32>, length: usize, what: Resource) -> Result<(), EngineError> {
-    buffer.clear();
-    buffer.shrink_to(length);
-    buffer.try_reserve_exact(length).map_err(|_| EngineError::OutOfMemory {
+fn renew(buffer: &mut Floats, length: usize, what: Resource) -> Result<(), EngineError> {
+    buffer.renew(length).map_err(|_| EngineError::OutOfMemory {
         device: "host".into(),
         what: what.name(),
         wanted: Some((length as u64).saturating_mul(4)),
-    })?;
-    buffer.resize(length, 0.0);
-    Ok(())
+    })
 }
