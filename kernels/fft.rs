@@ -1,7 +1,8 @@
-//! 2-D complex transforms of frames, unnormalised, pruned to the columns in use.
+//! Transforms complex frames in two dimensions, without a factor, pruned to the columns in use.
 //!
-//! Forward: all rows, then the columns in use. Inverse: the columns in use (all others must be zero), then all rows.
-//! Rows and columns of other lengths than [`ColumnPlan`] takes are transformed by RustFFT. The shaders have plans of their own.
+//! Forward transforms take all rows, then the columns in use. Inverse transforms take the columns in use, then all rows,
+//! and all other columns must be zero.
+//! RustFFT transforms the rows, and columns of lengths that [`ColumnPlan`] does not take. The shaders have other plans.
 
 use crate::fft_columns::{ColumnPlan, TOGETHER};
 use crate::{Complex32, ZERO};
@@ -12,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
-/// Sign of the exponent: forward is `exp(-i 2 pi ...)`.
+/// The sign of the exponent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Direction {
     /// `exp(-i 2 pi k n / N)`.
@@ -27,41 +28,43 @@ impl From<Direction> for FftDirection {
     }
 }
 
-/// Transforms lines of `length` values in float64, one behind the other, unnormalised: what is made once, and references.
-/// It stands here so that RustFFT is compiled in one crate, not in each that transforms a line.
+/// Transforms consecutive lines of `length` values in float64, without a factor.
+///
+/// References and tables use it. It is in this crate so that RustFFT is compiled once.
 pub fn transform_f64(lines: &mut [Complex64], length: usize, direction: Direction) {
     thread_local! {
-        /// Twiddle factors of lengths that came before.
+        /// Keeps the twiddle factors of earlier lengths.
         static PLANNER: RefCell<FftPlanner<f64>> = RefCell::new(FftPlanner::new());
     }
     PLANNER.with_borrow_mut(|planner| planner.plan_fft(length, direction.into())).process(lines);
 }
 
-/// The columns in use: `count` of them from `first`, wrapping.
+/// The columns in use, `count` of them from `first`. They continue at the left edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Columns {
-    /// First column.
+    /// The first column.
     pub first: usize,
-    /// How many.
+    /// Number of columns.
     pub count: usize,
 }
 
 impl Columns {
-    /// All columns of a frame.
+    /// Returns all columns of a frame.
     pub fn all(width: usize) -> Self {
         Self { first: 0, count: width }
     }
 
-    /// The shortest interval, wrapping, that holds all the given ones.
+    /// Returns the shortest interval that holds all the given ones. It may continue at the left edge.
     pub fn union(width: usize, intervals: impl Iterator<Item = Columns> + Clone) -> Self {
         let intervals = intervals.filter(|interval| interval.count > 0);
         let ahead = |from: usize, to: usize| (to % width + width - from % width) % width;
-        // How far the next interval is from a column; 0 from one that is in use.
+        // Distance from a column to the next interval, 0 for a column in use.
         let unused = |from: usize| {
             let next = |i: Columns| if ahead(i.first, from) < i.count { 0 } else { ahead(from, i.first) };
             intervals.clone().map(next).min().unwrap_or(0)
         };
-        // The longest run of unused columns, which begins behind an interval, stays outside: of several the first.
+        // The longest run of unused columns begins behind an interval and stays outside. If several have this length, the
+        // first one does.
         let Some(start) = intervals.clone().map(|i| i.first % width).min() else { return Self { first: 0, count: 0 } };
         let runs = intervals.clone().map(|i| i.first + i.count).map(|end| (unused(end), end));
         let later = |end: usize| std::cmp::Reverse(ahead(start, end));
@@ -70,7 +73,7 @@ impl Columns {
         Self { first: (end + run) % width, count: width - run }
     }
 
-    /// Contiguous pieces as (first, count), at most two.
+    /// Returns the contiguous pieces as (first, count), at most two.
     fn pieces(self, width: usize) -> impl Iterator<Item = (usize, usize)> {
         let ahead = self.count.min(width - self.first.min(width));
         [(self.first, ahead), (0, self.count - ahead)].into_iter().filter(|p| p.1 > 0)
@@ -79,19 +82,19 @@ impl Columns {
 
 type Plan = Arc<dyn Fft<f32>>;
 
-/// What is done to values when they are stored: between the axes and at the end. Nothing for float32.
+/// Rounds values when they are stored, between the axes and at the end. It does nothing for float32.
 pub type Store = fn(&mut [Complex32]);
 
-/// How columns of one length are transformed.
+/// The method for columns of one length.
 #[derive(Clone)]
 enum Down {
-    /// Where they are.
+    /// Columns are transformed in place.
     InPlace(Arc<ColumnPlan>),
-    /// Gathered into rows, because the length has a prime factor that [`ColumnPlan`] does not take.
+    /// Columns are gathered into rows, because [`ColumnPlan`] does not take the length.
     Gathered(Plan),
 }
 
-/// Plans by length and direction, made at their first use.
+/// Plans by length and direction, which are made at their first use.
 #[derive(Default)]
 pub struct Plans {
     rows: Mutex<HashMap<(usize, Direction), Plan>>,
@@ -146,7 +149,7 @@ impl Plans {
         }
     }
 
-    /// The rows of it alone.
+    /// Transforms only the rows.
     pub fn rows(&self, frame: &mut [Complex32], width: usize, direction: Direction, store: Store) {
         if width > 1 {
             in_place(&self.along(width, direction), frame);
@@ -154,7 +157,7 @@ impl Plans {
         }
     }
 
-    /// The columns in use alone.
+    /// Transforms only the columns in use.
     pub fn columns(
         &self,
         frame: &mut [Complex32],
@@ -176,7 +179,8 @@ impl Plans {
         }
     }
 
-    /// As [`fft`](Self::fft), on all cores: the same bits, through a copy of the columns in `blocks` (resized as needed).
+    /// Does the same as [`fft`](Self::fft) on all cores, with the same bits. `blocks` holds a copy of the columns and
+    /// grows as needed.
     #[allow(clippy::too_many_arguments)]
     pub fn fft_wide(
         &self,
@@ -246,7 +250,7 @@ fn in_place(plan: &Plan, data: &mut [Complex32]) {
 }
 
 impl Down {
-    /// Transforms `count` columns of a frame (any height, width) from the first, without storing them as anything else.
+    /// Transforms `count` columns of a frame from column `first`, without rounding.
     fn transform(&self, frame: &mut [Complex32], width: usize, [first, count]: [usize; 2]) {
         SCRATCH.with_borrow_mut(|(block, scratch)| match self {
             Down::InPlace(plan) => plan.transform(frame, width, [first, count], scratch),

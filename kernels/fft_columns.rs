@@ -1,32 +1,32 @@
-//! Transforms of columns where they are: values of one row that are neighbors form a vector, so nothing is transposed.
+//! Transforms columns in place. Neighbors in a row form a vector, so nothing is transposed.
 //!
-//! The plan decimates in frequency, depth first. The first pass reads rows of the frame and writes scratch, where each part
-//! that it leaves is contiguous and small enough for the first cache. The last pass writes rows of the frame in the order
-//! of the digits: a row is whole cache lines, so this order costs nothing. Multiplications and additions are not fused.
-//! All vector widths give the same bits.
+//! The plan decimates in frequency, depth first. The first pass reads rows of the frame and writes scratch. There, each
+//! part is contiguous and small enough for the first cache. The last pass writes rows of the frame in digit-reversed
+//! order, which costs nothing, because the part of a row in a block is whole cache lines. Multiplications and additions
+//! are not fused, so all vector widths give the same bits.
 
 use crate::Complex32;
 use crate::fft::{Direction, room};
 use pulp::{NullaryFnOnce, Simd, WithSimd};
 use std::f64::consts::TAU;
 
-/// Columns that are transformed together: two cache lines of each row.
+/// Number of columns that are transformed together, which are two cache lines of each row.
 pub(crate) const TOGETHER: usize = 16;
 
 /// The passes, at least two, that transform a length whose prime factors are 2, 3, 5 and 7.
 pub(crate) struct ColumnPlan {
     passes: Vec<Pass>,
     length: usize,
-    /// Whether real and imaginary parts change places when rows are read and written, which turns the sign of the exponent.
+    /// If true, real and imaginary parts change places at reading and writing, which changes the sign of the exponent.
     inverse: bool,
 }
 
-/// One pass: transforms of `radix` values, each `rest` rows after the one before.
+/// A pass transforms `radix` values, each `rest` rows after the one before.
 struct Pass {
     radix: usize,
     /// Length of the parts that this pass leaves.
     rest: usize,
-    /// Product of the radices of earlier passes: distance between the rows that results of this pass belong to.
+    /// Product of the radices of earlier passes, which is the distance between the rows of results of this pass.
     stride: usize,
     /// Factors of results 1 to `radix - 1`, for each of the `rest` transforms.
     twiddles: Vec<Complex32>,
@@ -60,7 +60,8 @@ impl ColumnPlan {
     }
 }
 
-/// Factors of a length: eights, at most two fours or one two, then the odd ones. None if a factor is left, or for a single pass.
+/// Returns the radices of a length. Eights come first, then at most two fours or one two, then the odd ones. Returns none
+/// if a factor is left, or for a single pass.
 fn radices(length: usize) -> Option<Vec<usize>> {
     let (mut rest, twos) = (length >> length.trailing_zeros(), length.trailing_zeros() as usize);
     let (eights, fours, two) = match twos % 3 {
@@ -146,7 +147,7 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    /// Lanes are in the order of the processor's cheapest shuffle, which [`write`](Self::write) takes back.
+    /// Reads one vector of a row, in the order of the cheapest shuffle, which [`write`](Self::write) reverses.
     #[inline(always)]
     fn read<S: Simd>(&self, simd: S, row: usize, vector: usize) -> Complexes<S> {
         let at = row * self.stride + self.at + 2 * vector * S::F32_LANES;
@@ -235,7 +236,7 @@ impl<S: Simd, W: Work<S>, const R: usize> NullaryFnOnce for Run<'_, S, W, R> {
     }
 }
 
-/// From the frame's rows to scratch, part by part.
+/// The first pass reads rows of the frame and writes scratch, part by part.
 struct First<'a, 'r, S: Simd> {
     rows: &'a Rows<'r>,
     work: &'a mut [Complexes<S>],
@@ -261,7 +262,7 @@ impl<S: Simd> Work<S> for First<'_, '_, S> {
     }
 }
 
-/// Within scratch.
+/// A middle pass stays in one part of scratch.
 struct Middle<'a, S: Simd> {
     part: &'a mut [Complexes<S>],
     vectors: usize,
@@ -286,7 +287,7 @@ impl<S: Simd> Work<S> for Middle<'_, S> {
     }
 }
 
-/// From scratch to the frame's rows: groups of `radix` values, each `step` rows after the one before.
+/// The last pass reads groups of `radix` values from scratch and writes rows, each group `step` rows after the one before.
 struct Last<'a, 'r, S: Simd> {
     part: &'a [Complexes<S>],
     rows: &'a mut Rows<'r>,
@@ -314,7 +315,7 @@ impl<S: Simd> Work<S> for Last<'_, '_, S> {
     }
 }
 
-/// `R` parts of equal length.
+/// Returns `R` parts of equal length.
 #[inline(always)]
 fn split<S: Simd, const R: usize>(values: &mut [Complexes<S>]) -> [&mut [Complexes<S>]; R] {
     let mut parts = values.chunks_exact_mut(values.len() / R);
@@ -359,7 +360,7 @@ fn scale<S: Simd>(simd: S, a: Complexes<S>, by: f32) -> Complexes<S> {
     [simd.mul_f32s(a[0], by), simd.mul_f32s(a[1], by)]
 }
 
-/// `a - i b` and `a + i b`.
+/// Returns `a - i b` and `a + i b`.
 #[inline(always)]
 fn quarter_turns<S: Simd>(simd: S, a: Complexes<S>, b: Complexes<S>) -> [Complexes<S>; 2] {
     let minus = [simd.add_f32s(a[0], b[1]), simd.sub_f32s(a[1], b[0])];
@@ -367,7 +368,7 @@ fn quarter_turns<S: Simd>(simd: S, a: Complexes<S>, b: Complexes<S>) -> [Complex
     [minus, plus]
 }
 
-/// The transform of `R` values. The radix is known to the compiler, which leaves one branch.
+/// Transforms `R` values. The compiler knows the radix and leaves one branch.
 #[inline(always)]
 fn dft<S: Simd, const R: usize>(simd: S, a: [Complexes<S>; R]) -> [Complexes<S>; R] {
     let mut out = a;
@@ -426,7 +427,7 @@ const COSINES: [[f32; 7]; 4] = [
     [1.0, 0.623_489_8, -0.222_520_93, -0.900_968_87, -0.900_968_87, -0.222_520_93, 0.623_489_8],
 ];
 
-/// Sines of `2 pi k / R`, as [`COSINES`].
+/// Sines of `2 pi k / R`, in the layout of [`COSINES`].
 const SINES: [[f32; 7]; 4] = [
     [0.0; 7],
     [0.0, 0.866_025_4, -0.866_025_4, 0.0, 0.0, 0.0, 0.0],

@@ -1,18 +1,18 @@
-//! The processor's widest instructions.
+//! Runs work with the processor's widest vector instructions.
 
 use pulp::{Arch, Scalar256b, Simd, WithSimd};
 
-/// Runs `work` compiled for the widest SIMD that this processor has. Inner functions must be `#[inline(always)]`.
+/// Runs `work` compiled for the widest SIMD of this processor. Inner functions must be `#[inline(always)]`.
 ///
-/// Nothing is fused or reordered by this: results are the same bits on every processor.
+/// This fuses and reorders nothing, so results have the same bits on every processor.
 #[inline]
 pub fn simd<R>(work: impl FnOnce() -> R) -> R {
     Arch::new().dispatch(work)
 }
 
-/// Runs vectors that the work writes out, as wide as this processor has them.
+/// Runs work with explicit vectors in the greatest width of this processor.
 ///
-/// Without vector instructions of its own, the compiler gets eight values at a time, which it maps to what the target has.
+/// On a processor without AVX2 or NEON, a vector is eight values, and the compiler maps them to baseline instructions.
 #[inline]
 pub(crate) fn vectors<W: WithSimd>(work: W) -> W::Output {
     match Arch::new() {
@@ -22,7 +22,7 @@ pub(crate) fn vectors<W: WithSimd>(work: W) -> W::Output {
     }
 }
 
-/// Name of the instruction set that [`simd`] chose.
+/// Returns the name of the instruction set that [`simd`] uses.
 pub fn simd_name() -> &'static str {
     match Arch::new() {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]

@@ -1,4 +1,4 @@
-//! Runs lists of kernels on the CPU, with RustFFT, SIMD and all cores.
+//! Runs lists of kernels on the CPU, with SIMD and all cores.
 //!
 //! It is the embedded default without a GPU, and the reference of the Vulkan engine.
 //!
