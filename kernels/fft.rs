@@ -115,7 +115,7 @@ impl Plans {
 
     fn down(&self, length: usize, direction: Direction) -> Down {
         let mut made = self.columns.lock().unwrap_or_else(|e| e.into_inner());
-        let plan = || match ColumnPlan::new(length, direction) {
+        let plan = || match ColumnPlan::new(length, direction == Direction::Inverse) {
             Some(plan) => Down::InPlace(Arc::new(plan)),
             None => Down::Gathered(self.along(length, direction)),
         };
@@ -234,7 +234,7 @@ impl Plans {
 }
 
 /// Returns `count` values of a list, which grows if it is shorter. They begin on a cache line if the platform can tell.
-pub(crate) fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
+fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
     const LINE: usize = 8;
     if values.len() < count + LINE {
         values.resize(count + LINE, ZERO);
@@ -253,7 +253,7 @@ impl Down {
     /// Transforms `count` columns of a frame from column `first`, without rounding.
     fn transform(&self, frame: &mut [Complex32], width: usize, [first, count]: [usize; 2]) {
         SCRATCH.with_borrow_mut(|(block, scratch)| match self {
-            Down::InPlace(plan) => plan.transform(frame, width, [first, count], scratch),
+            Down::InPlace(plan) => plan.transform(frame, width, [first, count], room(scratch, plan.scratch())),
             Down::Gathered(plan) => {
                 let height = frame.len() / width;
                 let (block, scratch) = (room(block, TOGETHER * height), room(scratch, plan.get_inplace_scratch_len()));

@@ -6,7 +6,6 @@
 //! are not fused, so all vector widths give the same bits.
 
 use crate::Complex32;
-use crate::fft::{Direction, room};
 use pulp::{NullaryFnOnce, Simd, WithSimd};
 use std::f64::consts::TAU;
 
@@ -34,7 +33,7 @@ struct Pass {
 
 impl ColumnPlan {
     /// Returns the plan of a length, or none if it has a prime factor above 7 or is at most 8 with a single pass.
-    pub(crate) fn new(length: usize, direction: Direction) -> Option<Self> {
+    pub(crate) fn new(length: usize, inverse: bool) -> Option<Self> {
         let (mut rest, mut stride) = (length, 1);
         let mut passes = Vec::new();
         for radix in radices(length)? {
@@ -45,16 +44,23 @@ impl ColumnPlan {
             passes.push(Pass { radix, rest: parts, stride, twiddles });
             (rest, stride) = (parts, stride * radix);
         }
-        Some(Self { passes, length, inverse: direction == Direction::Inverse })
+        Some(Self { passes, length, inverse })
+    }
+
+    /// Number of values of scratch that [`transform`](Self::transform) takes.
+    pub(crate) fn scratch(&self) -> usize {
+        2 * TOGETHER * self.length
     }
 
     /// Transforms `count` columns of a frame from column `first`. The frame's rows have `width` values.
+    ///
+    /// It is fastest if frame and scratch begin on a cache line.
     pub(crate) fn transform(
         &self,
         frame: &mut [Complex32],
         width: usize,
         [first, count]: [usize; 2],
-        scratch: &mut Vec<Complex32>,
+        scratch: &mut [Complex32],
     ) {
         crate::simd::vectors(Transform { plan: self, frame, width, first, count, scratch });
     }
@@ -86,7 +92,7 @@ struct Transform<'a> {
     width: usize,
     first: usize,
     count: usize,
-    scratch: &'a mut Vec<Complex32>,
+    scratch: &'a mut [Complex32],
 }
 
 impl WithSimd for Transform<'_> {
@@ -98,7 +104,7 @@ impl WithSimd for Transform<'_> {
         let swapped = plan.inverse;
         let lanes = S::F32_LANES;
         // Columns that do not fill a vector are padded.
-        let (work, padded) = room(scratch, 2 * TOGETHER * plan.length).split_at_mut(TOGETHER * plan.length);
+        let (work, padded) = scratch.split_at_mut(TOGETHER * plan.length);
         let mut x = 0;
         while x < count {
             let columns = TOGETHER.min(count - x);
@@ -436,72 +442,5 @@ const SINES: [[f32; 7]; 4] = [
 ];
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use num_complex::Complex64;
-    use pulp::{Arch, Scalar, Scalar512b};
-
-    fn noise(count: usize) -> Vec<Complex32> {
-        let value = |i: usize| (i.wrapping_mul(2_654_435_761) >> 8 & 0xffff) as f32 / 32768.0 - 1.0;
-        (0..count).map(|i| Complex32::new(value(2 * i), value(2 * i + 1))).collect()
-    }
-
-    /// Transforms columns `first..first + count` of noise.
-    fn transformed(simd: impl Simd, plan: &ColumnPlan, width: usize, [first, count]: [usize; 2]) -> Vec<Complex32> {
-        let mut frame = noise(plan.length * width);
-        let scratch = &mut Vec::new();
-        simd.vectorize(Transform { plan, frame: &mut frame, width, first, count, scratch });
-        frame
-    }
-
-    #[test]
-    fn columns_are_transformed_and_their_neighbors_kept() {
-        for length in (1..=130).chain([144, 180, 210, 256, 343, 512, 625, 1080, 1024, 2048]) {
-            for direction in [Direction::Forward, Direction::Inverse] {
-                let Some(plan) = ColumnPlan::new(length, direction) else { continue };
-                let (width, columns) = (21, [2, 17]);
-                let got = transformed(Scalar512b, &plan, width, columns);
-                let before = noise(length * width);
-                let (mut error, mut power) = (0.0, 0.0);
-                for x in 0..width {
-                    let column = before.iter().skip(x).step_by(width);
-                    let mut want: Vec<_> = column.map(|z| Complex64::new(f64::from(z.re), f64::from(z.im))).collect();
-                    if (2..19).contains(&x) {
-                        crate::fft::transform_f64(&mut want, length, direction);
-                    }
-                    for (got, want) in got.iter().skip(x).step_by(width).zip(want) {
-                        error += (Complex64::new(f64::from(got.re), f64::from(got.im)) - want).norm_sqr();
-                        power += want.norm_sqr();
-                    }
-                }
-                assert!(error < 1e-13 * power, "{length} {direction:?}: error power {} of the result", error / power);
-            }
-        }
-    }
-
-    #[test]
-    fn lengths_with_other_factors_have_no_plan() {
-        for length in [1, 2, 7, 8, 11, 22, 53, 1272, 2 * 3 * 5 * 7 * 11] {
-            assert!(ColumnPlan::new(length, Direction::Forward).is_none(), "{length}");
-        }
-        assert_eq!(radices(128), Some(vec![8, 4, 4]));
-        assert_eq!(radices(1080), Some(vec![8, 3, 3, 3, 5]));
-    }
-
-    #[test]
-    fn every_width_of_vectors_gives_the_same_bits() {
-        let bits = |values: Vec<Complex32>| -> Vec<[u32; 2]> {
-            values.iter().map(|z| [z.re, z.im].map(f32::to_bits)).collect()
-        };
-        for length in [6, 35, 40, 64, 210, 240] {
-            let Some(plan) = ColumnPlan::new(length, Direction::Forward) else { panic!("{length} has a plan") };
-            for columns in [[0, 48], [3, 5], [1, 40]] {
-                let want = bits(transformed(Scalar, &plan, 48, columns));
-                assert_eq!(bits(transformed(Scalar512b, &plan, 48, columns)), want, "{length}");
-                let mut frame = noise(length * 48);
-                plan.transform(&mut frame, 48, columns, &mut Vec::new());
-                assert_eq!(bits(frame), want, "{length} with {:?}", Arch::new());
-            }
-        }
-    }
-}
+#[path = "fft_columns_tests.rs"]
+mod tests;

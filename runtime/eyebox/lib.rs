@@ -70,8 +70,8 @@
 //!
 //! | module | what belongs in it |
 //! |---|---|
-//! | [`error`] | Errors as data |
-//! | [`files`] | Reads files up to a limit, writes files whole or not at all, and has the two plain formats of the runtime, `.npy` and PNG |
+//! | [`error`] | Represents errors as data |
+//! | [`files`] | Reads files up to a limit, and writes files completely or not at all |
 //! | [`optics`] | Defines display, pupil, propagation and window as pure functions in float64, without buffers or threads |
 //! | [`scene`] | Reads scenes as light fields, from files or built-in scenes, and measures depths and makes views |
 //! | [`engine`] | Runs lists of kernels over buffers on the `cpu`, on `vulkan`, or on both in turn (`Handover`) |

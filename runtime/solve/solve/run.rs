@@ -69,8 +69,8 @@ struct Descent<'o> {
     best: Option<ValidationScore>,
     /// The step after which phases were last validated.
     judged: usize,
-    /// True if the last validation restored the best phases.
-    sent_back: bool,
+    /// True if the last validation found no better phases, so that steps must be shorter.
+    shorter: bool,
     /// Steps that were begun and have not ended.
     under_way: VecDeque<(Step, PendingStep)>,
     observe: &'o mut dyn FnMut(&Progress) -> Flow,
@@ -105,8 +105,7 @@ pub(super) struct Run<'a> {
 
 /// Number of steps of a pilot solve.
 const PILOT_STEPS: usize = 24;
-/// A state that is worse than the best one by more than this, in dB, is dropped. Steps then continue from the best one
-/// and are shorter.
+/// A state that is worse than the best one by more than this, in dB, is dropped. Steps then continue from the best one.
 const FALL_DB: f64 = 0.1;
 /// Factor on the exposure of a pilot, because a longer solve needs more light (docs/results/against-pytorch.json).
 const PILOT_RISE: f64 = 1.25;
@@ -212,7 +211,7 @@ impl<'a> Run<'a> {
             step: 0,
             best: None,
             judged: 0,
-            sent_back: false,
+            shorter: false,
             under_way: VecDeque::new(),
             observe,
         };
@@ -237,7 +236,7 @@ impl<'a> Run<'a> {
             while let Some((next, taken)) = descent.next(waits || stop.is_some()) {
                 stop = self.end(&mut descent, &next, taken, &mut mark, stop)?;
             }
-            if std::mem::take(&mut descent.sent_back) {
+            if std::mem::take(&mut descent.shorter) {
                 schedule.shorten();
             }
             if let Some(stop) = stop.or(end) {
@@ -305,8 +304,9 @@ impl<'a> Run<'a> {
 
     /// Scores the engine's phases, and keeps them if they are the best.
     ///
-    /// Phases that are not finite are never kept because their image has no score. Phases that are much worse than the
-    /// best are replaced by the best, if steps remain.
+    /// Phases that are not finite are never kept because their image has no score. If a score does not rise, steps become
+    /// shorter, because a descent whose steps are too long stays at a level and need not fall. Phases that are much worse
+    /// than the best are replaced by the best.
     fn validate(&mut self, descent: &mut Descent<'_>) -> Result<(), EngineError> {
         let (step, best) = (descent.step, &mut descent.best);
         descent.judged = step;
@@ -325,10 +325,12 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         let fell = best.as_ref().is_some_and(|b| score.mean() < b.mean() - FALL_DB);
+        descent.shorter = step < descent.steps;
         // Steps do not continue from shown levels because these have lost the phases between them.
-        if fell && step < descent.steps && planner.levels == 0 {
+        if fell && descent.shorter && planner.levels == 0 {
             self.engine.restore()?;
-            descent.sent_back = true;
+        } else if descent.shorter {
+            self.engine.clear_moments()?;
         }
         Ok(())
     }

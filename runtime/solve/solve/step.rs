@@ -100,7 +100,7 @@ pub(super) struct Steps<'a> {
     stride: f64,
 }
 
-/// Factor on the length of steps after each state that was worse than an earlier one.
+/// Factor on the length of steps after each validation that finds no better state.
 const SHORTER: f64 = 0.5;
 
 impl<'a> Steps<'a> {
