@@ -2,7 +2,7 @@
 //!
 //! Forward transforms take all rows, then the columns in use. Inverse transforms take the columns in use, then all rows,
 //! and all other columns must be zero.
-//! RustFFT transforms the rows, and columns of lengths that [`ColumnPlan`] does not take. The shaders have other plans.
+//! RustFFT transforms the rows, and columns whose length has a prime factor above 7. The shaders have other plans.
 
 use crate::fft_columns::{ColumnPlan, TOGETHER};
 use crate::{Complex32, ZERO};

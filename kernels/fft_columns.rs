@@ -385,7 +385,7 @@ fn dft<S: Simd, const R: usize>(simd: S, a: [Complexes<S>; R]) -> [Complexes<S>;
             let even = four::<S>(simd, [a[0], a[2], a[4], a[6]]);
             let odd = four::<S>(simd, [a[1], a[3], a[5], a[7]]);
             let half = std::f32::consts::FRAC_1_SQRT_2;
-            // An eighth of a turn is (z -+ i z) / sqrt 2; three eighths are one more quarter.
+            // An eighth of a turn is (z -+ i z) / sqrt 2. Three eighths are one more quarter.
             let [eighth, _] = quarter_turns::<S>(simd, odd[1], odd[1]);
             let [_, three] = quarter_turns::<S>(simd, odd[3], odd[3]);
             let (eighth, three) = (scale(simd, eighth, half), scale(simd, three, -half));

@@ -108,8 +108,8 @@ pub struct DisplayArgs {
 /// The eye, in every command that computes what it sees.
 #[derive(Args, Clone)]
 pub struct EyeArgs {
-    /// Prescription of the eye in dioptres and degrees, such as "-2 -0.5 30", or none for a perfect eye [default: that
-    /// of the hologram or the display file]
+    /// Prescription of the eye in dioptres and degrees, such as "-2 -0.5 30", or none for a perfect eye [default: the
+    /// eye of the hologram or the display file]
     #[arg(help_heading = "Eye", long, value_name = "S C AXIS|none", value_parser = prescription)]
     pub prescription: Option<Prescription>,
     /// TOML file of the eye with sphere, cylinder, axis_deg, vertex_mm, zernikes_um, measured_mm

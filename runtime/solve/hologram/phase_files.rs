@@ -35,8 +35,7 @@ const MOST_PIXELS: u64 = 1 << 28;
 /// # Errors
 /// - [`HologramError::File`] if a file cannot be read.
 /// - [`HologramError::NotAHologram`] for an empty array, for an array without two to four axes, and if the last axis is
-///   not
-/// a row of pixels. Also for a folder whose pictures are not one per color and sub-frame, all of one size.
+///   not a row of pixels. Also for a folder whose pictures are not one per color and sub-frame, all of one size.
 /// - [`HologramError::Doubtful`] for numbers that may not be radians or levels.
 pub fn load_phases(path: &Path, unit: Option<PhaseUnit>) -> Result<Phases, HologramError> {
     if unit.is_some_and(|u| !(u.turn() > 0.0 && u.turn().is_finite())) {
