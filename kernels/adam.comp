@@ -4,11 +4,11 @@
 #include "half.glsl"
 #include "trig.glsl"
 
-// A step of Adam. x: column, y: row (strided), z: frame.
+// Applies a step of Adam. x is the column, y the row (strided) and z the frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { COMPLEX change[]; };
-// The phases that made the field: the same buffer as `phases` where nothing is quantised.
+// The phases that made the field. This is the buffer `phases` itself if nothing is quantized.
 MAY_ALIAS layout(std430, binding = 1) readonly buffer Shown { float shown[]; };
 MAY_ALIAS layout(std430, binding = 2) buffer Phases { float phases[]; };
 layout(std430, binding = 3) buffer First { float first_moment[]; };
@@ -16,7 +16,7 @@ layout(std430, binding = 4) buffer Second { float second_moment[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float rate, beta1, beta2, correct1, correct2, epsilon;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint change_stride, phases_stride;
 };
 
@@ -27,6 +27,7 @@ void main() {
     uint frame = gl_GlobalInvocationID.z;
     if (x >= width) return;
     for (uint y = gl_WorkGroupID.y; y < height; y += gl_NumWorkGroups.y) {
-        adam(frame * phases_stride + y * width + x, LOAD(change[frame * change_stride + (top + y) * grid_width + left + x]));
+        adam(frame * phases_stride + y * width + x,
+             LOAD(change[frame * change_stride + (top + y) * grid_width + left + x]));
     }
 }

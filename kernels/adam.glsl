@@ -1,5 +1,5 @@
-// Adam with wrapping, on the gradient 2 Im(G conj(u)): of a shader's buffers `shown`, `phases`, `first_moment` and
-// `second_moment`, with its arguments.
+// Applies Adam with wrapping, on the gradient 2 Im(G conj(u)). The including shader has the buffers `shown`, `phases`,
+// `first_moment` and `second_moment`, and the arguments.
 void adam(uint at, vec2 g) {
     float phase = phases[at];
     vec2 u = cos_sin(shown[at]);

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// The rows of the change's inverse transform and `adam`.
+// Fuses the rows of the change's inverse transform with `adam`.
 
 #define COLUMNS 0u
 #include "alias.glsl"
@@ -10,7 +10,7 @@
 #define MORE float rate, beta1, beta2, correct1, correct2, epsilon;
 #include "change_rows.glsl"
 
-// The phases that made the field: the same buffer as `phases` where nothing is quantised.
+// The phases that made the field. This is the buffer `phases` itself if nothing is quantized.
 MAY_ALIAS layout(std430, binding = 2) readonly buffer Shown { float shown[]; };
 MAY_ALIAS layout(std430, binding = 3) buffer Phases { float phases[]; };
 layout(std430, binding = 4) buffer First { float first_moment[]; };

@@ -3,14 +3,14 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// window *= factor. x: pixel (strided), z: frame.
+// window *= factor. x is the pixel (strided), z the frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Factor { float factor[]; };
 layout(std430, binding = 1) buffer Window { COMPLEX window[]; };
 layout(push_constant) uniform Args {
     uint count;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint window_stride;
 };
 

@@ -2,14 +2,15 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// found = 1 if any value is no number or infinite. x: value (strided), z: frame. Halves only: see check_finite.rs.
+// found = 1 if any value is NaN or infinite. x is the value (strided), z the frame. This kernel exists for halves only
+// (see check_finite.rs).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { uint change[]; };
 layout(std430, binding = 1) buffer Found { uint found; };
 layout(push_constant) uniform Args {
     uint count;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint change_stride;
 };
 

@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// The image becomes the factor for the field; the loss is summed per workgroup. x: COMPARE_SHARE pixels per workgroup.
+// Replaces the image by the factor for the field, and sums the loss of each workgroup. In x, each workgroup takes
+// COMPARE_SHARE pixels.
 
 layout(local_size_x = SUM_WIDTH) in;
 layout(std430, binding = 0) buffer Image { float image[]; };

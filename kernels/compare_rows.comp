@@ -1,17 +1,18 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// One row of a pupil's image, x, in all sub-frames: the rows of the window's inverse transform, and what stands between
-// them and those of the forward transform: `intensity`, `compare` and `apply_factor`. Columns in use in; no retinal field is
-// stored. The pupils, z, are those whose windows have equally many columns. MODE says how far it goes:
-// LOOK: to the intensity, which is stored.
-// SEE: to the factor, which is stored, and the loss of the row.
-// TURN: from the columns again, times that factor, to those of the forward transform.
-// WHOLE: all of it at once: the row of all sub-frames stays in shared memory.
+// Processes row x of the images of the pupils z, in all sub-frames. It fuses the rows of the window's inverse
+// transform, `intensity`, `compare`, `apply_factor`, and the rows of the forward transform. It reads and writes the
+// columns in use, and stores no retinal field. All pupils have windows with the same number of columns. MODE selects a
+// part of this work:
+// LOOK computes and stores the intensity.
+// SEE computes and stores the factor, and computes the loss of the row.
+// TURN_BACK starts from the columns again, applies the stored factor, and computes the rows of the forward transform.
+// WHOLE does everything at once. The row of all sub-frames stays in shared memory.
 
 layout(constant_id = 21) const uint MODE = 0;
-// Rows in shared memory, of different sub-frames; pixels of a row where its image is added up, else 1; the workgroup where
-// losses are, else 1.
+// KEPT is the number of rows in shared memory, one per sub-frame. PIXELS is the number of pixels of a row if the mode
+// sums its image, otherwise 1. SHARES is the number of invocations if the mode computes losses, otherwise 1.
 layout(constant_id = 22) const uint KEPT = 1;
 layout(constant_id = 23) const uint PIXELS = 1;
 layout(constant_id = 24) const uint SHARES = 1;
@@ -35,22 +36,22 @@ MAY_ALIAS layout(std430, binding = 4) writeonly buffer Losses { float losses[]; 
 #include "pupils.glsl"
 layout(push_constant) uniform Args {
     uint columns, frames;
-    // Where what is bound starts, in values.
+    // First value of each bound range.
     uint window_base, pixels_base, losses_base;
     uint members[BATCH];
 };
 
-// The row of the image, then of this invocation's window.
+// The intensities of the row, later its factors.
 shared float factors[PIXELS];
 shared float shares[SHARES];
 
 uint pupil;
-// Columns in use, and where this invocation's row is.
+// Columns in use, and the index of this invocation's row.
 uint first, used, origin;
 
 uint invocation() { return gl_LocalInvocationID.y * X + gl_LocalInvocationID.x; }
 
-// Pixel i of the row in area a.
+// Returns pixel i of the row in area a.
 vec2 seen_in(uint a, uint i) {
     if (PAIR == 0u) return shared2[a * SLOTS + i + i / FFT_FREE_SLOT];
     uint u = i / 2u;
@@ -58,7 +59,7 @@ vec2 seen_in(uint a, uint i) {
     return (i & 1u) == 0u ? both.xy : both.zw;
 }
 
-// Pixel i of the row in an image.
+// Returns the index of pixel i of the row in an image.
 uint pixel(uint i) { return pupils[pupil].pixels - pixels_base + gl_WorkGroupID.x * columns + i; }
 
 float factor_at(uint i) { return MODE == TURN_BACK ? image[pixel(i)] : factors[i]; }
@@ -83,7 +84,7 @@ void put2(uint way, uint i, vec2 z) {
     else if (in_use(i, first, used)) window2[origin + i] = STORE(z);
 }
 
-// As in compare.comp: the factor; the loss is added to `sum`.
+// Returns the factor and adds the loss to `sum`, as in compare.comp.
 float compared(float intensity, float wanted, inout float sum) {
     float low = pupils[pupil].low, weight = pupils[pupil].weight;
     float seen = pupils[pupil].exposure * intensity;
@@ -102,7 +103,7 @@ float compared(float intensity, float wanted, inout float sum) {
     return factor;
 }
 
-// This invocation's row: that of a sub-frame, in an area of shared memory.
+// Selects the row of a sub-frame in an area of shared memory for this invocation.
 void take(uint frame, uint in_area) {
     area = in_area;
     present = frame < frames;
@@ -112,7 +113,7 @@ void take(uint frame, uint in_area) {
 void main() {
     n = columns;
     pupil = members[gl_WorkGroupID.z];
-    // Windows of fewer rows.
+    // Some windows have fewer rows.
     if (gl_WorkGroupID.x >= pupils[pupil].rows) return;
     first = pupils[pupil].first;
     used = pupils[pupil].used;

@@ -4,38 +4,42 @@
 #include "half.glsl"
 #include "drives.glsl"
 
-// Crosstalk between pixels along one axis, or transposed: from a plane of each sub-frame to those of its sub-pixels, or back.
-// x: column, y: row (strided), z: sub-frame.
+// Applies the crosstalk between pixels along one axis, or its transpose. Along rows and then along columns, the plane
+// of a sub-frame becomes the planes of its sub-pixels. The transpose goes back. x is the column, y the row (strided)
+// and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
-// Along y, then along x: of each sub-pixel from the pixel `reach` before it to that behind it.
+// Weights along y, then along x. Each sub-pixel has weights from the pixel `reach` before it to the pixel `reach` after
+// it.
 layout(std430, binding = 0) readonly buffer Crosstalk { float weights[]; };
 layout(std430, binding = 1) readonly buffer From { DRIVES from[]; };
 layout(std430, binding = 2) DRIVES_OUT buffer To { DRIVES to[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     uint subpixels, reach_y, reach_x;
-    // Along columns, not rows; transposed.
+    // If `columns` is not 0, the axis is along columns, otherwise along rows. If `back` is not 0, this is the
+    // transpose.
     uint columns, back;
-    // Values from one plane to the next.
+    // Number of values from one plane to the next.
     uint from_stride, to_stride;
 };
 
-// What one plane adds to (y, x) by one sub-pixel's weights.
+// Returns the contribution of one plane to (y, x) with the weights of one sub-pixel.
 float summed(uint plane, uint subpixel, uint y, uint x) {
     bool down = columns != 0;
     uint reach = down ? reach_y : reach_x;
     uint first = down ? top : left, count = down ? height : width, whole = down ? grid_height : grid_width;
     uint start = (down ? 0 : subpixels * (2 * reach_y + 1)) + subpixel * (2 * reach + 1);
     uint origin = plane * from_stride + (down ? x : y * width), stride = down ? width : 1;
-    // Around the grid: at most half of it is reached.
+    // The index wraps around the grid. It is below 3 `whole`, because the reach is at most half the grid.
     uint at = (down ? y : x) + first + whole - reach;
     float sum = 0.0;
     for (uint j = 0; j <= 2 * reach; j++) {
         uint g = at + j;
         g -= g >= 2 * whole ? 2 * whole : g >= whole ? whole : 0;
         uint place = g - first;
-        if (place < count) sum += weights[start + (back != 0 ? 2 * reach - j : j)] * DRIVE_AT(from, origin + place * stride);
+        if (place < count)
+            sum += weights[start + (back != 0 ? 2 * reach - j : j)] * DRIVE_AT(from, origin + place * stride);
     }
     return sum;
 }

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// views = samples of one colour / scale, two u16 in a word; and for each view (y) and workgroup (x) the sums of its light:
-// light, light^2, light^3, the brightest, the first pixel that is none.
+// views = samples of one color / scale, two u16 in a word. Each view (y) and workgroup (x) also stores sums of its
+// light. They are light, light^2, light^3, the brightest value, and the first pixel without valid light.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Samples { uint samples[]; };
@@ -19,7 +19,7 @@ layout(push_constant) uniform Args {
 shared vec4 parts[WIDTH];
 shared uint wrong[WIDTH];
 
-// Without `unpackHalf2x16`, which may lose what is subnormal. `bits` has 16.
+// Avoids `unpackHalf2x16`, which may flush subnormal halves to zero. `bits` has 16 bits.
 float half_value(uint bits) {
     uint exponent = (bits >> 10) & 31u, fraction = bits & 1023u;
     uint sign = (bits >> 15) << 31;
@@ -27,7 +27,7 @@ float half_value(uint bits) {
     return uintBitsToFloat((exponent == 31 ? 0x7f800000u : (exponent + 112u) << 23) | fraction << 13 | sign);
 }
 
-// The bits of a pixel's light.
+// Returns the bits of a pixel's light.
 uint light(uint view, uint pixel) {
     uint at = ((first + view) * pixels + pixel) * channels + channel;
     if (sample_kind == DECODE_F32) return samples[at];
@@ -50,7 +50,7 @@ void main() {
         for (uint i = 0; i < 2; ++i) {
             uint pixel = 2 * word + i;
             if (pixel >= pixels) break;
-            // By their bits: what is NaN need not compare as such. Zero below is zero.
+            // Compares bits, because a device may compare a NaN in any way. Negative zero counts as zero.
             uint bits = light(view, pixel);
             bool is_light = bits <= floatBitsToUint(DECODE_BRIGHTEST) || bits == 0x80000000u;
             if (!is_light) bad = min(bad, pixel);

@@ -3,7 +3,7 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// change /= max(hits, 1)^power. x: point of the grid (strided), z: frame.
+// change /= max(hits, 1)^power. x is the point of the grid (strided), z the frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Hits { float hits[]; };
@@ -11,7 +11,7 @@ layout(std430, binding = 1) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width;
     float power;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint change_stride;
 };
 

@@ -6,7 +6,7 @@
 #include "binary_angle.glsl"
 #include "drives.glsl"
 
-// From phases to the phases that their drive gives. x: column, y: row (strided), z: sub-frame.
+// Turns phases into the phases that their drives give. x is the column, y the row (strided) and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Shown { uint shown[]; };
@@ -15,7 +15,7 @@ layout(std430, binding = 2) DRIVES_OUT buffer Wave { DRIVES wave[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float bend_sin, bend_cos, lag;
-    // Sub-pixels along an axis, and values from one frame, or sub-pixel, to the next.
+    // Sub-pixels along an axis, and the number of values from one frame, or sub-pixel, to the next.
     uint subpixels, shown_stride, wave_stride;
 };
 

@@ -6,7 +6,8 @@
 #include "binary_angle.glsl"
 #include "drives.glsl"
 
-// Back through the look-up table, to the change of a field of the phases themselves. x: column, y: row (strided), z: sub-frame.
+// Carries the gradient back through the look-up table. The result is the change of a field of the phases themselves. x
+// is the column, y the row (strided) and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Tables { float level[]; };
@@ -16,7 +17,7 @@ layout(std430, binding = 3) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float bend_sin, bend_cos, lag;
-    // Sub-pixels along an axis, and values from one frame, or sub-pixel, to the next.
+    // Sub-pixels along an axis, and the number of values from one frame, or sub-pixel, to the next.
     uint subpixels, shown_stride, wave_stride, change_stride;
 };
 

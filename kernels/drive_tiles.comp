@@ -6,7 +6,7 @@
 #include "binary_angle.glsl"
 #include "drives.glsl"
 
-// `drive`, `lag`, and crosstalk along both axes.
+// Fuses `drive`, `lag`, and crosstalk along both axes.
 
 #define MORE
 #include "tiles.glsl"

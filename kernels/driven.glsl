@@ -1,4 +1,4 @@
-// The phases that drives give: with a shader's arguments.
+// Returns the phase that a drive gives, with the arguments of the including shader.
 
 float driven(float phase, float level) {
     float w = wrapped(phase);

@@ -1,22 +1,22 @@
-// Drives in memory, and what is asked of them on their way back: float32, or where fields are halves, halves, two in a word (see
-// half.rs). What is beyond a half's range is the largest. DRIVES is what a buffer holds, DRIVES_OUT how one is declared that is
-// only written.
+// Drives and their gradients in memory are float32. If fields are halves, they are halves too, two in a word (see
+// half.rs). A value beyond the range of a half becomes the largest half. DRIVES is the element type of a buffer.
+// DRIVES_OUT qualifies a buffer that a shader only writes.
 
 #ifdef HALF
 #define DRIVES uint
-// Half a word is written by reading the other half.
+// The qualifier is empty, because a write of half a word also reads the other half.
 #define DRIVES_OUT
 uint drive_bits(float x) { return half_bits(clamp(x, -65504.0, 65504.0)); }
-// Of a buffer, value i.
+// Reads value i of a buffer.
 #define DRIVE_AT(buffer, i) half_unpack(buffer[(i) / 2u])[(i) & 1u]
-// The other half of the word may be another invocation's.
+// The other half of the word may belong to another invocation.
 #define PUT_DRIVE(buffer, i, x) \
     { \
         uint shift_ = 16u * ((i) & 1u); \
         atomicAnd(buffer[(i) / 2u], ~(0xffffu << shift_)); \
         atomicOr(buffer[(i) / 2u], drive_bits(x) << shift_); \
     }
-// Values i and i + 1, of which i is even.
+// Writes values i and i + 1, for an even i.
 #define PUT_DRIVES(buffer, i, x, y) buffer[(i) / 2u] = drive_bits(x) | (drive_bits(y) << 16)
 #else
 #define DRIVES float

@@ -5,35 +5,37 @@
 #include "constants.glsl"
 #include "binary_angle.glsl"
 
-// The levels of one colour's sub-frames at their bits: frame = the first's, frame |= the others'. An invocation takes
-// four pixels of a row, all their cells: whole words of the video frame, whose rows are padded to them. x: those fours
-// (64 invocations), y: row of pixels (strided). Where rows follow each other on both sides, there are no rows: x counts
-// fours, or fours of fours, of all the picture (strided).
-// What a run puts where is known when it is compiled: no invocation looks it up.
-// The float operations are exact, all others are of integers: the twin has the same bytes.
+// Writes the levels of one color's sub-frames at their bits of the video frame. The first run writes the whole frame,
+// and later runs OR their bits into it. An invocation takes four pixels of a row with all their cells. These fill whole
+// words of the video frame, whose rows are padded to whole words. x is the group of four pixels (64 invocations), y the
+// row of pixels (strided). If rows follow each other without gaps on both sides, rows do not matter. x is then the
+// group of four or sixteen pixels of the whole picture (strided).
+// The entries of a run are constants of the pipeline, so no invocation looks them up.
+// The float operations are exact, and all others are on integers. The CPU twin therefore has the same bytes.
 
 layout(local_size_x = WIDTH) in;
 layout(constant_id = 0) const uint channels = 1;
-// ENCODE_POWER: levels are a power of two, ENCODE_EVEN: any even levels, else the table.
+// ENCODE_POWER is for a power of two of evenly spaced levels, ENCODE_EVEN for any number of evenly spaced levels. With
+// another value the table gives the level.
 layout(constant_id = 1) const uint kind = 0;
 layout(constant_id = 2) const bool has_offsets = false;
 layout(constant_id = 3) const uint cell_rows = 1;
 layout(constant_id = 4) const uint cell_columns = 1;
 layout(constant_id = 5) const uint levels = 256;
-// Entries of this run.
+// Number of entries of this run.
 layout(constant_id = 6) const uint count = 1;
-// Whether a run came before it in this frame; the first writes all of it.
+// True if an earlier run has written this frame. The first run writes all of it.
 layout(constant_id = 7) const bool follows = false;
-// Four pixels' phases lie side by side, at a multiple of four.
+// True if the phases of four pixels are contiguous, from a multiple of four on.
 layout(constant_id = 8) const bool aligned = false;
-// Every entry takes all bits of the level.
+// True if every entry takes all bits of the level.
 layout(constant_id = 9) const bool entire = false;
-// Values from one sub-frame to the next.
+// Number of values from one sub-frame to the next.
 layout(constant_id = 10) const uint stride = 0;
-// ENCODE_ROWS: row by row; ENCODE_WIDE: rows follow each other in the hologram and in the frame, and one entry fills whole
-// words of the frame, four of which are written at once; else only the former.
+// ENCODE_ROWS goes row by row. With another value, rows follow each other in the hologram and in the frame. With
+// ENCODE_WIDE, one entry also fills whole words of the frame, and an invocation writes four of them at once.
 layout(constant_id = 11) const uint flat_words = 0;
-// Entries: sub-frame (8 bits), mask (8), from, to, channel (4 each).
+// The entries have the fields sub-frame (8 bits), mask (8), from, to and channel (4 each).
 layout(constant_id = 12) const uint entry0 = 0;
 layout(constant_id = 13) const uint entry1 = 0;
 layout(constant_id = 14) const uint entry2 = 0;
@@ -58,14 +60,14 @@ layout(constant_id = 32) const uint entry20 = 0;
 layout(constant_id = 33) const uint entry21 = 0;
 layout(constant_id = 34) const uint entry22 = 0;
 layout(constant_id = 35) const uint entry23 = 0;
-// Phases are binary angles, as in binary_angle.rs, instead of float32.
+// True if phases are binary angles, as in binary_angle.rs, instead of float32.
 layout(constant_id = 36) const bool angles = false;
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
 layout(std430, binding = 0) readonly buffer Fours { vec4 fours[]; };
 layout(std430, binding = 0) readonly buffer Angles { uint angle_pairs[]; };
 layout(std430, binding = 0) readonly buffer AngleFours { uvec2 angle_fours[]; };
 layout(std430, binding = 1) readonly buffer Offsets { uint offsets[]; };
-// Four entries a word.
+// The table has four entries per word.
 layout(std430, binding = 2) readonly buffer Table { uint table[]; };
 MAY_ALIAS layout(std430, binding = 3) buffer Frame { uint frame[]; };
 MAY_ALIAS layout(std430, binding = 3) buffer Wide { uvec4 wide[]; };
@@ -75,7 +77,7 @@ void put(uint word, uint bits) {
 
 layout(push_constant) uniform Args {
     uint height, width, first, step_y, step_x, shift_y, shift_x, rows, columns, bytes, flips;
-    // The code's bit of each cell, 4 bits each.
+    // Bit of the code for each cell, with 4 bits per cell.
     uint cells;
 };
 
@@ -89,7 +91,7 @@ vec4 four_at(uint i) {
     return vec4(angle_value(a.x), angle_value(a.x >> 16), angle_value(a.y), angle_value(a.y >> 16));
 }
 
-// Folded, where `k` is known when compiled.
+// The compiler folds this if it knows `k`.
 uint entry(uint k) {
     const uint all[ENCODE_ENTRIES] = uint[](
         entry0, entry1, entry2, entry3, entry4, entry5, entry6, entry7, entry8, entry9, entry10, entry11, entry12,
@@ -119,7 +121,7 @@ uint level_of(uint t) {
     return (table[at >> 2] >> (8 * (at & 3))) & 255u;
 }
 
-// What an entry takes of the level of a phase, at its place in the pixel.
+// Returns the bits that an entry takes from the level of a phase, at their place in the pixel.
 uint bits_of(uint place, float phase, uint offset) {
     uint level = level_of(turns(phase) + offset), to = 8 * (place & 15) + ((place >> 4) & 15);
     return (entire ? level : (level >> ((place >> 8) & 15)) & ((place >> 16) & 255u)) << to;
@@ -129,12 +131,12 @@ uint offset_at(uint pixel) {
     return has_offsets ? offsets[pixel] : 0;
 }
 
-// The bytes of four pixels.
+// Joins the bytes of four pixels into a word.
 uint joined(uvec4 p) {
     return p.x | p.y << 8 | p.z << 16 | p.w << 24;
 }
 
-// Four pixels of an entry.
+// Returns four pixels of an entry.
 uvec4 four_of(uint place, uint four) {
     vec4 phase = four_at((place >> 24) * (stride / 4) + four);
     uvec4 p;
@@ -179,7 +181,7 @@ void main() {
         yy = yy >= height ? yy - height : yy;
         uint source[4], offset[4];
         [[unroll]] for (uint i = 0; i < 4; i++) {
-            // Beyond the edge the last pixel is taken: what it becomes lies in the padding.
+            // Beyond the edge this repeats the last pixel. The result is in the padding.
             uint x = min(4 * four + i, width - 1);
             x = (flips & 1) != 0 ? width - 1 - x : x;
             uint xx = x + shift_x;
@@ -187,7 +189,7 @@ void main() {
             source[i] = first + yy * step_y + xx * step_x;
             offset[i] = offset_at(y * width + x);
         }
-        // Words of the video frame's pixels: cell rows of four pixels' cell columns, at most 16.
+        // Pixels of the video frame for the cells of these four pixels, by row of cells and then by column, at most 16.
         uint pixel[16];
         [[unroll]] for (uint i = 0; i < 16; i++) pixel[i] = 0;
         [[unroll]] for (uint k = 0; k < count; k++) {
@@ -206,7 +208,7 @@ void main() {
                     uint level = level_of(turns(phase[i]) + offset[i]);
                     [[unroll]] for (uint j = 0; j < cell_rows; j++) {
                         [[unroll]] for (uint c = 0; c < cell_columns; c++) {
-                            // A flip of the video frame changes the places of cells too.
+                            // A flip of the video frame also flips the cells of a pixel.
                             uint cy = (flips & 2) != 0 ? cell_rows - 1 - j : j;
                             uint cx = (flips & 1) != 0 ? cell_columns - 1 - c : c;
                             uint bit = (cells >> (4 * (cy * cell_columns + cx))) & 15;

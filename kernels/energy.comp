@@ -3,16 +3,16 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// energy[patch] += sum |field|^2 over values begin .. end of the patch and all sub-frames. x: patch, one workgroup each.
-// A patch comes in shares: an invocation adds up a few thousand values plainly and no more, for float32 loses the small
-// end of a longer sum, and some software devices leave a loop after 65535 rounds.
+// energy[patch] += sum |field|^2 over the values begin .. end of the patch and all sub-frames. x is the patch, with one
+// workgroup each. A patch is summed in shares, so an invocation adds only a few thousand values. In a longer sum
+// float32 loses small values, and some software devices leave a loop after 65535 iterations.
 
 layout(local_size_x = SUM_WIDTH) in;
 layout(std430, binding = 0) readonly buffer Field { COMPLEX field[]; };
 layout(std430, binding = 1) buffer Energy { float energy[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
-    // Sub-frames, and values from one to the next.
+    // Number of sub-frames, and of values from one to the next.
     uint frames, field_stride;
     uint begin, end;
 };

@@ -3,7 +3,8 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// change += factor of the patch * field, inside the eyebox's disc of patches. x: column, y: row (strided), z: frame.
+// change += factor of the patch * field, inside the eyebox's disc of patches. x is the column, y the row (strided) and
+// z the frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Energy { float energy[]; };
@@ -13,7 +14,7 @@ layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns, patches, accumulate;
     uint mode;
     float weight, limit;
-    // Values from one frame to the next, of both.
+    // Number of values from one frame to the next, in both buffers.
     uint stride;
 };
 
@@ -60,7 +61,7 @@ void main() {
     barrier();
     uint k = gl_GlobalInvocationID.x;
     if (k >= columns) return;
-    // The patch whose part holds column k: the inverse of p * columns / patches, rounded down.
+    // The patch that contains column k. This is the inverse of p * columns / patches, rounded down.
     uint b = ((k + 1) * patches - 1) / columns;
     uint x = (x0 + k) % grid_width;
     uint base = gl_GlobalInvocationID.z * stride;

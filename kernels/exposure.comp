@@ -3,8 +3,9 @@
 #include "constants.glsl"
 #include "pair.glsl"
 
-// Sums over image I and target T after 2 x 2 averaging: <I, T>, <I, I>, <T, T>, as pairs of float32 per workgroup, for
-// the squared error s^2 <I, I> - 2 s <I, T> + <T, T> is a small difference of large sums. x: EXPOSURE_SHARE pixels per workgroup.
+// Sums <I, T>, <I, I> and <T, T> over image I and target T after 2 x 2 averaging, as pairs of float32 per workgroup.
+// Pairs are necessary because the squared error s^2 <I, I> - 2 s <I, T> + <T, T> is a small difference of large sums.
+// In x, each workgroup takes EXPOSURE_SHARE pixels.
 
 layout(local_size_x = SUM_WIDTH) in;
 layout(std430, binding = 0) readonly buffer Image { float image[]; };

@@ -3,10 +3,11 @@
 #include "trig.glsl"
 #include "pair.glsl"
 
-// transfer[j][k] *= exp(i 2 pi E), E = sum c_ij u^i v^j turns about the pupil's centre. x: column, y: row (strided).
+// transfer[j][k] *= exp(i 2 pi E), with E = sum c_ij u^i v^j in turns about the center of the pupil. x is the column, y
+// the row (strided).
 
 layout(local_size_x = WIDTH) in;
-// Pairs (high, low): the first place (u, v), the step (u, v), the coefficients by i and then j.
+// Pairs (high, low) of the first place (u, v), of the step (u, v), and of the coefficients by i and then j.
 layout(std430, binding = 0) readonly buffer Terms { vec2 terms[]; };
 layout(std430, binding = 1) readonly buffer Spans { uvec2 spans[]; };
 layout(std430, binding = 2) buffer Transfer { vec2 transfer[]; };
@@ -23,7 +24,7 @@ void main() {
         if (k < span.x || k >= span.y) continue;
         vec2 v = pair_add(terms[1], pair_multiply(pair_of(j), terms[3]));
         vec2 sum = vec2(0.0);
-        // From the last coefficient to the first.
+        // The sum goes from the last coefficient to the first.
         uint at = 4 + (degree + 1) * (degree + 2) / 2;
         for (uint i = 0; i <= degree; ++i) {
             vec2 row = vec2(0.0);

@@ -1,16 +1,17 @@
-// Transforms of a b values in registers, forward, natural order in, order of `place` out.
+// Forward transforms of `a` times `b` values in registers. The input is in natural order, the output in the order of
+// `place`.
 //
-// A register holds two complex numbers, (re, im, re, im), of two columns or of two neighbouring butterflies: memory is
-// read and written 16 bytes at a time, which software devices, for which each access has a fixed price, thank most.
-// All sizes come from specialisation constants, so that all loops unroll and all indices of v are known when the
-// pipeline is made.
+// A register holds two complex numbers, (re, im, re, im), of two columns or of two neighboring butterflies. Memory is
+// therefore accessed 16 bytes at a time. This helps software devices most, because each of their accesses has a fixed
+// cost. All sizes are specialization constants. The compiler of the pipeline therefore unrolls all loops and knows all
+// indices of v.
 
 #extension GL_EXT_control_flow_attributes : require
 #include "constants.glsl"
 
 vec4 v[2 * FFT_LARGEST_RADIX];
 
-// Times -i.
+// Multiplies by -i.
 vec4 quarter(vec4 a) { return vec4(a.y, -a.x, a.w, -a.z); }
 
 // Products of complex numbers, pair by pair.
@@ -19,7 +20,8 @@ vec4 times(vec4 a, vec4 w) {
 }
 vec4 times(vec4 a, vec2 w) { return times(a, w.xyxy); }
 
-// exp(-i 2 pi m / n) of constants: the compiler does the sums. The angle is within pi / 4, as exact as float32 has it.
+// Returns exp(-i 2 pi m / n) of constants, which the compiler computes. The angle is within pi / 4, and the result has
+// the precision of float32.
 vec2 turn(uint m, uint n) {
     uint eighths = 8u * (m % n);
     uint octant = eighths / n, rest = eighths % n;
@@ -37,7 +39,7 @@ vec2 turn(uint m, uint n) {
     return vec2(z.x, -z.y);
 }
 
-// In what follows: values at v[a], v[a + d], v[a + 2 d], ..., in place, outputs in order.
+// The functions below transform values at v[a], v[a + d], v[a + 2 d], ... in place. Outputs are in order.
 
 void dft2(uint a, uint d) {
     vec4 x = v[a], y = v[a + d];
@@ -83,7 +85,7 @@ void dft8(uint a, uint d) {
     }
 }
 
-// Odd primes: X[k], X[p - k] = x[0] + sum cos (x[j] + x[p - j]) -+ i sum sin (x[j] - x[p - j]).
+// For odd primes, X[k], X[p - k] = x[0] + sum cos (x[j] + x[p - j]) -+ i sum sin (x[j] - x[p - j]).
 void dft_odd(uint p, uint a, uint d) {
     vec4 t[6], u[6], first = v[a], sum = v[a];
     [[unroll]] for (uint j = 1u; j <= p / 2u; j++) {
@@ -127,11 +129,11 @@ void butterfly(uint a, uint b, uint at) {
     }
 }
 
-// The second power of w that tables hold beside w, for a radix.
+// Returns the second power of w that tables hold next to w, for a radix.
 uint table_power(uint radix) { return radix <= 4u ? 2u : 4u; }
 
-// v[at + k] times w^k, from w and its power: one access to the table instead of one a value, at the price of products
-// of at most four factors.
+// Multiplies v[at + k] by w^k, from w and its power. This needs one access to the table instead of one per value. The
+// powers are products of at most four factors.
 void twist(uint at, uint radix, vec4 w, vec4 w_power) {
     uint power = table_power(radix);
     vec4 low[4];

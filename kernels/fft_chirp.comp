@@ -4,22 +4,24 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// Around the inner transforms of Bluestein's algorithm (1970): a transform of any length n is a convolution with a
-// chirp, done by transforms of a length m >= 2 n - 1. Columns: x is the column, y the element. Rows: x is the element,
-// y the row. z: frame. The work lies compact: lines of m elements, without those lines that are not wanted. It is in
-// float32 whatever the data are in: a convolution reaches far beyond what it begins and ends with.
+// Computes the products around the inner transforms of Bluestein's algorithm (1970). A transform of any length n is a
+// convolution with a chirp, computed by transforms of a length m >= 2 n - 1. For columns, x is the column and y the
+// element. For rows, x is the element and y the row. z is the frame. The work buffer is compact. It has lines of m
+// elements, and leaves out lines that are not requested. It is in float32 for any type of data, because a convolution
+// has intermediate values far beyond its input and output.
 
 layout(local_size_x = CHIRP_WIDTH, local_size_y = CHIRP_HEIGHT) in;
 MAY_ALIAS layout(std430, binding = 0) buffer Data { COMPLEX data[]; };
 MAY_ALIAS layout(std430, binding = 1) buffer Work { vec2 work[]; };
-// Chirp exp(-i pi k^2 / n), or the transform of its inverse.
+// The chirp exp(-i pi k^2 / n), or the transform of its inverse.
 layout(std430, binding = 2) readonly buffer Table { vec2 table[]; };
 layout(push_constant) uniform Args {
-    // CHIRP_BEGIN: work = data chirp, and zeros. CHIRP_FILTER: work = work filter. CHIRP_END: data = work chirp.
+    // CHIRP_BEGIN computes work = data chirp, and zeros. CHIRP_FILTER computes work = work filter. CHIRP_END computes
+    // data = work chirp.
     uint mode;
     uint n, m;
     uint inverse, rows;
-    // Lines: the first one, how many, and columns before they wrap.
+    // First line, number of lines, and number of columns before they wrap.
     uint first, count, wrap;
     uint data_row, data_frame, work_row, work_frame;
 };

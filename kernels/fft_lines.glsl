@@ -1,20 +1,22 @@
-// Transforms of whole lines: rows, or columns two by two. Each value is fetched once and put once, by functions of the shader
-// that includes this; between the stages values pass through shared memory.
-// Rows: THREADS invocations (x) a row, LINES rows (y) a workgroup. With PAIR, an invocation works on neighbouring
-// butterflies two by two: n / radix is even for all stages, and so is the first radix.
-// Columns: LINES neighbouring pairs of columns (x), THREADS invocations (y) a pair; PAIR is 1.
+// Transforms whole lines, which are rows or pairs of columns. Functions of the including shader fetch each value once
+// and put it once. Between the stages values pass through shared memory.
+// For rows, a workgroup has THREADS invocations (x) per row and LINES rows (y). With PAIR, an invocation takes
+// neighboring butterflies in pairs. This requires that n / radix is even for all stages, and that the first radix is
+// even.
+// For columns, a workgroup has LINES neighboring pairs of columns (x) and THREADS invocations (y) per pair. PAIR is 1.
 //
-// A shader may define COLUMNS; AREAS, the lines in shared memory where they are not those of the workgroup; and, of ways in
-// which it transforms, FROM_SHARED and TO_SHARED: those whose values are fetched from shared memory, or put there.
+// A shader may define COLUMNS. It may define AREAS, the number of lines in shared memory, if this is not the number of
+// lines of the workgroup. The argument `way` selects one of a shader's transforms. FROM_SHARED(way) is true if the
+// shader fetches its values from shared memory, TO_SHARED(way) if it puts them there.
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 layout(constant_id = 0) const uint X = 64;
 layout(constant_id = 1) const uint Y = 1;
 layout(constant_id = 2) const uint PAIR = 1;
 layout(constant_id = 3) const uint STAGES = 3;
-// Slots of a row or of a pair of columns in shared memory, those left free included.
+// Slots of a row or of a pair of columns in shared memory, with the free slots.
 layout(constant_id = 4) const uint SLOTS = 1089;
-// Stage i: radix A B; each invocation takes up to C of its butterflies (or pairs).
+// Stage i has the radix A B. Each invocation takes up to C of its butterflies (or pairs).
 layout(constant_id = 5) const uint A0 = 4;
 layout(constant_id = 6) const uint B0 = 4;
 layout(constant_id = 7) const uint C0 = 1;
@@ -42,22 +44,24 @@ const uint LINES = COLUMNS == 1u ? X : Y;
 #define FROM_SHARED(way) false
 #define TO_SHARED(way) false
 #endif
-// Butterflies of a line that an invocation works on side by side.
+// Butterflies of a line that an invocation computes side by side.
 const uint BESIDE = COLUMNS == 1u ? 1u : 1u + PAIR;
 
 #include "fft_butterfly.glsl"
 
-// As in fft_pass.comp, one stage after the other.
+// Twiddles as in fft_pass.comp, one stage after the other.
 layout(std430, binding = 1) readonly buffer Twiddles { vec4 twiddles[]; };
 
 shared vec4 shared4[PAIR == 1u ? AREAS * SLOTS : 1u];
 shared vec2 shared2[PAIR == 1u ? 1u : AREAS * SLOTS];
 
-// Points of a line; whether this invocation's line is one; of rows, which of those in shared memory it is.
+// `n` is the number of points of a line, and `area` is the index of a row in shared memory. `present` is true if this
+// invocation's line exists.
 uint n, area;
 bool present;
 
-// Of a line, value i: with PAIR, of rows with its neighbour, and of columns with its neighbour in the next column.
+// Fetch and put value i of a line. With PAIR, they include the next value of a row, or the same value of the next
+// column.
 vec4 fetch4(uint way, uint i);
 vec2 fetch2(uint way, uint i);
 void put4(uint way, uint i, vec4 z);
@@ -65,21 +69,21 @@ void put2(uint way, uint i, vec2 z);
 
 uint thread() { return COLUMNS == 1u ? gl_LocalInvocationID.y : gl_LocalInvocationID.x; }
 
-// One slot in FFT_FREE_SLOT + 1 is free: invocations that write a radix apart meet different banks. Those of a row lie side
-// by side, those of a pair of columns beside its neighbours'.
+// One slot in FFT_FREE_SLOT + 1 is free, so that invocations that write a radix apart use different banks. The slots of
+// a row are contiguous. The slots of a pair of columns alternate with the slots of its neighbors.
 uint slot(uint i) {
     uint at = i + i / FFT_FREE_SLOT;
     return COLUMNS == 1u ? at * LINES + gl_LocalInvocationID.x : area * SLOTS + at;
 }
 
-// Which pair of shared memory a value is in, or its half.
+// Returns the index of the pair in shared memory that contains value i.
 uint unit(uint i) { return COLUMNS == 1u ? i : i / 2u; }
 
 void swap_parts(uint at, uint count) {
     [[unroll]] for (uint k = 0u; k < count; k++) v[at + k] = v[at + k].yxwz;
 }
 
-// s: product of the radices before; table: where this stage's starts.
+// `s` is the product of the earlier radices, and `table` is the start of this stage's table.
 void stage(uint way, bool inverse, uint a, uint b, uint c, uint s, uint table, bool begin, bool end) {
     uint r = a * b, m = n / r;
     bool reads = !begin || FROM_SHARED(way), writes = !end || TO_SHARED(way);
@@ -109,7 +113,7 @@ void stage(uint way, bool inverse, uint a, uint b, uint c, uint s, uint table, b
         }
         butterfly(a, b, at);
     }
-    // All have read before any writes.
+    // All invocations must read before one writes.
     if (reads && writes) barrier();
     [[unroll]] for (uint i = 0u; i < c; i++) {
         uint j = (thread() + i * THREADS) * BESIDE, at = i * r;
@@ -139,7 +143,7 @@ void stage(uint way, bool inverse, uint a, uint b, uint c, uint s, uint table, b
     if (writes) barrier();
 }
 
-// A whole line; the inverse is the forward transform with re and im swapped.
+// Transforms a whole line. The inverse is the forward transform with re and im swapped.
 void transform(uint way, bool inverse) {
     const uint S1 = A0 * B0, S2 = S1 * A1 * B1, S3 = S2 * A2 * B2, S4 = S3 * A3 * B3;
     stage(way, inverse, A0, B0, C0, 1u, 0u, true, STAGES == 1u);
@@ -149,5 +153,5 @@ void transform(uint way, bool inverse) {
     if (STAGES > 4u) stage(way, inverse, A4, B4, C4, S4, S1 + S2 + S3, false, true);
 }
 
-// Whether column i is one of `count` from `first` on, of n that wrap.
+// Returns true if column i is one of `count` columns from `first` on, of n that wrap.
 bool in_use(uint i, uint first, uint count) { return (i >= first ? i - first : i + n - first) < count; }

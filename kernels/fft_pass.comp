@@ -1,16 +1,16 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// One pass of a Stockham transform through global memory: each invocation transforms A B values that stand n / (A B)
-// apart, of two neighbouring columns (or, in rows, of two neighbouring butterflies) where PAIR is 1.
-// Columns: x is the column, y the butterfly. Rows: x is the butterfly, y the row. z: frame.
+// One pass of a Stockham transform through global memory. Each invocation transforms A B values that are n / (A B)
+// apart. If PAIR is 1, it does so for two neighboring columns (or, in rows, two neighboring butterflies). For columns,
+// x is the column and y the butterfly. For rows, x is the butterfly and y the row. z is the frame.
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 layout(constant_id = 2) const uint A = 4;
 layout(constant_id = 3) const uint B = 4;
 layout(constant_id = 4) const uint PAIR = 1;
 layout(constant_id = 5) const uint ROWS = 0;
-// 1: no pass came before, so nothing is to be twisted.
+// 1 if this is the first pass, so no value needs a twiddle factor.
 layout(constant_id = 6) const uint FIRST = 0;
 const uint R = A * B;
 
@@ -25,15 +25,15 @@ MAY_ALIAS layout(std430, binding = 1) writeonly buffer To4 { COMPLEX2 to4[]; };
 // (w, w^power) of exp(-i 2 pi j / (s R)), j < s, from `table` on.
 layout(std430, binding = 2) readonly buffer Twiddles { vec4 twiddles[]; };
 layout(push_constant) uniform Args {
-    // Length, product of the radices before, its inverse, where the table starts.
+    // Length, product of the earlier radices, its inverse, and start of the table.
     uint n, s;
     float inverse_s;
     uint table;
-    // Whether re and im swap places, which makes it the inverse; columns or rows.
+    // If `inverse` is 1, re and im swap places, which gives the inverse. `count` is the number of columns or rows.
     uint inverse, count;
-    // First column, and how many there are before they wrap.
+    // First column, and the number of columns before they wrap.
     uint first, wrap;
-    // Values from row to row, from frame to frame.
+    // Number of values from row to row, and from frame to frame.
     uint row, from_frame, to_frame;
 };
 
@@ -42,7 +42,7 @@ void main() {
     uint m = n / R;
     if (x >= (ROWS == 1u ? m : count) || y >= (ROWS == 1u ? count : m)) return;
     uint j = ROWS == 1u ? x : y;
-    // j / s: exact, as the half keeps it away from integers by more than float32 rounds.
+    // This is exactly j / s, because the half keeps it farther from integers than the rounding of float32.
     uint block = FIRST == 1u ? j : uint((float(j) + 0.5) * inverse_s);
     uint rest = FIRST == 1u ? 0u : j - block * s;
     uint j_to = block * s * R + rest;
@@ -82,7 +82,7 @@ void main() {
     if (PAIR == 0u) {
         [[unroll]] for (uint k = 0u; k < R; k++) to2[to + k * k_to] = STORE(v[place(k, A, B)].xy);
     } else if (ROWS == 1u && FIRST == 1u) {
-        // Outputs of one butterfly are neighbours, those of neighbouring ones are not.
+        // Outputs of one butterfly are neighbors, but outputs of neighboring butterflies are not.
         [[unroll]] for (uint k = 0u; k < R; k += 2u) {
             vec4 a = v[place(k, A, B)], b = v[place(k + 1u, A, B)];
             to4[(to + k) / 2u] = STORE2(vec4(a.xy, b.xy));

@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// Transforms whole rows or whole columns, in place. Of rows, columns that are not in use are neither written on the way
-// forward nor read on the way back, where they are zero.
+// Transforms whole rows or whole columns, in place. Rows skip columns that are not in use. The forward transform does
+// not write them, and the inverse takes them as zero.
 
 #include "alias.glsl"
 #include "half.glsl"
@@ -11,12 +11,13 @@
 MAY_ALIAS layout(std430, binding = 0) buffer Data2 { COMPLEX data2[]; };
 MAY_ALIAS layout(std430, binding = 0) buffer Data4 { COMPLEX2 data4[]; };
 layout(push_constant) uniform Args {
-    // Length; rows of a frame and rows in all, or columns and how many there are before they wrap.
+    // `points` is the length. `count` and `all` are the rows of a frame and of all frames, or the number of columns and
+    // the number before they wrap.
     uint points, count, all;
     uint inverse;
-    // Values from row to row, from frame to frame.
+    // Number of values from row to row, and from frame to frame.
     uint row, frame;
-    // First column, and how many are in use.
+    // First column, and the number of columns in use.
     uint first, used;
 };
 
@@ -24,7 +25,7 @@ uint origin;
 
 bool skipped(uint i, uint on_the_way) { return COLUMNS == 0u && inverse == on_the_way && !in_use(i, first, used); }
 
-// Where the pair with value i is.
+// Returns the index of the pair with value i.
 uint place2(uint i) { return COLUMNS == 1u ? origin + i * (row / 2u) : (origin + i) / 2u; }
 
 vec4 fetch4(uint way, uint i) { return skipped(i, 1u) ? vec4(0.0) : LOAD2(data4[place2(i)]); }

@@ -1,5 +1,5 @@
-// What lights the SLM, by `value_at`, and the rows of the field's transform: of the rows' spectra the columns in use out. Bound to a
-// shader's arguments.
+// Fuses the light on the SLM, which `value_at` returns, with the rows of the field's transform. It stores the columns
+// in use of the rows' spectra. It uses arguments of the including shader.
 
 #include "fft_lines.glsl"
 
@@ -7,22 +7,23 @@ MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field2 { COMPLEX field2[]
 MAY_ALIAS layout(std430, binding = 2) writeonly buffer Field4 { COMPLEX2 field4[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
-    // Columns in use, and rows in all.
+    // Columns in use, and the number of all rows.
     uint first, used, all;
     float scale;
-    // Values from one frame to the next: of what lights the SLM, and of the field.
+    // Number of values from one frame to the next, in the input of `value_at` and in the field.
     uint lit_stride, field_stride;
 };
 
-// The field of a pixel of the sub-frame that starts at `base`.
+// Returns the field of a pixel of the sub-frame that starts at `base`.
 vec2 value_at(uint base, uint pixel);
 
-// Where the row's sub-frame starts, its first pixel there, and its first value; whether it is one of the SLM's.
+// Start of the row's sub-frame, the row's first pixel in it, and the row's first value. `lit` is true for rows of the
+// SLM.
 uint base, from, origin;
 bool lit;
 
 vec2 fetch2(uint way, uint i) {
-    // Unsigned: what lies left of the SLM wraps to something large.
+    // The difference is unsigned, so columns left of the SLM wrap to large values.
     return lit && i - left < width ? value_at(base, from + (i - left)) : vec2(0.0);
 }
 vec4 fetch4(uint way, uint i) { return vec4(fetch2(way, i), fetch2(way, i + 1u)); }

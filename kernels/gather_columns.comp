@@ -1,14 +1,16 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// What all pupils ask of a column of the spectrum, and its inverse transform: `overlap`, `pupil_adjoint` pupil by pupil,
-// `divide_by_overlap` and the columns of the change's transform. x: pairs of columns, y: frame.
+// Gathers the changes that all pupils request for a column of the spectrum, and transforms it back. It fuses `overlap`,
+// `pupil_adjoint` of each pupil, `divide_by_overlap` and the columns of the change's transform. x is the pair of
+// columns, y the frame.
 
-// Whether it ends here, with the transform; else what the pupils of this group ask for is all that is added.
+// 1 if this dispatch ends with the division and the transform. Otherwise it only adds the requests of this group of
+// pupils.
 layout(constant_id = 21) const uint LAST = 1;
 
 #define COLUMNS 1u
-// Gathered first: a loop inside of the stages would keep their registers from being registers.
+// Values are gathered before the transform. A loop inside the stages would keep `v` out of registers.
 #define FROM_SHARED(way) true
 #define TO_SHARED(way) false
 #include "half.glsl"
@@ -21,24 +23,27 @@ layout(std430, binding = 4) readonly buffer Spans { uvec2 spans[]; };
 #define PUPILS 5
 #include "pupils.glsl"
 #ifdef HALF
-// As `check_finite` leaves it: whether what is stored is infinite or NaN. What comes of it behind here is stored nowhere.
+// Set as by `check_finite` if a stored value is infinite or NaN. The check is here because no later kernel stores the
+// values that follow from it.
 layout(std430, binding = 6) buffer NotFinite { uint found[]; };
-bool overflows(uvec2 z) { return any(equal(z & 0x7c00u, uvec2(0x7c00u))) || any(equal(z & 0x7c000000u, uvec2(0x7c000000u))); }
+bool overflows(uvec2 z) {
+    return any(equal(z & 0x7c00u, uvec2(0x7c00u))) || any(equal(z & 0x7c000000u, uvec2(0x7c000000u)));
+}
 #endif
 layout(push_constant) uniform Args {
     uint grid_height, grid_width;
-    // Columns in use, of those that wrap.
+    // First column in use, which wraps, and the number of columns in use.
     uint first, used;
-    // Pupils in all, and those of this group.
+    // Number of all pupils, and the range of this group.
     uint count, begin, end;
-    // Whether groups before have left something.
+    // 1 if earlier groups have stored sums.
     uint adds;
     float power;
     uint change_stride, frame;
 };
 
 uint column;
-// Pupils that have one of the columns, 32 by 32.
+// Bits of the pupils that have one of the columns, 32 pupils per component.
 uvec2 touched;
 
 uint place2(uint y) { return (gl_WorkGroupID.y * change_stride + y * grid_width + column) / 2u; }
@@ -46,7 +51,8 @@ uint place2(uint y) { return (gl_WorkGroupID.y * change_stride + y * grid_width 
 uint from(uint start, uint at, uint size) { return at >= start ? at - start : at + size - start; }
 
 vec2 returned(Pupil p, uint at) {
-    vec2 v = LOAD(windows[p.window + (frame + gl_WorkGroupID.y) * p.window_stride + at]) * p.back_scale, t = transfers[p.transfer + at];
+    vec2 v = LOAD(windows[p.window + (frame + gl_WorkGroupID.y) * p.window_stride + at]) * p.back_scale,
+         t = transfers[p.transfer + at];
     return vec2(v.x * t.x + v.y * t.y, v.y * t.x - v.x * t.y);
 }
 

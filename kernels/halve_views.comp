@@ -2,12 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// A level of the views from the finer one, by separable weights, periodic. x: words of two values, y: view.
+// Computes a level of the views from the finer level, by separable weights, periodic. x is the word of two values, y
+// the view.
 
 layout(local_size_x = WIDTH) in;
-// Two u16 in a word, the first one low.
+// Two u16 per word, with the first one in the low bits.
 layout(std430, binding = 0) readonly buffer Finer { uint finer[]; };
-// For each axis `first` per output sample, then the bits of `weights`, `taps` per output sample.
+// For each axis, `first` per output sample, then the bits of `weights`, `taps` per output sample.
 layout(std430, binding = 1) readonly buffer Tables { uint table[]; };
 layout(std430, binding = 2) writeonly buffer Views { uint views[]; };
 

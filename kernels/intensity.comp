@@ -3,7 +3,7 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// image (+)= gain * sum over frames |window|^2. x: pixel (strided).
+// image (+)= gain * sum over frames |window|^2. x is the pixel (strided).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Window { COMPLEX window[]; };
@@ -12,7 +12,7 @@ layout(push_constant) uniform Args {
     uint count, frames;
     float gain;
     uint accumulate;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint window_stride;
 };
 

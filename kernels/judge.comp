@@ -2,11 +2,11 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// Where a sum of the loss is no finite number, or one was since the verdict was cleared, what is dispatched by `groups`
-// has no workgroups: phases stay as they are. One workgroup.
+// If a sum of the loss is not finite, or was not since the verdict was cleared, this sets the workgroups of the
+// dispatches in `groups` to 0. The phases then stay as they are. There is one workgroup.
 
 layout(local_size_x = SUM_WIDTH) in;
-// Bits of float32; the first says whether `check_finite` found something.
+// Bits of float32. The first value is not 0 if `check_finite` found a fault.
 layout(std430, binding = 0) readonly buffer Losses { uint losses[]; };
 layout(std430, binding = 1) buffer Verdict { uint verdict; };
 layout(std430, binding = 2) buffer Groups { uint groups[]; };

@@ -1,12 +1,13 @@
-// First-order lag over the sub-frames of a set that repeats; with BACK transposed. x: pixel (strided).
+// Applies the first-order lag over the sub-frames of a repeating set. With BACK it is the transpose. x is the pixel
+// (strided).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) buffer Wave { DRIVES wave[]; };
 layout(push_constant) uniform Args {
     uint count, frames;
-    // (1 - h) / (1 - h^frames), and h.
+    // The factor (1 - h) / (1 - h^frames), and h.
     float settled, lag;
-    // Values from one sub-frame to the next.
+    // Number of values from one sub-frame to the next.
     uint stride;
 };
 

@@ -4,8 +4,8 @@
 #include "trig.glsl"
 #include "drives.glsl"
 
-// field = scale (amplitude exp(i W) + rest) mask on the mask's pixels, zero around them. x: column of the grid, y: row (strided), z:
-// sub-frame.
+// field = scale (amplitude exp(i W) + rest) mask on the mask's pixels, zero around them. x is the column of the grid, y
+// the row (strided) and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Wave { DRIVES wave[]; };
@@ -18,7 +18,7 @@ layout(push_constant) uniform Args {
     uint factor, here;
     vec4 cover;
     float scale;
-    // Values from one to the next.
+    // Number of values from one sub-frame to the next.
     uint wave_stride, field_stride;
 };
 
@@ -28,7 +28,7 @@ void main() {
     uint pixels = height * width;
     for (uint y = gl_WorkGroupID.y; y < grid_height; y += gl_NumWorkGroups.y) {
         vec2 value = vec2(0.0);
-        // Unsigned: what lies above or left of the mask wraps to something large.
+        // The differences are unsigned, so pixels above or left of the mask wrap to large values.
         uint down = y - top, across = x - left;
         if (down < factor * height && across < factor * width) {
             uint row = down / factor, column = across / factor, pixel = row * width + column;

@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// `modulate` and the rows of the field's transform.
+// Fuses `modulate` with the rows of the field's transform.
 
 #define COLUMNS 0u
 #include "alias.glsl"

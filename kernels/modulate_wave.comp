@@ -4,8 +4,8 @@
 #include "trig.glsl"
 #include "drives.glsl"
 
-// field = scale (amplitude exp(i W) + rest) on the SLM, zero around it. x: column, y: row (strided), z: sub-frame, or one of
-// its sub-pixels.
+// field = scale (amplitude exp(i W) + rest) on the SLM, zero around it. x is the column, y the row (strided) and z the
+// sub-frame, or one of its sub-pixels.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Wave { DRIVES wave[]; };
@@ -15,7 +15,7 @@ layout(std430, binding = 2) writeonly buffer Field { COMPLEX field[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float scale;
-    // Values from one to the next.
+    // Number of values from one plane to the next.
     uint wave_stride, field_stride;
 };
 

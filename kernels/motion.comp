@@ -3,16 +3,17 @@
 #include "trig.glsl"
 #include "half.glsl"
 
-// window[frame] *= weight * exp(2 pi i turns), inside the sub-frame's own spans; zero outside. x: column, y: row (strided),
-// z: frame. Turns are linear in row and column; on the way back they are taken the other way round.
+// window[frame] *= weight * exp(2 pi i turns) inside the sub-frame's own spans, zero outside. x is the column, y the
+// row (strided) and z the frame. Turns are linear in row and column. On the way back their sign is reversed.
 
 layout(local_size_x = WIDTH) in;
-// Four float32 of each sub-frame (turns per row, per column, at the first bin; weight), then spans (sub-frames, rows, 2).
+// Four float32 per sub-frame (turns per row, turns per column, turns at the first bin, weight), then spans (sub-frames,
+// rows, 2).
 layout(std430, binding = 0) readonly buffer Moments { uint moments[]; };
 layout(std430, binding = 1) buffer Window { COMPLEX window[]; };
 layout(push_constant) uniform Args {
     uint rows, columns, frames, first, back;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint window_stride;
 };
 

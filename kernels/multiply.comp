@@ -3,8 +3,8 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// field = scale factor field, or with the factor's conjugate, where there are factors; scale field elsewhere. x: column, y: row
-// (strided), z: sub-frame.
+// Multiplies the field by `scale`, and also by the factor (or its conjugate) at points that have one. x is the column,
+// y the row (strided) and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) buffer Field { COMPLEX field[]; };
@@ -14,9 +14,9 @@ layout(push_constant) uniform Args {
     uint rows, columns, grid_height, grid_width, top, left;
     uint conjugate;
     float scale;
-    // Whether the factors are the transfer's.
+    // 1 if the factors are from the transfer, 0 if they are from the mask.
     uint propagates;
-    // Values from one to the next.
+    // Number of values from one sub-frame to the next.
     uint field_stride;
 };
 
@@ -26,7 +26,7 @@ void main() {
     for (uint y = gl_WorkGroupID.y; y < grid_height; y += gl_NumWorkGroups.y) {
         uint at = frame * field_stride + y * grid_width + x;
         vec2 z = scale * LOAD(field[at]);
-        // Unsigned: what lies above or left of the factors wraps to something large.
+        // The differences are unsigned, so points above or left of the factors wrap to large values.
         if (y - top < rows && x - left < columns) {
             uint i = (y - top) * columns + (x - left);
             vec2 f = propagates != 0u ? transfer[i] : mask[i];

@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// hits += scale inside the spans: what share of a pupil's light its mode has. x: column, y: row (strided).
+// hits += scale inside the spans. `scale` is the share of a pupil's light in its mode. x is the column, y the row
+// (strided).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spans { uvec2 spans[]; };

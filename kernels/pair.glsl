@@ -1,14 +1,14 @@
-// Numbers as unevaluated sums of two float32 (high, low): 48 bits without float64 (Dekker 1971, Knuth).
-// Everything is `precise`: a fused or reordered operation would lose the low part.
+// Numbers as unevaluated sums of two float32 (high, low). They have 48 bits without float64 (Dekker 1971, Knuth). All
+// values are `precise`, because a fused or reordered operation would lose the low part.
 
-// a + b exactly, |a| >= |b|.
+// Returns a + b exactly, for |a| >= |b|.
 vec2 pair_ordered_sum(float a, float b) {
     precise float s = a + b;
     precise float e = b - (s - a);
     return vec2(s, e);
 }
 
-// a + b exactly.
+// Returns a + b exactly.
 vec2 pair_sum(float a, float b) {
     precise float s = a + b;
     precise float v = s - a;
@@ -16,7 +16,7 @@ vec2 pair_sum(float a, float b) {
     return vec2(s, e);
 }
 
-// In two halves of 12 bits.
+// Splits a number into two halves of 12 bits.
 vec2 pair_split(float a) {
     precise float t = 4097.0 * a;
     precise float high = t - (t - a);
@@ -24,7 +24,7 @@ vec2 pair_split(float a) {
     return vec2(high, low);
 }
 
-// a b exactly, while nothing underflows.
+// Returns a b exactly, if nothing underflows.
 vec2 pair_product(float a, float b) {
     precise float p = a * b;
     vec2 x = pair_split(a), y = pair_split(b);
@@ -44,7 +44,7 @@ vec2 pair_multiply(vec2 a, vec2 b) {
     return pair_ordered_sum(p.x, e);
 }
 
-// a / b: one float32 quotient, corrected by its remainder.
+// Returns a / b as one float32 quotient, corrected by its remainder.
 vec2 pair_divide(vec2 a, vec2 b) {
     precise float q = a.x / b.x;
     vec2 p = pair_multiply(vec2(q, 0.0), b);
@@ -53,7 +53,7 @@ vec2 pair_divide(vec2 a, vec2 b) {
     return pair_ordered_sum(q, correction);
 }
 
-// The root of a >= 0: one float32 root, one step of Newton.
+// Returns the root of a >= 0 as one float32 root and one step of Newton.
 vec2 pair_root(vec2 a) {
     precise float r = sqrt(max(a.x, 0.0));
     if (r == 0.0) return vec2(0.0);
@@ -62,7 +62,7 @@ vec2 pair_root(vec2 a) {
     return pair_ordered_sum(r, correction);
 }
 
-// An integer, exactly.
+// Represents an integer exactly.
 vec2 pair_of(uint n) {
     return pair_ordered_sum(float(n & 0xfffff000u), float(n & 0xfffu));
 }

@@ -1,8 +1,9 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// `pass_pupil` and the columns of the window's inverse transform, of pupils whose windows have equally many rows: of the
-// spectrum the bins that pass in, the window's columns in use out. x: pairs of columns, y: frame, z: pupil.
+// Fuses `pass_pupil` with the columns of the window's inverse transform. It reads the bins of the spectrum that pass,
+// and stores the columns of the window that are in use. All pupils have windows with the same number of rows. x is the
+// pair of columns, y the frame and z the pupil.
 
 #define COLUMNS 1u
 #include "half.glsl"
@@ -16,15 +17,15 @@ layout(std430, binding = 4) writeonly buffer Window { COMPLEX2 window[]; };
 #include "pupils.glsl"
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, rows;
-    // Values from one frame to the next; where what is bound starts, in values.
+    // Number of values from one frame to the next, and the first value of each bound range.
     uint spectrum_stride, transfer_base, window_base;
     uint members[BATCH];
 };
 
 uint pupil;
-// The pair's first column, in the window and in the grid, and the one beside that.
+// First column of the pair, in the window and in the grid, and the next column in the grid.
 uint column, x, beside;
-// Where the window starts, and its propagation kernel.
+// Start of the window, and of its propagation kernel.
 uint to, kernel;
 
 vec2 passed(uint at, vec2 t) {
@@ -51,7 +52,7 @@ void put2(uint way, uint i, vec2 z) {}
 void main() {
     n = rows;
     pupil = members[gl_WorkGroupID.z];
-    // Windows of fewer columns in use.
+    // Some windows have fewer columns in use.
     if (2u * gl_WorkGroupID.x * LINES >= pupils[pupil].used) return;
     uint pair = gl_WorkGroupID.x * LINES + gl_LocalInvocationID.x;
     present = 2u * pair < pupils[pupil].used;

@@ -3,7 +3,8 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// window = scale * spectrum * transfer inside the spans, zero outside. x: column, y: row (strided), z: frame.
+// window = scale * spectrum * transfer inside the spans, zero outside. x is the column, y the row (strided) and z the
+// frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spectrum { COMPLEX spectrum[]; };
@@ -13,7 +14,7 @@ layout(std430, binding = 3) writeonly buffer Window { COMPLEX window[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns;
     float scale;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint spectrum_stride, window_stride;
 };
 

@@ -4,8 +4,8 @@
 #include "trig.glsl"
 #include "drives.glsl"
 
-// wave = Im(sum change conj(mask) conj(amplitude exp(i wave))) over the mask's pixels of each of the SLM's. x: column of the SLM, y:
-// row (strided), z: sub-frame.
+// wave = Im(sum change conj(mask) conj(amplitude exp(i wave))). The sum is over the mask pixels of each pixel of the
+// SLM. x is the column of the SLM, y the row (strided) and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
 // Level, amplitude, real and imaginary part of the rest.
@@ -17,7 +17,7 @@ layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     uint factor, here;
     vec4 cover;
-    // Values from one to the next.
+    // Number of values from one sub-frame to the next.
     uint change_stride, wave_stride;
 };
 

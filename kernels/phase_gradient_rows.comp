@@ -1,7 +1,7 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// The rows of the change's inverse transform and `phase_gradient`, of one sub-pixel.
+// Fuses the rows of the change's inverse transform with `phase_gradient`, of one sub-pixel.
 
 #define COLUMNS 0u
 #include "alias.glsl"

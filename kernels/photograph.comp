@@ -3,8 +3,8 @@
 #include "constants.glsl"
 
 // accumulator (+)= sum over taps of weight * (view moved down by dy + fy and right by dx + fx), bilinear and periodic.
-// x: column, y: PHOTOGRAPH_STRIP rows (strided), z: pupil. Taps with the same (dy, fy) stand together: their rows are added up first,
-// and each sum serves two rows of the result.
+// Taps with the same (dy, fy) are neighbors. Their rows are added first, and each sum serves two rows of the result. x
+// is the column, y a strip of PHOTOGRAPH_STRIP rows (strided) and z the pupil.
 
 struct Tap {
     uint view;
@@ -13,25 +13,25 @@ struct Tap {
     float fy, fx;
 };
 
-// What a pupil has of one block of views.
+// Part of a pupil's sum that is over one block of views.
 struct Shot {
     uint height, width, begin, end;
     float scale;
     uint accumulate;
-    // Where the level starts in the block, and from one view to the next, u16 values; where the accumulator starts.
+    // Start of the level in the block and stride of its views, in u16 values, and start of the accumulator.
     uint views, view_stride, accumulator;
 };
 
 layout(local_size_x = WIDTH) in;
-// Two u16 in a word, the first one low.
+// Two u16 per word, with the first one in the low bits.
 layout(std430, binding = 0) readonly buffer Views { uint views[]; };
 layout(std430, binding = 1) readonly buffer Taps { Tap taps[]; };
 layout(std430, binding = 2) buffer Accumulator { float accumulator[]; };
 layout(std430, binding = 3) readonly buffer Shots { Shot shots[]; };
 layout(push_constant) uniform Args {
-    // The first shot of the dispatch; where what is bound starts, in values.
+    // The first shot of the dispatch, and the first value of the bound range.
     uint first, accumulator_base;
-    // Rows of each pupil that are this dispatch's.
+    // Rows of each pupil that this dispatch computes.
     uint top_row, end_row;
 };
 
@@ -50,7 +50,7 @@ void main() {
         for (uint i = shot.begin; i < shot.end;) {
             uint dy = taps[i].dy % height;
             float fy = taps[i].fy;
-            // The row above the strip comes first; a view smaller than the strip comes round again.
+            // The first line is the row above the strip. If a view is smaller than the strip, its rows repeat.
             float lines[PHOTOGRAPH_STRIP + 1];
             for (uint r = 0; r <= PHOTOGRAPH_STRIP; ++r) lines[r] = 0.0;
             uint top = (y + height - dy + height - 1) % height;

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// A packed video frame as a display takes it: pixel = (r, g, b, 255), or (b, g, r, 255); grey has r = g = b.
-// x: column (64 invocations), y: row (strided).
+// Unpacks a video frame for a display. A pixel is (r, g, b, 255), or (b, g, r, 255), and gray has r = g = b. x is the
+// column (64 invocations), y the row (strided).
 
 layout(local_size_x = WIDTH) in;
 // Rows of `row` bytes, a multiple of 4.

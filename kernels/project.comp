@@ -6,11 +6,12 @@
 #define ANGLES_ID 0
 #include "binary_angle.glsl"
 
-// Turns each phase by the part of the change that it can follow. x: column, y: row (strided), z: frame.
+// Moves each phase by the share of the change that a phase can follow. x is the column, y the row (strided) and z the
+// frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Change { COMPLEX change[]; };
-// The phases that made the field: the same buffer as `phases` where nothing is quantised.
+// The phases that made the field. This is the buffer `phases` itself if nothing is quantized.
 MAY_ALIAS layout(std430, binding = 1) readonly buffer Shown { uint shown[]; };
 MAY_ALIAS layout(std430, binding = 2) buffer Phases { uint phases[]; };
 layout(std430, binding = 3) buffer Velocity { uint velocity[]; };
@@ -18,7 +19,7 @@ layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float gain, momentum, bound;
     uint step_count;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint change_stride, phases_stride;
 };
 

@@ -1,9 +1,9 @@
-// Turns phases by the part of the change that they can follow: those of a shader's buffers `shown`, `phases` and `velocity`,
-// with its `gain`, `momentum`, `bound` and `step_count`.
+// Moves phases by the share of the change that they can follow. The including shader has the buffers `shown`, `phases`
+// and `velocity`, and the arguments `gain`, `momentum`, `bound` and `step_count`.
 
 #ifdef HALF
 
-// The threshold of a pixel in this step.
+// Returns the threshold of a pixel in this step.
 uint threshold(uint pixel) {
     uint x = pixel;
     x = (x ^ (x >> 16)) * 0x7feb352du;
@@ -11,7 +11,7 @@ uint threshold(uint pixel) {
     return (x ^ (x >> 16)) + step_count * 0x9e3779b9u;
 }
 
-// The angle, turned by so many radians: by whole turns, or held within 0 .. `bound` of the drive.
+// Returns the angle after a turn by `by` radians. It wraps by whole turns, or stays within 0 .. `bound` of the drive.
 uint angle_turned(uint angle, float by, uint threshold) {
     precise float turns = by * PER_TURN;
     if (bound > 0.0) {
@@ -24,7 +24,7 @@ uint angle_turned(uint angle, float by, uint threshold) {
     return (angle + uint(int(units))) & 0xffffu;
 }
 
-// The bits of a half at x or beside it.
+// Returns the bits of `x`, rounded up or down to a half as the threshold decides.
 uint velocity_bits(float x, uint threshold) {
     x = clamp(x, -65504.0, 65504.0);
     uint bits = floatBitsToUint(x), size = bits & 0x7fffffffu;
@@ -32,7 +32,7 @@ uint velocity_bits(float x, uint threshold) {
     return min((size + (threshold & 0x1fffu) - 0x38000000u) >> 13, 0x7bffu) | ((bits >> 16) & 0x8000u);
 }
 
-// A binary angle and its velocity, pixel `at` of the sub-frame.
+// Returns a binary angle and its velocity after the step, for pixel `at` of the sub-frame.
 uvec2 angle_moved(uvec2 was, vec2 du, uint at) {
     vec2 u = cos_sin(angle_value(was.x));
     float turn = gain * (u.x * du.y - u.y * du.x);
@@ -43,12 +43,12 @@ uvec2 angle_moved(uvec2 was, vec2 du, uint at) {
 
 #endif
 
-// Pixel `at` of the sub-frame that starts at `base`.
+// Moves pixel `at` of the sub-frame that starts at `base`.
 void move(uint base, uint at, vec2 du) {
     uint i = base + at;
 #ifdef HALF
     if (ANGLES == 1u) {
-        // The other half of the word may be another invocation's.
+        // The other half of the word may belong to another invocation.
         uint word = i / 2u, shift = 16u * (i & 1u);
         uvec2 was = (uvec2(phases[word], velocity[word]) >> shift) & 0xffffu;
         uvec2 differs = (was ^ angle_moved(was, du, at)) << shift;
@@ -65,7 +65,7 @@ void move(uint base, uint at, vec2 du) {
     phases[i] = floatBitsToUint(turned(phase, momentum * v + turn, bound));
 }
 
-// And the next one.
+// Moves this pixel and the next one.
 void move_both(uint base, uint at, vec4 du) {
 #ifdef HALF
     uint i = base + at;

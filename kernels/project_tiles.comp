@@ -7,15 +7,15 @@
 #include "binary_angle.glsl"
 #include "drives.glsl"
 
-// Crosstalk along both axes and lag, transposed, `drive_adjoint` and `project`: the change of the field that they hand on is stored
-// nowhere.
+// Fuses the transposes of crosstalk along both axes and of lag with `drive_adjoint` and `project`. It does not store
+// the change of the field between them.
 
 #define BACK
 #define MORE float gain, momentum, bound; uint step_count;
 #include "tiles.glsl"
 
 layout(std430, binding = 1) readonly buffer Tables { float level[]; };
-// The phases that made the field: the same buffer as `phases` where nothing is quantised.
+// The phases that made the field. This is the buffer `phases` itself if nothing is quantized.
 MAY_ALIAS layout(std430, binding = 2) readonly buffer Shown { uint shown[]; };
 layout(std430, binding = 3) readonly buffer Wave { DRIVES wave[]; };
 MAY_ALIAS layout(std430, binding = 4) buffer Phases { uint phases[]; };
@@ -25,7 +25,7 @@ layout(std430, binding = 5) buffer Velocity { uint velocity[]; };
 
 float coming(uint frame, uint pixel) { return DRIVE_AT(wave, frame * wave_stride + pixel); }
 
-// Back through the look-up table, to the change of a field of the phases themselves.
+// Carries the gradient back through the look-up table, to the change of a field of the phases themselves.
 vec2 change(uint frame, uint pixel, float tau) {
     vec2 t = cos_sin(wrapped(PHASE_AT(shown, frame * phases_stride + pixel)));
     float turn = (level[pixel] + (bend_sin * t.x + bend_cos * t.y)) * tau;

@@ -3,8 +3,8 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// change += scale * window * conj(transfer), inside the spans. x: column, y: row (strided), z: frame.
-// A window is at most as large as the grid, so no value of `change` is met twice.
+// change += scale * window * conj(transfer), inside the spans. x is the column, y the row (strided) and z the frame. A
+// window is at most as large as the grid, so no two invocations add to the same value of `change`.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Window { COMPLEX window[]; };
@@ -14,7 +14,7 @@ layout(std430, binding = 3) buffer Change { COMPLEX change[]; };
 layout(push_constant) uniform Args {
     uint grid_height, grid_width, y0, x0, rows, columns;
     float scale;
-    // Values from one frame to the next.
+    // Number of values from one frame to the next.
     uint change_stride, window_stride;
 };
 

@@ -2,13 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// light (+)= sum over views of weight * view, on the SLM's pixels: what a pupil sees in focus. Whole numbers, so that every device
-// has the same. x: pixels (strided).
+// light (+)= sum over views of weight * view, on the SLM's pixels. This is the light that a pupil sees in focus. The
+// sums are whole numbers, so every device has the same result. x is the pixel (strided).
 
 layout(local_size_x = WIDTH) in;
-// Two u16 in a word, the first one low.
+// Two u16 per word, with the first one in the low bits.
 layout(std430, binding = 0) readonly buffer Views { uint views[]; };
-// View, weight.
+// A view and its weight.
 layout(std430, binding = 1) readonly buffer Shares { uvec2 shares[]; };
 layout(std430, binding = 2) buffer Light { uint light[]; };
 

@@ -2,7 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "trig.glsl"
 
-// shown = the level nearest to the phase, round the circle, or a share of the way to it. x: pixel (strided), z: frame.
+// shown = the level nearest to the phase, around the circle, or a share of the way to it. x is the pixel (strided), z
+// the frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Phases { float phases[]; };
@@ -11,7 +12,7 @@ layout(std430, binding = 2) writeonly buffer Shown { float shown[]; };
 layout(push_constant) uniform Args {
     uint count, levels;
     float hardness;
-    // Values from one frame to the next, of both.
+    // Number of values from one frame to the next, in both buffers.
     uint stride;
 };
 

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// transfer *= relay, inside the spans. x: column, y: row (strided).
+// transfer *= relay, inside the spans. x is the column, y the row (strided).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Relay { vec2 relay[]; };

@@ -2,17 +2,17 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// target = separable weights over the accumulator, periodic. x: column, y: row (strided), z: pupil.
+// target = separable weights over the accumulator, periodic. x is the column, y the row (strided) and z the pupil.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Input { float values[]; };
-// For each axis `first` per output sample, then the bits of `weights`, `taps` per output sample.
+// For each axis, `first` per output sample, then the bits of `weights`, `taps` per output sample.
 layout(std430, binding = 1) readonly buffer Tables { uint table[]; };
 layout(std430, binding = 2) writeonly buffer Output { float result[]; };
 #define PUPILS 3
 #include "pupils.glsl"
 layout(push_constant) uniform Args {
-    // What is bound starts there, in values.
+    // First value of each bound range.
     uint accumulator_base, pixels_base;
     uint members[BATCH];
 };

@@ -3,19 +3,21 @@
 #include "constants.glsl"
 #include "half.glsl"
 
-// Planes of sub-pixels to the field's spectrum, between the transforms: those of a row of sub-pixels to the first of them, or
-// these to the field; and transposed. x: column, y: row (strided), z: sub-frame.
+// Combines planes of sub-pixels into the spectrum of the field, between the transforms. One dispatch adds the planes of
+// a row of sub-pixels to the first of them, and another adds these to the field. Their transposes go back. x is the
+// column, y the row (strided) and z the sub-frame.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) buffer Planes { COMPLEX planes[]; };
-// Of each sub-pixel along y and all rows, then along x and all columns.
+// Factors of each sub-pixel along y for all rows, then along x for all columns.
 layout(std430, binding = 1) readonly buffer Offsets { vec2 factors[]; };
 layout(std430, binding = 2) buffer Field { COMPLEX field[]; };
 layout(push_constant) uniform Args {
     uint height, width, subpixels;
-    // Along columns, not rows; transposed.
+    // If `columns` is not 0, the axis is along columns, otherwise along rows. If `back` is not 0, this is the
+    // transpose.
     uint columns, back;
-    // Values from one to the next.
+    // Number of values from one plane, or sub-frame, to the next.
     uint planes_stride, field_stride;
 };
 

@@ -3,37 +3,38 @@
 #include "constants.glsl"
 #include "binary_angle.glsl"
 
-// First phases by a table: see table_start.rs. Whole numbers but for the last product, which is exact: every device has the same.
-// x: words of two pixels (strided), y: sub-frames (strided).
+// Looks up first phases in a table (see table_start.rs). Arithmetic is in whole numbers, except for the last product,
+// which is exact. Every device therefore has the same result. x is the word of two pixels (strided), y the sub-frame
+// (strided).
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Light { uint light[]; };
-// Of each pixel one over the light that it has, in units of 1 / 65536; anything where evenly_lit is not 0.
+// One over the light that each pixel has, in units of 1 / 65536. The shader does not read it if evenly_lit is not 0.
 layout(std430, binding = 1) readonly buffer Needs { uint needs[]; };
-// Binary angles (sub-frames, side, side, levels), two in a word.
+// Binary angles (sub-frames, side, side, levels), two per word.
 layout(std430, binding = 2) readonly buffer Table { uint table[]; };
 layout(std430, binding = 3) writeonly buffer Phases { uint phases[]; };
 
 layout(push_constant) uniform Args {
-    // The first sub-frame of the dispatch in the table, and how many it has.
+    // Sizes, the first sub-frame of the dispatch in the table, and the number of its sub-frames.
     uint height, width, side, first, frames;
-    // What brings light to levels: light * factor >> shift, in units of 1 / 65536 of a fine level.
+    // Conversion from light to levels, light * factor >> shift, in units of 1 / 65536 of a fine level.
     uint factor, shift;
     uint evenly_lit;
-    // Values from one sub-frame to the next, an even number; whether they are binary angles.
+    // Number of values from one sub-frame to the next, which is even. `angles` is not 0 if phases are binary angles.
     uint stride, angles;
 };
 
 const uint BEND = START_BEND << 16, END = ((START_LEVELS - 1) << 16) - 1;
 
-// (high, low) >> by, for by from 1 to 63, at most 2^31.
+// Returns (high, low) >> by, for `by` from 1 to 63, limited to 2^31.
 uint shifted(uint high, uint low, uint by) {
     uint shifted = by >= 32 ? high >> (by - 32) : high << (32 - by) | low >> by;
     bool is_more = by < 32 && (high >> by) != 0;
     return is_more ? 0x80000000u : min(shifted, 0x80000000u);
 }
 
-// The place of a pixel's light among the levels.
+// Returns the position of a pixel's light among the levels.
 uint place(uint i) {
     uint high, low;
     umulExtended(light[i], factor, high, low);

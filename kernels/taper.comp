@@ -2,10 +2,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// transfer[j][k] *= rows[j] * columns[k]. x: column, y: row (strided).
+// transfer[j][k] *= rows[j] * columns[k]. x is the column, y the row (strided).
 
 layout(local_size_x = WIDTH) in;
-// The weights of all rows, then those of all columns.
+// The weights of all rows, then the weights of all columns.
 layout(std430, binding = 0) readonly buffer Weights { float weights[]; };
 layout(std430, binding = 1) buffer Transfer { vec2 transfer[]; };
 layout(push_constant) uniform Args {

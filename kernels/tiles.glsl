@@ -1,10 +1,11 @@
-// Lag over the sub-frames of a set that repeats and crosstalk along both axes, of one sub-pixel, a tile of pixels at a time: what
-// lies around the tile comes with it, and no plane between the two is stored. A shader has the arguments below, and says what
-// comes in (`coming`) and what becomes of a pixel (`put`, `put_both`). With BACK transposed: lag commutes with crosstalk, so that
-// it stands first here, too.
+// Applies lag over the sub-frames of a repeating set, and crosstalk along both axes, for one sub-pixel and a tile of
+// pixels at a time. The values around the tile are computed with it, so no plane between the two is stored. The
+// including shader has the arguments below. It defines the input of a pixel (`coming`) and the use of its result
+// (`put`, `put_both`). BACK selects the transpose. Lag commutes with crosstalk, so it comes first in the transpose as
+// well.
 
 layout(local_size_x = TILE_THREADS) in;
-// Pixels that crosstalk reaches, whether there is any, and whether there is lag.
+// Reach of the crosstalk in pixels. BLURS is 1 if there is crosstalk, and LAGS is 1 if there is lag.
 layout(constant_id = 1) const uint REACH_Y = 0;
 layout(constant_id = 2) const uint REACH_X = 0;
 layout(constant_id = 3) const uint BLURS = 0;
@@ -12,33 +13,36 @@ layout(constant_id = 4) const uint LAGS = 0;
 const uint WIDE = TILE + 2u * REACH_X;
 const uint COUNT = WIDE * (TILE + 2u * REACH_Y);
 
-// Of the tile and what is around it: this sub-frame's, what lag keeps from one to the next, and sums along rows.
+// Values of the tile and its surroundings. `drives` is the current sub-frame, `states` is carried by lag from one
+// sub-frame to the next, and `blurred` holds sums along rows.
 shared float drives[COUNT];
 shared float states[LAGS * (COUNT - 1u) + 1u];
 shared float blurred[TILE * (TILE + 2u * REACH_Y)];
 
-// Along y, then along x, from the pixel `reach` before its own to that behind it; anything where nothing is blurred.
+// Weights along y, then along x, from the pixel `reach` before to the pixel `reach` after. They are not read without
+// crosstalk.
 layout(std430, binding = 0) readonly buffer Crosstalk { float weights[]; };
 layout(push_constant) uniform Args {
     uint height, width, grid_height, grid_width, top, left;
     float bend_sin, bend_cos, lag;
-    // (1 - h) / (1 - h^frames)
+    // The factor (1 - h) / (1 - h^frames).
     float settled;
-    // Values from one sub-frame to the next, of phases and of drives; the first row of tiles.
+    // Number of sub-frames, number of values from one to the next in phases and in drives, and first row of tiles.
     uint frames, phases_stride, wave_stride, first;
     MORE
 };
 
-// What a pixel of a sub-frame is driven with.
+// Returns the input of a pixel of a sub-frame.
 float coming(uint frame, uint pixel);
-// Its drive, blurred; and the next one's, which lies in the same word.
+// Receive the blurred drive of a pixel. The second function also receives the drive of the next pixel, in the same
+// word.
 void put(uint frame, uint pixel, float drive);
 void put_both(uint frame, uint pixel, vec2 drive);
 
 const uint NONE = 0xffffffffu;
 
-// The pixel at a place of the tile and its surroundings; what is beyond the grid's edge is on its other side, and around the SLM
-// there is none.
+// Returns the pixel at place i of the tile and its surroundings. The index wraps at the edge of the grid. Around the
+// SLM there is no pixel.
 uint pixel_of(uint i, uvec2 origin) {
     uint y = (origin.y + i / WIDE + top + grid_height - REACH_Y) % grid_height - top;
     uint x = (origin.x + i % WIDE + left + grid_width - REACH_X) % grid_width - left;
@@ -123,7 +127,7 @@ void main() {
     if (LAGS == 1u) settle(origin);
     for (uint n = 0u; n < frames; n++) {
         uint frame = ordered(n);
-        // Each invocation reads what it wrote of the states; the sums of the sub-frame before have been read.
+        // An invocation reads only states that it wrote. All sums of the previous sub-frame have been read here.
         barrier();
         drive(frame, origin);
         barrier();

@@ -3,9 +3,9 @@
 #include "trig.glsl"
 #include "pair.glsl"
 
-// K(q; p) on the windows of several pupils: exp(i 2 pi turns) inside the spans, zero outside. x: column, y: row (strided),
-// z: pupil.
-// The phase runs to thousands of turns: it is computed in pairs of float32 and reduced to a fraction of one turn first.
+// Computes the propagation kernel K on the windows of several pupils. It is exp(i 2 pi turns) inside the spans and zero
+// outside. x is the column, y the row (strided) and z the pupil. The phase reaches thousands of turns, so it is
+// computed in pairs of float32 and reduced to a fraction of one turn first.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Spans { uvec2 spans[]; };
@@ -13,12 +13,12 @@ layout(std430, binding = 1) writeonly buffer Transfer { vec2 transfer[]; };
 #define PUPILS 2
 #include "pupils.glsl"
 layout(push_constant) uniform Args {
-    // What is bound starts there, in values.
+    // First value of the bound range.
     uint transfer_base;
     uint members[BATCH];
 };
 
-// The square of a bin's number, below 2^16, moved by a shift.
+// Returns the square of the number of a bin, below 2^16, moved by a shift.
 vec2 square(int k, vec2 shift) {
     uint n = uint(abs(k));
     if (shift.x == 0.0) return pair_of(n * n);
@@ -39,7 +39,7 @@ void main() {
         if (k >= span.x && k < span.y) {
             vec2 a = pair_add(pair_multiply(slope_y, square(p.bin_y + int(j), shift_y)), along);
             if (a.x >= 1.0) a = vec2(1.0, 0.0);
-            // sqrt(1 - a) - 1, without the loss of digits.
+            // This form of sqrt(1 - a) - 1 loses no digits.
             vec2 root = pair_root(pair_add(vec2(1.0, 0.0), -a));
             vec2 t = pair_multiply(turns, pair_divide(a, pair_add(vec2(1.0, 0.0), root)));
             precise float part = t.x - roundEven(t.x);

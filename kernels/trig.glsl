@@ -1,8 +1,8 @@
-// Sine, cosine and wrapping of phases: the arithmetic of trig.rs. Vulkan's own sine is good to 2^-11 only.
+// Sine, cosine and wrapping of phases, with the arithmetic of trig.rs. Vulkan guarantees 2^-11 only for its own sine.
 
 #include "constants.glsl"
 
-// Cosine and sine of x radians, |x| < 10^4.
+// Returns cosine and sine of x radians, |x| < 10^4.
 vec2 cos_sin(float x) {
     precise float n = roundEven(x * TWO_OVER_PI);
     int quadrant = int(n);
@@ -14,21 +14,21 @@ vec2 cos_sin(float x) {
     return vec2(((quadrant + 1) & 2) == 0 ? turned.x : -turned.x, (quadrant & 2) == 0 ? turned.y : -turned.y);
 }
 
-// Brings a phase into -pi .. pi by whole turns, |x| < 10^4.
+// Moves a phase into -pi .. pi by whole turns, |x| < 10^4.
 float wrap(float x) {
     precise float n = roundEven(x * PER_TURN);
     precise float y = (x - n * TURN_1) - n * TURN_2;
     return y;
 }
 
-// The drive of a phase: brought into 0 .. 2 pi by whole turns, |phase| < 10^4.
+// Returns the drive of a phase, which whole turns bring into 0 .. 2 pi, |phase| < 10^4.
 float wrapped(float phase) {
     precise float n = floor(phase * PER_TURN);
     precise float w = (phase - n * TURN_1) - n * TURN_2;
     return w;
 }
 
-// A phase, turned: by whole turns, or held within 0 .. `bound` of the drive.
+// Returns the phase after a turn by `by`. It wraps by whole turns, or stays within 0 .. `bound` of the drive.
 float turned(float phase, float by, float bound) {
     return bound > 0.0 ? wrap(min(max(wrapped(phase) + by, 0.0), bound)) : wrap(phase + by);
 }

@@ -1,8 +1,8 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
 
-// The columns of the window's forward transform, those in use, in place, of pupils whose windows have equally many rows.
-// x: pairs of columns, y: frame, z: pupil.
+// Transforms the columns of windows that are in use forward, in place. All pupils have windows with the same number of
+// rows. x is the pair of columns, y the frame and z the pupil.
 
 #define COLUMNS 1u
 #include "half.glsl"
@@ -12,12 +12,12 @@ layout(std430, binding = 0) buffer Window { COMPLEX2 window[]; };
 #define PUPILS 2
 #include "pupils.glsl"
 layout(push_constant) uniform Args {
-    // Rows; where what is bound starts, in values.
+    // Number of rows, and the first value of the bound range.
     uint rows, window_base;
     uint members[BATCH];
 };
 
-// Where the pair is, and the values of a row, two by two.
+// Index of the pair, and the number of pairs in a row.
 uint origin, row;
 
 vec4 fetch4(uint way, uint i) { return LOAD2(window[origin + i * row]); }
@@ -28,13 +28,13 @@ void put2(uint way, uint i, vec2 z) {}
 void main() {
     n = rows;
     uint pupil = members[gl_WorkGroupID.z];
-    // Windows of fewer columns in use.
+    // Some windows have fewer columns in use.
     if (2u * gl_WorkGroupID.x * LINES >= pupils[pupil].used) return;
     uint pair = gl_WorkGroupID.x * LINES + gl_LocalInvocationID.x;
     present = 2u * pair < pupils[pupil].used;
     row = pupils[pupil].columns / 2u;
     uint frame = gl_WorkGroupID.y * pupils[pupil].window_stride, column = pupils[pupil].first + 2u * pair;
-    // What wraps starts again.
+    // Columns in use wrap around the window.
     if (column >= pupils[pupil].columns) column -= pupils[pupil].columns;
     origin = (pupils[pupil].window - window_base + frame + column) / 2u;
     transform(0u, false);

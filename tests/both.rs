@@ -1,4 +1,4 @@
-//! The same list on both engines: steps with known contents, and how far results lie apart.
+//! Runs the same list of kernels on two engines, with known contents, and returns the distance of their results.
 
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::engine::{Buffer, Dispatch, Engine, Kernel, Purpose, Resource, Shape, Step};
@@ -12,60 +12,60 @@ use std::sync::{Arc, PoisonError};
 mod test_options;
 pub use test_options::watched;
 
-/// Opens a Vulkan device with validation; a software one will do, and where there is none, the test fails.
+/// Opens a Vulkan engine with validation. A software device is enough. Without any device, the test fails.
 pub fn vulkan() -> VulkanEngine {
     let mut engine = VulkanEngine::new(&gpu()).unwrap_or_else(|e| panic!("{e}"));
     engine.time_kernels(true);
     engine
 }
 
-/// Such a device.
+/// Opens a Vulkan device with validation.
 pub fn gpu() -> Gpu {
     Gpu::open(&watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Fails if the validation layer said anything, the closing of the device included.
+/// Fails if the validation layer printed a message, also while the device closes.
 pub fn assert_silent(engine: VulkanEngine) {
     let messages: Messages = engine.gpu().messages();
     drop(engine);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
-    assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+    assert!(heard.is_empty(), "the validation layer printed:\n{}", heard.join("\n"));
 }
 
-/// Random numbers in 0 .. 1, the same for the same seed.
+/// Random numbers from 0 to 1. The same seed gives the same numbers.
 pub struct Noise(u64);
 
 impl Noise {
-    /// From a seed.
+    /// Starts the numbers of a seed.
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
-    /// The next one.
+    /// Returns the next number.
     pub fn draw(&mut self) -> f32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// Values between two limits.
+    /// Returns values between two limits.
     pub fn between(&mut self, count: usize, low: f32, high: f32) -> Vec<f32> {
         (0..count).map(|_| low + (high - low) * self.draw()).collect()
     }
 }
 
-/// A display, its views and three pupils: a small one at the eyebox's edge (whose window hangs over and wraps), a
-/// large one (whose views move by less than a pixel), and one in between.
+/// A display, its views and three pupils. A small pupil is at the eyebox's edge, where its window hangs over and wraps.
+/// The views of a large pupil move by less than a pixel. The third pupil is in between.
 pub struct Case {
     /// Makes pupil passes and steps.
     pub planner: Planner,
-    /// The views.
+    /// The views of the light field.
     pub pyramid: Arc<Pyramid>,
-    /// The pupils.
+    /// The small, the large and the medium pupil.
     pub pupils: Vec<Pupil>,
 }
 
 impl Case {
-    /// `padding` rows and columns of zeros are added on each side; `depth` is the first pupil's.
+    /// Makes a case with `padding` rows and columns of zeros on each side. `depth` is the depth of the first pupil.
     pub fn new(height: usize, width: usize, padding: usize, depth: f64, frames: usize) -> Self {
         let slm = Optics::new(height, width, 8e-6, 520e-9, 0.4).expect("valid optics");
         let mut planner = Planner::new(slm, frames, WindowFactor::Two);
@@ -85,7 +85,7 @@ impl Case {
         Self { planner, pyramid, pupils }
     }
 
-    /// One step over all pupils: of the projection or of Adam, comparing in this mode.
+    /// Makes a step of the projection or of Adam over all pupils, with this mode of comparison.
     pub fn step(&self, purpose: Purpose, mode: u32, power: f64, in_flight: usize) -> Step {
         let comparison = Comparison { mode, exposure: 0.8, batch: self.pupils.len(), ..Comparison::default() };
         let pupil_passes: Vec<_> = self.pupils.iter().map(|p| self.planner.pupil_pass(p, &comparison)).collect();
@@ -95,7 +95,7 @@ impl Case {
         }
     }
 
-    /// One step over three windows of the short-time Fourier transform, with a filter and without.
+    /// Makes a step over three windows of the short-time Fourier transform, with and without a filter.
     pub fn stft_step(&self, purpose: Purpose, mode: u32) -> Step {
         let comparison = Comparison { mode, exposure: 0.8, batch: 3, ..Comparison::default() };
         let filters = [0.9 * self.planner.slm.eyebox(), f64::INFINITY];
@@ -107,7 +107,8 @@ impl Case {
         }
     }
 
-    /// The same of eyes that move: with a pupil that drifts, past content that moves, and over some of the sub-frames.
+    /// Makes a step for eyes that move. One pupil drifts past moving content, and one covers only some of the
+    /// sub-frames.
     pub fn moving_step(&self, purpose: Purpose, mode: u32, in_flight: usize) -> Step {
         let comparison = Comparison { mode, exposure: 0.8, batch: self.pupils.len(), ..Comparison::default() };
         let frames = self.planner.frames;
@@ -128,7 +129,7 @@ impl Case {
         }
     }
 
-    /// A step with this one kernel, over all pupil passes if it looks at pupil passes.
+    /// Makes a step with this kernel only, over all pupil passes if the kernel has pupil passes.
     pub fn single(&self, purpose: Purpose, mode: u32, power: f64, kernel: Kernel) -> Step {
         let mut step = self.step(purpose, mode, power, usize::MAX);
         if kernel == Kernel::Taper {
@@ -147,13 +148,13 @@ impl Case {
         step
     }
 
-    /// Loads an engine.
+    /// Loads the case into an engine.
     pub fn load(&self, engine: &mut dyn Engine, purpose: Purpose) {
         engine.load(&self.planner.shape(purpose), Some(Arc::clone(&self.pyramid))).unwrap_or_else(|e| panic!("{e}"));
     }
 }
 
-/// All buffers of a shape and of the pupil passes in slots 0, 1, ..., with their numbers of float32 values.
+/// Returns all buffers of a shape and of the pupil passes in slots from 0 on, with their numbers of float32 values.
 pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     let of_shape = Resource::OF_SHAPE.into_iter().map(|resource| (resource, 0, shape.extent(resource)));
     let pupil_passes = step.list.iter().map(|d| d.pupil_passes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
@@ -165,7 +166,7 @@ pub fn buffers(shape: &Shape, step: &Step) -> Vec<(Buffer, usize)> {
     held.filter_map(|(resource, slot, extent)| Some((resource.buffer(slot)?, extent.floats()))).collect()
 }
 
-/// Contents that make sense in a buffer: phases of a turn, counts of pupils, intensities that are not negative.
+/// Returns plausible contents of a buffer, such as phases within a turn, counts of pupils or intensities of at least 0.
 pub fn contents(buffer: Buffer, count: usize, noise: &mut Noise) -> Vec<f32> {
     match buffer {
         Buffer::Phases | Buffer::Shown => noise.between(count, -3.1, 3.1),
@@ -182,7 +183,7 @@ pub fn contents(buffer: Buffer, count: usize, noise: &mut Noise) -> Vec<f32> {
     }
 }
 
-/// Error power over signal power; phases are compared round the circle.
+/// Returns the error power over the signal power. Phases are compared on the circle.
 pub fn distance(buffer: Buffer, got: &[f32], want: &[f32]) -> f64 {
     assert_eq!(got.len(), want.len(), "{buffer:?}");
     let (mut error, mut power) = (0.0, 1e-30);
@@ -191,7 +192,7 @@ pub fn distance(buffer: Buffer, got: &[f32], want: &[f32]) -> f64 {
         error += if buffer == Buffer::Phases { 2.0 - 2.0 * (g - w).cos() } else { (g - w).powi(2) };
         power += if buffer == Buffer::Phases { 1.0 } else { w * w };
     }
-    assert!(error.is_finite(), "{buffer:?} holds what is no number");
+    assert!(error.is_finite(), "{buffer:?} holds a value that is not finite");
     error / power
 }
 
@@ -205,7 +206,7 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
     let all = buffers(&shape, step);
     for &(buffer, count) in &all {
         let mut data = contents(buffer, count, &mut noise);
-        // What an inverse transform takes is zero outside the columns in use.
+        // An inverse transform expects zeros outside the columns in use.
         blank(
             &shape,
             step,
@@ -226,7 +227,7 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
     for (buffer, _) in all {
         let mut got = engine.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
         let mut want = twin.read(buffer).unwrap_or_else(|e| panic!("{buffer:?}: {e}"));
-        // What a forward transform leaves outside them is nobody's.
+        // A forward transform leaves undefined values outside the columns in use.
         for data in [&mut got, &mut want] {
             blank(&shape, step, buffer, &[Kernel::FieldForward, Kernel::SubpixelsForward, Kernel::WindowForward], data);
         }
@@ -235,7 +236,7 @@ pub fn compare(engine: &mut dyn Engine, twin: &mut dyn Engine, case: &Case, purp
     worst
 }
 
-/// Zeroes a complex buffer outside the columns in use, if the step has one of these transforms of it.
+/// Zeroes a complex buffer outside the columns in use, if the step has one of these transforms of the buffer.
 fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data: &mut [f32]) {
     let (width, columns, kernels) = match buffer {
         Buffer::Field => {
@@ -244,7 +245,7 @@ fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data
         Buffer::Change => {
             (shape.place.grid_width as usize, step.columns, [Kernel::ChangeInverse, Kernel::SubpixelsInverse])
         }
-        // What rows leave to columns.
+        // The transform of columns reads the results of the transform of rows here.
         Buffer::Subpixels => (shape.place.grid_width as usize, step.columns, [Kernel::SubpixelsForward; 2]),
         Buffer::Window(slot) => {
             let pupil_passes = step.list.iter().map(|d| d.pupil_passes.clone()).find(|l| !l.is_empty()).unwrap_or(0..0);
@@ -263,7 +264,7 @@ fn blank(shape: &Shape, step: &Step, buffer: Buffer, transforms: &[Kernel], data
     }
 }
 
-/// A display with every term of its model on.
+/// Returns a display model in which every term has an effect.
 pub fn every_fault() -> DisplayModel {
     let mut model = DisplayModel::default();
     let spread = |q, sigma| Spread { q, sigma };

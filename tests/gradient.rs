@@ -1,22 +1,24 @@
-//! Gradients: what an engine computes, against central differences of a loss in float64.
+//! Compares the gradients of an engine with central differences of a loss in float64.
 
 use crate::noise;
 use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
 use std::f64::consts::TAU;
 
-/// Random phases (rad) that float32 holds exactly, in both precisions, and away from where a drive wraps: there the loss jumps.
+/// Returns random phases (rad) in both precisions, which float32 stores exactly. They are not near the wrap of a drive,
+/// because the loss jumps there.
 pub fn unwrapped_phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
     let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (0.02 + (x + 1.0) * 0.498 * TAU) as f32).collect();
     (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
 }
 
-/// Random photographs of so many samples each, in 0 .. 1.
+/// Returns `count` random target images with values from 0 to 1.
 pub fn random_targets(count: u64, samples: usize) -> Vec<Vec<f32>> {
     let one = |i| noise(samples, 10 + i).iter().map(|x| (0.5 + 0.5 * x) as f32).collect();
     (0..count).map(one).collect()
 }
 
-/// The mean over pupils of the mean square of exposed view less target (OPTICS 6, on intensities). `view`: of each pupil.
+/// Returns the mean over pupils of the mean square of exposed view minus target (OPTICS 6, on intensities). `view`
+/// returns the view through a pupil.
 pub fn intensity_loss(targets: &[Vec<f32>], exposure: f64, view: impl Fn(usize) -> Vec<f64>) -> f64 {
     let one = |(i, target): (usize, &Vec<f32>)| {
         let view = view(i);
@@ -27,13 +29,14 @@ pub fn intensity_loss(targets: &[Vec<f32>], exposure: f64, view: impl Fn(usize) 
     targets.iter().enumerate().map(one).sum::<f64>() / targets.len() as f64
 }
 
-/// The gradient, after one step of Adam: its first moment is a tenth of it.
+/// Returns the gradient after one step of Adam, in which the first moment is a tenth of the gradient.
 pub fn gradient_of(engine: &mut CpuEngine) -> Vec<f64> {
     let momentum = engine.read(Buffer::Momentum).expect("the first moment of a step of Adam");
     momentum.iter().map(|m| f64::from(*m) * 10.0).collect()
 }
 
-/// Asserts that the gradient at these phases is the derivative of the loss in so many random directions, to `bound` of it.
+/// Asserts that the gradient at these phases is the derivative of the loss in random directions. `directions` is their
+/// number, and `bound` is the allowed relative error.
 pub fn assert_derivative(
     gradient: &[f64],
     phases: &[f64],

@@ -1,7 +1,7 @@
-//! Tests that cross rooms; the helpers that they share live here.
+//! Shared helpers of tests that use several modules.
 //!
-//! [`Oracle`] is the optics again in float64, as short as it can be said and without anything that the runtime does to
-//! be fast: no window, no span, no table. Runtime code is compared with it, never the other way round.
+//! [`Oracle`] computes the optics in float64 with the shortest code. It has no windows, spans or tables, which make the
+//! runtime fast. Tests compare the runtime with the oracle, never the oracle with the runtime.
 
 pub mod both;
 pub mod gradient;
@@ -12,19 +12,19 @@ use eyebox::low_level::plan::{Kernel, Planner, PupilPass, Purpose, Step};
 use eyebox_kernels::fft::{Direction, transform_f64};
 use rustfft::num_complex::Complex64;
 
-/// Noise in -1 .. 1, the same on every machine.
+/// Returns noise from -1 to 1, which is the same on every machine.
 pub fn noise(count: usize, seed: u64) -> Vec<f64> {
     let mut random = eyebox::low_level::solve::SplitMix(seed);
     (0..count).map(|_| 2.0 * random.unit() - 1.0).collect()
 }
 
-/// Random phases in -pi .. pi that float32 holds exactly, in both precisions.
+/// Returns random phases from -pi to pi in both precisions, which float32 stores exactly.
 pub fn phases(count: usize, seed: u64) -> (Vec<f64>, Vec<f32>) {
     let rounded: Vec<f32> = noise(count, seed).iter().map(|x| (x * std::f64::consts::PI) as f32).collect();
     (rounded.iter().map(|p| f64::from(*p)).collect(), rounded)
 }
 
-/// A CPU engine with these phases.
+/// Returns a CPU engine with these phases.
 pub fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine {
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(purpose), None).expect("memory");
@@ -32,7 +32,8 @@ pub fn loaded(planner: &Planner, purpose: Purpose, phases: &[f32]) -> CpuEngine 
     engine
 }
 
-/// One step's list, with targets that the test writes: the photograph's kernels are left out. The step, and its losses.
+/// Runs a step with targets that the test writes, without the kernels that compute target images. Returns the step and
+/// its losses.
 pub fn step_with_targets(
     planner: &Planner,
     engine: &mut CpuEngine,
@@ -46,15 +47,16 @@ pub fn step_with_targets(
     };
     step.list.retain(|d| !matches!(d.kernel, Kernel::Photograph | Kernel::Resample));
     let cut = step.list.iter().position(|d| d.kernel == Kernel::Compare).expect("targets are compared");
-    engine.run_part(&step, 0..cut).expect("the way down");
+    engine.run_part(&step, 0..cut).expect("the kernels before the comparison");
     for (i, target) in targets.iter().enumerate() {
-        engine.write(Buffer::Target(i), target).expect("a target of its pupil_pass's size");
+        engine.write(Buffer::Target(i), target).expect("a target of the size of its pupil pass");
     }
-    let losses = engine.run_part(&step, cut..step.list.len()).expect("the way up");
+    let losses = engine.run_part(&step, cut..step.list.len()).expect("the comparison and the kernels after it");
     (step, losses)
 }
 
-/// Power of the difference over power of the reference.
+/// Returns the power of the difference over the power of the reference. For a reference of zeros, it returns the power
+/// of the difference.
 pub fn error_power(got: &[f32], want: &[f64]) -> f64 {
     assert_eq!(got.len(), want.len());
     let error: f64 = got.iter().zip(want).map(|(g, w)| (f64::from(*g) - w).powi(2)).sum();
@@ -62,14 +64,14 @@ pub fn error_power(got: &[f32], want: &[f64]) -> f64 {
     if power == 0.0 { error } else { error / power }
 }
 
-/// The most error power over signal power that so many roundings to halves leave: half of 2^-10 to either side, evenly, of
-/// a value at the low end of its binade, is 2^-22 / 3 (mean square of an even spread); values higher up have less, by half
-/// on average. Roundings are independent, so that their powers add.
+/// Returns the largest error power over signal power after `count` roundings to halves. At the low end of its binade, a
+/// value has an even spread of errors of up to half of 2^-10 to either side. Their mean square is 2^-22 / 3. Values
+/// higher in the binade have less, by half on average. Roundings are independent, so their powers add.
 pub fn half_roundings(count: usize) -> f64 {
     count as f64 * 2f64.powi(-22) / 3.0
 }
 
-/// 2-D transform in float64, as NumPy defines it (the inverse is divided by the count).
+/// Computes a 2-D transform in float64, as NumPy defines it. The inverse is divided by the number of values.
 pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) {
     let direction = if inverse { Direction::Inverse } else { Direction::Forward };
     transform_f64(data, width, direction);
@@ -84,14 +86,14 @@ pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) 
 
 /// The optics in float64 (OPTICS 2 and 4).
 pub struct Oracle {
-    /// The display.
+    /// The optics of the display.
     pub optics: Optics,
-    /// Sub-frames.
+    /// The number of sub-frames.
     pub frames: usize,
 }
 
 impl Oracle {
-    /// Spectrum of each sub-frame.
+    /// Returns the spectrum of each sub-frame.
     pub fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
         let (h, w) = (self.optics.height, self.optics.width);
         let one = |frame: &[f64]| {
@@ -102,7 +104,7 @@ impl Oracle {
         phases.chunks_exact(h * w).map(one).collect()
     }
 
-    /// K on all bins, in the order of the DFT.
+    /// Returns K on all bins, in the order of the DFT.
     pub fn kernel(&self, pupil: &Pupil) -> Vec<Complex64> {
         let (h, w) = (self.optics.height as i64, self.optics.width as i64);
         let bin = |k: i64, n: i64| if k < n - n / 2 { k } else { k - n };
@@ -113,7 +115,7 @@ impl Oracle {
         (0..h).flat_map(|y| (0..w).map(move |x| (y, x))).map(|(y, x)| at(y, x)).collect()
     }
 
-    /// Retinal field of each sub-frame.
+    /// Returns the retinal field of each sub-frame.
     pub fn fields(&self, phases: &[f64], pupil: &Pupil) -> Vec<Vec<Complex64>> {
         let kernel = self.kernel(pupil);
         let one = |mut spectrum: Vec<Complex64>| {
@@ -124,7 +126,7 @@ impl Oracle {
         self.spectra(phases).into_iter().map(one).collect()
     }
 
-    /// Time-averaged intensity over the pupil's share of the eyebox.
+    /// Returns the time-averaged intensity over the pupil's share of the eyebox.
     pub fn view(&self, phases: &[f64], pupil: &Pupil) -> Vec<f64> {
         let share = std::f64::consts::FRAC_PI_4 * (pupil.diameter / self.optics.eyebox()).powi(2);
         let fields = self.fields(phases, pupil);
@@ -133,7 +135,7 @@ impl Oracle {
     }
 }
 
-/// A pool of this many threads.
+/// Returns a pool with this number of threads.
 pub fn pool(threads: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads")
 }

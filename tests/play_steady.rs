@@ -1,8 +1,9 @@
-//! The steady state of playing and of refining, all threads counted. Refined on the CPU: no step, no set and no sample of the eye
-//! allocates, but for the queue through which rayon's threads are handed work. Played, encoded by the CPU and by a Vulkan device: no
-//! set allocates, memory stays, every set is accounted for. (What a driver allocates of its own is not counted, but stays within the memory.)
+//! Checks the steady state of playing and of refinement over all threads. A refinement on the CPU allocates no memory
+//! for a step, a set or an eye sample, except in the queue of work for rayon's threads. Playing allocates no memory for
+//! a set, with encoding on the CPU and on a Vulkan device. Memory does not grow, and the statistics cover every set.
+//! The allocations of a driver itself are not counted, but they are part of the memory.
 //!
-//! A minute at 60 Hz of simulated time; `EYEBOX_SOAK=full` makes it ten.
+//! Playing lasts a minute of simulated time at 60 Hz, or ten minutes with `EYEBOX_SOAK=full`.
 
 #![allow(unsafe_code)]
 
@@ -23,33 +24,34 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::time::Duration;
 
-/// Counts what every thread allocates.
+/// Counts the allocations of all threads.
 struct Counting;
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-/// Blocks of the queue through which rayon's threads are handed work from outside, and their bytes: for every 63 tasks one is made
-/// and one given back (`Injector` of crossbeam-deque).
+/// Allocated blocks of the queue through which rayon's threads receive work from outside (`Injector` of
+/// crossbeam-deque). For every 63 tasks, the queue allocates one block and frees one.
 static QUEUE_BLOCKS: AtomicU64 = AtomicU64::new(0);
+/// Bytes of a block of this queue.
 const QUEUE_BLOCK: usize = 1520;
 const TASKS_A_BLOCK: u64 = 63;
 
-// SAFETY: the system's allocator, called as it is.
+// SAFETY: Every call goes to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let counter = if layout.size() == QUEUE_BLOCK { &QUEUE_BLOCKS } else { &ALLOCATIONS };
         counter.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises are passed on.
+        // SAFETY: The caller gives the guarantees that the system's allocator requires.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
+        // SAFETY: The caller gives the guarantees that the system's allocator requires.
         unsafe { System.dealloc(at, layout) }
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promises are passed on.
+        // SAFETY: The caller gives the guarantees that the system's allocator requires.
         unsafe { System.realloc(at, layout, size) }
     }
 }
@@ -69,12 +71,12 @@ fn hologram(index: u64, display: &Display) -> Hologram {
     Hologram::on(display, 8, display.wavelengths.iter().map(color).collect())
 }
 
-/// Pages in memory, where the system tells.
+/// Returns the number of pages in memory, if the system reports it.
 fn resident() -> Option<f64> {
     std::fs::read_to_string("/proc/self/statm").ok()?.split_whitespace().nth(1)?.parse().ok()
 }
 
-/// One after the other: allocations of all threads are counted.
+/// The sessions run one after the other, because the count covers all threads of the process.
 #[test]
 fn playing_allocates_nothing_and_accounts_for_every_set() {
     play("the CPU", None);
@@ -84,10 +86,11 @@ fn playing_allocates_nothing_and_accounts_for_every_set() {
     refine();
 }
 
-/// How often a step hands work to rayon's threads at most, with its share of a set's encoding.
+/// The largest number of tasks that a step gives to rayon's threads, with its share of a set's encoding.
 const TASKS_A_STEP: u64 = 4;
 
-/// A hologram of three colours whose sets roll, refined for an eye that moves: 20 s of simulated time, or ten minutes.
+/// Refines a hologram of three colors with a rolling update for a moving eye. This lasts 20 s of simulated time, or ten
+/// minutes with `EYEBOX_SOAK=full`.
 fn refine() {
     let seconds: u64 = if std::env::var("EYEBOX_SOAK").is_ok_and(|v| v == "full") { 600 } else { 20 };
     let display = Display { height: 40, width: 48, ..Display::preset("planes8").expect("a preset") };
@@ -153,19 +156,19 @@ fn play(what: &'static str, device: Option<Gpu>) {
         .collect();
     let mut play = Play::open(&path, &display).expect("opened");
     (play.looped, play.device) = (true, device);
-    // What was allocated, and the pages in memory, five seconds after the beginning and at the end.
+    // The observer counts allocations and reads the pages in memory five seconds after the start and at the end.
     let (tell, told) = sync_channel(1);
     let (mut wrong, mut next, mut frames, mut begun) = (0u64, 0, 0u64, (0, None));
     let last = 60 * (5 + seconds) - 10;
     let observer = move |frame: &eyebox::low_level::session::PresentedFrame<'_>| {
         if let Some(index) = frame.index {
-            // In order, and byte for byte.
+            // Every picture must come in order and equal the expected bytes.
             wrong += u64::from(index != next || frame.picture != expected[index as usize]);
             next = (index + 1) % 7;
         }
         frames += 1;
         if frames == 300 || frames == last {
-            // Asking for the pages allocates: the count begins after it, and ends before it.
+            // A reading of the pages allocates, so the count begins after the first reading and ends before the last.
             let early = ALLOCATIONS.load(Ordering::Relaxed);
             let pages = resident();
             let count = if frames == last { early } else { ALLOCATIONS.load(Ordering::Relaxed) };
@@ -181,7 +184,7 @@ fn play(what: &'static str, device: Option<Gpu>) {
     options.observer = Some(Box::new(observer));
     let session = Session::start(play, Output::Memory { simulated: true, sink: None }, options).expect("started");
     let (allocations, memory, wrong) = told.recv().expect("the last seconds");
-    assert_eq!(wrong, 0, "{what}: pictures that are not what was encoded");
+    assert_eq!(wrong, 0, "{what}: pictures differ from the encoded frames");
     assert_eq!(allocations, 0, "{what}: allocations in {seconds} s");
     if let Some((before, after)) = memory {
         assert!((after / before - 1.0).abs() < 0.02, "{what}: {before} pages became {after}");

@@ -1,7 +1,8 @@
-//! A window that plays and a preview beside it, in one process, on one thread, with validation: each shows its own, and
-//! neither stops the other.
+//! Runs a window that plays and a preview in one process, on one thread, with validation. Each shows its own pictures,
+//! and neither stops the other.
 //!
-//! It runs itself again with a virtual X server's name, so that this process's surroundings stay as they are.
+//! The test starts itself again with the name of a virtual X server, so the environment of this process stays
+//! unchanged.
 
 use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox::low_level::present::{Desktop, Presenter, RealClock, WindowEvent};
@@ -11,13 +12,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Where the server keeps its pixels; set where the windows are.
+/// The variable with the path of the server's pixels. Only the process with the windows has it.
 const PIXELS: &str = "EYEBOX_TEST_PIXELS";
 const SCREEN: [usize; 2] = [60, 80];
 const SMALL: [usize; 2] = [20, 30];
 
 fn main() {
-    // Asked for a list of tests, there is this one.
+    // A test runner may request the list of tests.
     if std::env::args().any(|a| a == "--list") {
         println!("two_windows: test");
     } else if let Some(pixels) = std::env::var_os(PIXELS) {
@@ -51,7 +52,7 @@ fn with_server() {
     println!("two windows ... ok");
 }
 
-/// (row, column, channel) of the screen.
+/// Returns the pixels of the screen row by row, each as red, green and blue.
 fn screen(pixels: &Path) -> Vec<[u8; 3]> {
     let bytes = std::fs::read(pixels).expect("the frame buffer");
     let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("a word")) as usize;
@@ -70,7 +71,7 @@ fn windows(pixels: &Path) {
         let desktop = playing.desktop().expect("its desktop");
         PreviewWindow::open(&gpu, desktop, "preview", SMALL).expect("a preview")
     };
-    // One device for both.
+    // Both windows share one device.
     assert!(playing.gpu().is(&gpu) && preview.gpu().is(&gpu));
     assert_eq!(preview.size(), SMALL);
     let frame =
@@ -82,7 +83,7 @@ fn windows(pixels: &Path) {
         }
     };
     let (mut id, mut closed) = (0, false);
-    // As a player does: present, and serve what is beside it in passing.
+    // Like a player, this presents a frame and then handles the events and pictures of the preview.
     let mut turn = |k: u64, shown: bool| {
         playing.upload(&frame(k)).expect("taken in");
         playing.present(id, 0).expect("presented");
@@ -100,7 +101,7 @@ fn windows(pixels: &Path) {
     for k in 0..=20 {
         turn(k, true);
     }
-    // The last of each comes to the screen, the preview over the window that plays, while that goes on.
+    // The last picture of each window reaches the screen while playing continues. The preview covers the other window.
     let (since, under, over) = (Instant::now(), frame(20), picture(20));
     loop {
         let (done, is) = (turn(20, false), screen(pixels));
@@ -114,16 +115,16 @@ fn windows(pixels: &Path) {
         if done && (0..is.len()).all(right) {
             break;
         }
-        assert!(since.elapsed() < Duration::from_secs(60), "the windows do not show what they were given");
+        assert!(since.elapsed() < Duration::from_secs(60), "the windows do not show their last pictures");
         std::thread::sleep(Duration::from_millis(5));
     }
     assert!(!closed);
-    // The preview closes, and playing goes on.
+    // The preview closes, and playing continues.
     drop(preview);
     for k in 21..25 {
         playing.upload(&frame(k)).expect("taken in");
         playing.present(1000 + k, 0).expect("presented");
-        assert!(playing.event().is_none(), "the preview's end is not playing's");
+        assert!(playing.event().is_none(), "the end of the preview ended playing");
     }
     playing.finish().expect("finished");
     let since = Instant::now();

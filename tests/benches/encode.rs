@@ -1,4 +1,4 @@
-//! Encoding beside the machine's memory, measured in turn, so that a busy machine slows both.
+//! Times encoding and the machine's memory in turn, so that other load on the machine slows both.
 
 mod clock;
 
@@ -13,25 +13,25 @@ use rayon::prelude::*;
 use std::hint::black_box;
 use std::process::ExitCode;
 
-/// Encodes sets of 3 colours x 8 sub-frames, in turn with reading and with copying as much memory on all threads.
-/// Prints the median and the shortest time, the rate of the shortest in GB/s (phases read and video frames written, per
-/// second), and its share of the rate at which memory is read. The last two columns are the median time of the processor,
-/// over all threads, and the share by it: what other programs take of a busy machine does not count there.
+/// Encodes sets of 3 colors x 8 sub-frames, in turn with reading and with copying as much memory on all threads. Prints
+/// the median and the shortest time, and the rate of the shortest in GB/s (phases read and video frames written, per
+/// second). The share is relative to the rate at which memory is read. The last two columns are the median processor
+/// time over all threads and the share by this time, which does not include other programs.
 #[derive(Parser)]
 #[command(
-    after_help = "Example: cargo bench -p eyebox-tests --bench encode -- planes24 grey8\n\n'checked' also looks at every phase first, as for phases of any origin."
+    after_help = "Example: cargo bench -p eyebox-tests --bench encode -- planes24 grey8\n\n'checked' also checks every phase first, as for phases of any origin."
 )]
 struct Arguments {
-    /// Given by cargo.
+    /// Cargo adds this argument.
     #[arg(long, hide = true)]
     bench: bool,
-    /// Displays: presets or files, with 3 colours.
+    /// Displays with 3 colors, as presets or files.
     #[arg(default_values = ["planes24", "grey8", "fields", "plm"])]
     displays: Vec<String>,
-    /// Measurements of each.
+    /// Number of measurements for each row.
     #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u16).range(1..).map(usize::from))]
     rounds: usize,
-    /// Also on a Vulkan device, a software one included: the kernel alone, then with transfers.
+    /// Also measure a Vulkan device, which may be a software device. The kernel has a row alone and one with transfers.
     #[arg(long)]
     vulkan: bool,
 }
@@ -104,7 +104,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
                     return Err(format!("{name}: the device's bytes differ from the CPU's").into());
                 }
             }
-            // The first round touches the memory for the first time.
+            // The first round does not count, because it touches the memory for the first time.
             if round > 0 {
                 times.iter_mut().zip(took).for_each(|(all, one)| all.push(one));
                 work.iter_mut().zip(busy).for_each(|(all, one)| all.push(one));
@@ -123,7 +123,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Seconds by the clock, and of the processor over all threads.
+/// Returns the seconds by the clock, and the seconds of the processor over all threads.
 fn time(work: impl FnOnce()) -> (f64, f64) {
     let before = busy();
     let (seconds, ()) = timed(work);
@@ -136,13 +136,13 @@ fn busy() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// It is not known.
+/// Returns NaN, because this system does not report the processor time.
 #[cfg(not(unix))]
 fn busy() -> f64 {
     f64::NAN
 }
 
-/// Reads all of it, as fast as memory gives it.
+/// Reads all phases at the rate of the memory.
 fn sum(phases: &[Vec<f32>]) {
     let total: u64 = phases
         .iter()

@@ -1,7 +1,7 @@
-//! Times transforms on a Vulkan device, of the CPU engine and of RustFFT, in turn, so that a busy machine slows all.
+//! Times transforms on a Vulkan device, of the CPU engine and of RustFFT in turn, so that other load slows all of them.
 //!
-//! The CPU engine has its columns transformed in place, a few at a time. `textbook` is what a user of RustFFT writes, with
-//! rows, a transpose, rows and a transpose. Both run on one thread.
+//! The CPU engine transforms its columns in place, a few at a time. `textbook` is the usual code of a user of RustFFT.
+//! It transforms rows, transposes, transforms rows and transposes. Both run on one thread.
 
 mod clock;
 
@@ -17,22 +17,22 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 /// Times forward transforms in turn, on a Vulkan device, and on one thread by the CPU engine and by RustFFT with two
-/// transposes. Prints the medians, the shortest times (which a busy machine disturbs least), their rate by
-/// 5 N log2 N operations, the ratio of Vulkan's times to the others, and the power of the difference over that of the
-/// result.
+/// transposes. Prints the medians and the shortest times, which other load disturbs least, and their rate by 5 N log2 N
+/// operations. Also prints the ratio of Vulkan's times to the others, and the power of the difference over the power of
+/// the result.
 #[derive(Parser)]
 #[command(after_help = "Example: cargo bench -p eyebox-tests --bench fft -- 2048x2048 1080x1920")]
 struct Arguments {
-    /// Given by cargo.
+    /// Cargo adds this argument.
     #[arg(long, hide = true)]
     bench: bool,
-    /// Sizes as HEIGHTxWIDTH.
+    /// Sizes of the transforms as HEIGHTxWIDTH.
     #[arg(default_values = ["512x512", "1080x1920", "2048x2048"], value_parser = size)]
     sizes: Vec<(usize, usize)>,
-    /// Device, by number or part of its name.
+    /// Number of the device, or a part of its name.
     #[arg(long)]
     device: Option<String>,
-    /// Measurements of each.
+    /// Number of measurements for each row.
     #[arg(long, default_value_t = 11)]
     rounds: usize,
     /// Show plans and the time of every pass.
@@ -81,7 +81,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
             let (plain_seconds, ()) = timed(|| textbook.forward(&mut again));
             difference = result.iter().zip(&data).map(|(a, b)| f64::from((a - b).norm_sqr())).sum::<f64>()
                 / data.iter().map(|z| f64::from(z.norm_sqr())).sum::<f64>();
-            // The first round makes plans and compiles.
+            // The first round does not count, because it makes plans and compiles.
             if round > 0 {
                 device.push(on_device.whole);
                 blocked.push(seconds);
@@ -128,7 +128,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Rows, transpose, rows, transpose.
+/// Transforms rows, transposes, transforms rows and transposes.
 struct Textbook {
     rows: usize,
     columns: usize,

@@ -1,11 +1,11 @@
-//! The order of the runtime's modules (ARCHITECTURE.md), no two files that import each other in a circle, and no file that
-//! is too long. Code that is for tests only may import as it likes.
+//! The runtime's modules keep their order (ARCHITECTURE.md), no two files import each other in a circle, and no file is
+//! too long. Code that is only for tests may import anything.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// The order of modules in crates that have several: the folder of the crate, the module that they are in, and their names. A module
-/// imports only modules before it. (Between crates cargo sees to it.)
+/// The order of modules in crates that have several. An entry has the folder of the crate, the module that contains the
+/// ordered modules, and their names. A module imports only modules before it. Cargo keeps the order of crates.
 const ORDER: [(&str, &[&str], &[&str]); 4] = [
     ("runtime/compute", &[], &["plan", "gpu", "engine"]),
     ("runtime/scene", &[], &["light_field", "formats", "builtin", "depth", "synthesis", "read"]),
@@ -17,10 +17,10 @@ const ORDER: [(&str, &[&str], &[&str]); 4] = [
     ),
 ];
 
-/// No file is longer.
+/// Maximum number of lines of a file.
 const LINES: usize = 500;
 
-/// The folders of crates outside `runtime`: each is looked at by itself.
+/// Folders of the crates outside `runtime`. The test reads each of them separately.
 const CRATES: [&str; 7] =
     ["kernels", "spirv", "tools/c", "tools/command", "tools/live-input", "tools/python", "tools/spirv"];
 
@@ -28,7 +28,7 @@ pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
 }
 
-/// The folders of all crates: every one of `runtime`, so that a new one is looked at, too.
+/// Returns the folders of all crates. It lists `runtime`, so that it includes new crates.
 fn crates() -> Vec<String> {
     let of_runtime = std::fs::read_dir(root().join("runtime")).expect("the folder of crates");
     let name = |entry: std::io::Result<std::fs::DirEntry>| {
@@ -53,7 +53,7 @@ pub(crate) fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
     found.sort();
 }
 
-/// Identifiers and punctuation, `::` as one token; without comments, literals and lifetimes.
+/// Returns identifiers and punctuation, with `::` as one token, without comments, literals and lifetimes.
 pub(crate) fn tokens(text: &str) -> Vec<&str> {
     let bytes = text.as_bytes();
     let word = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b >= 0x80;
@@ -76,7 +76,7 @@ pub(crate) fn tokens(text: &str) -> Vec<&str> {
             let hashes = text[i..quote].matches('#').count();
             i = find(quote, &format!("\"{}", "#".repeat(hashes)));
         } else if rest[0] == b'\'' {
-            // A character, or a lifetime.
+            // This is a character or a lifetime.
             let escaped = rest.get(1) == Some(&b'\\');
             let length = text[i + 1..].chars().next().map_or(1, char::len_utf8);
             match escaped || rest.get(1 + length) == Some(&b'\'') {
@@ -100,7 +100,7 @@ pub(crate) fn tokens(text: &str) -> Vec<&str> {
     out
 }
 
-/// The index after the bracket that closes the one at `at`.
+/// Returns the index after the bracket that closes the one at `at`.
 fn closed(tokens: &[&str], at: usize) -> usize {
     let mut depth = 0;
     for (i, token) in tokens.iter().enumerate().skip(at) {
@@ -116,7 +116,7 @@ fn closed(tokens: &[&str], at: usize) -> usize {
     tokens.len()
 }
 
-/// Without the items for tests.
+/// Returns the tokens without items for tests.
 fn without_tests<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
     let (mut out, mut i) = (Vec::new(), 0);
     while i < tokens.len() {
@@ -137,10 +137,10 @@ fn without_tests<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
     out
 }
 
-/// One name that a `use` brings in: by which name ("*" for all), and its path.
+/// A name that a `use` imports ("*" for all names), and its path.
 pub(crate) type Import = (String, Vec<String>);
 
-/// Reads a use tree; returns the index after it.
+/// Reads a use tree and returns the index after it.
 pub(crate) fn use_tree(tokens: &[&str], mut at: usize, prefix: &[String], out: &mut Vec<Import>) -> usize {
     let mut path = prefix.to_vec();
     loop {
@@ -159,7 +159,7 @@ pub(crate) fn use_tree(tokens: &[&str], mut at: usize, prefix: &[String], out: &
             }
             "::" => at += 1,
             name => {
-                // `a::{self}` is `a`.
+                // `a::{self}` means `a`.
                 if name != "self" || path.is_empty() {
                     path.push(name.into());
                 }
@@ -177,14 +177,14 @@ pub(crate) fn use_tree(tokens: &[&str], mut at: usize, prefix: &[String], out: &
     }
 }
 
-/// What a file defines, brings in and names.
+/// The names that a file defines, imports and uses.
 #[derive(Default)]
 struct Source {
-    /// Its module, from the crate's root.
+    /// Module path from the root of the crate.
     module: Vec<String>,
     defined: BTreeSet<String>,
     imports: Vec<Import>,
-    /// Every path that counts as an import of this file: of its `use` lines that are not re-exports, and in its code.
+    /// Paths that count as imports of this file, from `use` lines that are not re-exports and from its code.
     named: Vec<Vec<String>>,
 }
 
@@ -240,7 +240,7 @@ impl Source {
     }
 }
 
-/// A crate's files by their modules.
+/// The files of a crate, by module.
 struct Crate {
     files: Vec<(String, Source)>,
     by_module: BTreeMap<Vec<String>, usize>,
@@ -268,7 +268,7 @@ impl Crate {
         Self { files, by_module }
     }
 
-    /// The file in which what `path` names, said in `file`, is defined. None for other crates.
+    /// Returns the file that defines the item at `path`, as seen from `file`. Returns `None` for other crates.
     fn resolve(&self, file: usize, path: &[String], depth: usize) -> Option<usize> {
         let mut module = self.files[file].1.module.clone();
         let mut segments = path.iter().peekable();
@@ -319,7 +319,7 @@ impl Crate {
         self.by_module.get(&module).copied()
     }
 
-    /// What each file imports.
+    /// Returns the imports of each file.
     fn edges(&self) -> Vec<BTreeSet<usize>> {
         let of = |i: usize| {
             let found = self.files[i].1.named.iter().filter_map(|path| self.resolve(i, path, 8));
@@ -329,7 +329,7 @@ impl Crate {
     }
 }
 
-/// A shortest way from one file to another along imports.
+/// Returns a shortest path from one file to another along imports.
 fn way(edges: &[BTreeSet<usize>], from: usize, to: usize) -> Option<Vec<usize>> {
     let mut before = BTreeMap::from([(from, from)]);
     let mut queue = std::collections::VecDeque::from([from]);
@@ -357,7 +357,7 @@ fn modules_import_only_modules_before_them() {
     let mut wrong = Vec::new();
     for (folder, parent, order) in ORDER {
         let runtime = Crate::read(folder);
-        // Files beside the ordered modules are above all of them.
+        // Files next to the ordered modules are above all of them.
         let place = |i: usize| {
             let inside = runtime.files[i]
                 .1
@@ -411,10 +411,10 @@ fn no_file_is_too_long() {
     assert!(paths.len() > 100, "the workspace's files");
     let lines = |p: &PathBuf| std::fs::read_to_string(p).expect("a file").lines().count();
     let long: Vec<_> = paths.iter().map(|p| (p, lines(p))).filter(|(_, n)| *n > LINES).collect();
-    assert!(long.is_empty(), "of more than {LINES} lines: {long:?}");
+    assert!(long.is_empty(), "files of more than {LINES} lines: {long:?}");
 }
 
-/// A program that embeds the library has no options: the command adds them to what the library says.
+/// A program that embeds the library has no options. The command adds them to the messages of the library.
 #[test]
 fn the_library_names_no_option_of_the_command() {
     let mut paths = Vec::new();
@@ -423,7 +423,7 @@ fn the_library_names_no_option_of_the_command() {
         let text = std::fs::read_to_string(path).expect("a file");
         let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
         for line in code.lines().filter(|line| !line.trim_start().starts_with("//")) {
-            // Variables of style sheets have a name before a colon or a bracket.
+            // Variables of style sheets are names before a colon or a bracket.
             let option = line.split("--").skip(1).find(|rest| {
                 let name = rest.trim_start_matches(|c: char| c.is_ascii_lowercase() || c == '-');
                 name.len() + 1 < rest.len() && !name.starts_with([':', ')'])
@@ -433,9 +433,9 @@ fn the_library_names_no_option_of_the_command() {
     }
 }
 
-/// Where there is `unsafe`: at Vulkan's edge, where a window's handle is handed over, where memory is shared with an
-/// application, where C calls, and where phases are lent to NumPy.
-/// Each block says why it holds, which clippy sees to. Nothing else is mapped into memory.
+/// `unsafe` is in code for Vulkan, for handles of windows, for memory shared with an application, for calls from C, and
+/// for phases that NumPy borrows. Clippy checks that each block has a comment with its reason. Only the shared memory
+/// is mapped.
 #[test]
 fn unsafe_is_where_the_page_of_promises_says() {
     const SHARED: &str = "tools/live-input/region.rs";
@@ -457,7 +457,7 @@ fn unsafe_is_where_the_page_of_promises_says() {
         let text = std::fs::read_to_string(&path).expect("a file");
         let name = path.strip_prefix(root()).expect("inside").display().to_string();
         if tokens(&text).contains(&"unsafe") {
-            assert!(AT.iter().any(|at| name.starts_with(at)), "{name} has `unsafe`: it belongs to Vulkan's edge");
+            assert!(AT.iter().any(|at| name.starts_with(at)), "{name} has `unsafe`, but is not in the list");
         }
         assert!(
             !tokens(&text).iter().any(|word| ["mmap", "Mmap", "memmap2"].contains(word))

@@ -1,4 +1,4 @@
-//! The steady state of encoding: nothing is allocated.
+//! Encoding allocates no memory in its steady state.
 
 use eyebox::low_level::encode::{Encoder, PhaseSet};
 use eyebox::low_level::optics::{Color, Display};
@@ -12,7 +12,7 @@ fn encoding_a_set_allocates_nothing() {
         let phases: Vec<Vec<f32>> = (0..3).map(|c| (0..8 * 36_000).map(|i| (i * c) as f32 * 1e-3).collect()).collect();
         let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
         let mut frames = encoder.frames();
-        // One thread, so that all that is done is counted.
+        // One thread, so the counter sees all allocations.
         let counted = pool(1).install(|| {
             allocation_counter::measure(|| {
                 for _ in 0..20 {

@@ -1,8 +1,8 @@
-//! The ends of every range, on both engines, against float64: finite and within the stated error, or a refusal that
-//! names the limit.
+//! The ends of every range, on both engines, against float64. The result is finite and within the stated error, or an
+//! error that names the limit.
 //!
-//! The longest cases are shortened; `EYEBOX_EXTREMES=full cargo test --release -p eyebox-tests --test library extremes::` runs them
-//! whole (docs/measurements.md says what came of it).
+//! The longest cases are shortened. `EYEBOX_EXTREMES=full cargo test --release -p eyebox-tests --test library
+//! extremes::` runs them at full length (results are in docs/measurements.md).
 
 use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::low_level::evaluate;
@@ -14,12 +14,12 @@ use eyebox_tests::both::{assert_silent, vulkan};
 use eyebox_tests::{Oracle, error_power, half_roundings, noise, phases};
 use std::f64::consts::{PI, TAU};
 
-/// float32 rounds to 6e-8, a power of 4e-15; a transform of a million points adds some twenty such roundings. What is
-/// asked for is 1e-10 of the signal's power; what is found is nearer to 1e-13.
+/// float32 rounds to 6e-8, which is a power of 4e-15. A transform of a million points adds about twenty such roundings.
+/// The tests require 1e-10 of the signal's power, and results are nearer to 1e-13.
 const BOUND: f64 = 1e-10;
 
-/// Stored as halves: one rounding when the field is made, one when it passes the pupil, and at most four along each axis
-/// of two transforms; an intensity has at most twice its field's error.
+/// Halves add one rounding when the field is made, one when it passes the pupil, and at most four along each axis of
+/// two transforms. An intensity has at most twice the error of its field.
 fn bound(storage: Storage) -> f64 {
     match storage {
         Storage::F32 => BOUND,
@@ -31,8 +31,8 @@ fn full() -> bool {
     std::env::var("EYEBOX_EXTREMES").is_ok_and(|v| v == "full")
 }
 
-/// Both engines' views through these pupils against float64, at every window factor that the views are made with, and
-/// with either storage.
+/// Compares the views of both engines through these pupils with float64, at each window factor of the views, and with
+/// both storages.
 fn views_agree(engines: &mut [&mut dyn Engine], optics: Optics, frames: usize, pupils: &[Pupil], what: &str) {
     let planner = Planner::new(optics, frames, WindowFactor::Full);
     let (exact, rounded) = phases(frames * optics.height * optics.width, 5);
@@ -58,7 +58,7 @@ fn views_agree(engines: &mut [&mut dyn Engine], optics: Optics, frames: usize, p
 fn depths_wavelengths_and_pitches() {
     let (mut cpu, mut device) = (CpuEngine::new(), vulkan());
     for wavelength in [380e-9, 520e-9, 1000e-9] {
-        // At half a micrometre most frequencies are evanescent.
+        // Most frequencies are evanescent if the pitch is half a micrometer.
         for pitch in [0.5e-6, 1.0e-6, 8e-6, 50e-6] {
             let optics = Optics::new(24, 30, pitch, wavelength, 0.4).unwrap();
             let e = optics.eyebox();
@@ -82,14 +82,15 @@ fn pupils_from_less_than_a_bin_to_more_than_the_eyebox() {
     let e = optics.eyebox();
     let at = |x: f64, y: f64, diameter: f64| Pupil { x, y, diameter, depth: 2e-3 };
     let pupils = [
-        // On a bin: that one passes. Between bins: none does, and the eye sees black.
+        // On a bin, that bin passes. Between bins no bin passes, and the eye sees black.
         at(3.0 * bin_x, -2.0 * bin_y, 0.1 * bin_x),
         at(3.5 * bin_x, -2.5 * bin_y, 0.1 * bin_x),
-        // The edge exactly on bins, on one axis and on both.
+        // The edge is exactly on bins, on one axis and on both.
         at(0.0, 0.0, 8.0 * bin_x),
         at(0.5 * bin_x, 0.5 * bin_y, 5.0 * bin_x),
         at(0.0, 0.0, 10.0 * bin_y),
-        // Touching the eyebox's edge from inside, hanging over it, in its corner, all but out, and larger than it.
+        // The pupils touch the edge of the eyebox from inside, extend over it, are in its corner, almost outside, and
+        // larger than it.
         at(e / 2.0 - 2e-3, 0.0, 4e-3),
         at(e / 2.0, 0.0, 6e-3),
         at(-e / 2.0, e / 2.0, 5e-3),
@@ -98,7 +99,7 @@ fn pupils_from_less_than_a_bin_to_more_than_the_eyebox() {
         at(1e-3, 0.0, 1e3),
     ];
     views_agree(&mut [&mut cpu, &mut device], optics, 3, &pupils, "pupils");
-    // Wholly outside there is nothing to see: black, not a number that is none.
+    // A pupil wholly outside sees black, not NaN.
     let planner = Planner::new(optics, 3, WindowFactor::Full);
     let seen = evaluate::views(&mut cpu, &planner, &[at(1.0, 0.0, 1e-3), pupils[1]]).unwrap();
     assert!(seen.iter().flatten().all(|v| *v == 0.0));
@@ -130,8 +131,8 @@ fn grids_from_one_pixel_to_a_plm() {
     assert_silent(device);
 }
 
-/// All light in one bin: a spectrum's value is then as large as any phases can make it, the root of the number of points
-/// times the usual one. Halves hold it, and what the eye sees of it is right.
+/// All light is in one bin. This value of the spectrum is the largest that any phases make, and is the usual value
+/// times the root of the number of points. Halves can store it, and the image is correct.
 #[test]
 fn all_light_in_one_bin() {
     let (mut cpu, mut device) = (CpuEngine::new(), vulkan());
@@ -140,7 +141,7 @@ fn all_light_in_one_bin() {
         let optics = Optics::new(height, width, 8e-6, 520e-9, 0.4).unwrap();
         let planner = Planner { storage: Storage::F16, ..Planner::new(optics, 1, WindowFactor::One) };
         let points = height * width;
-        // Constant phase: the bin at zero. A checkerboard of half turns: the one at the corner.
+        // A constant phase has all light in the bin at zero, a checkerboard of half turns in the bin at the corner.
         for (checks, phase) in [(false, 0.0f32), (false, 1.1), (true, -2.0)] {
             if checks && (height % 2 + width % 2 > 0) {
                 continue;
@@ -162,7 +163,7 @@ fn all_light_in_one_bin() {
                 let bin = f64::from(field[2 * at]).hypot(f64::from(field[2 * at + 1]));
                 let want = points as f64 * f64::from(planner.shape(Purpose::View).field_scale());
                 assert!(want <= 32768.0 && (bin / want - 1.0).abs() < 1e-2, "{what}: {bin}, not {want}");
-                // An even image, as bright as all of the light through this pupil's share.
+                // The image is even, and its brightness is the total light over the share of the pupil.
                 let share = optics.share(pupil.diameter);
                 let even = vec![1.0 / share; seen[0].len()];
                 let error = error_power(&seen[0], &even);
@@ -173,13 +174,13 @@ fn all_light_in_one_bin() {
     assert_silent(device);
 }
 
-/// Wrapped phases: half a turn, and a rounding.
+/// Largest wrapped phase, half a turn and a rounding.
 const CIRCLE: f32 = std::f32::consts::PI + 1e-5;
 
 /// Linear light by row and column.
 type Picture<'a> = &'a dyn Fn(usize, usize) -> f32;
 
-/// A light field of 3 x 3 views, all of them this picture.
+/// Returns the problem of a light field of 3 x 3 views that all show this picture.
 fn problem(size: usize, picture: Picture) -> Problem {
     let display = Display { height: size, width: size, ..Display::preset("small").unwrap() };
     let view: Vec<f32> = (0..size * size).map(|i| picture(i / size, i % size)).collect();
@@ -234,12 +235,12 @@ fn targets_from_black_to_1e30() {
             sound(&cpu, &what);
             sound(&gpu, &what);
             let apart = (cpu.validation.mean() - gpu.validation.mean()).abs();
-            // Rounding grows from step to step, most where a target is nearly all black.
+            // Rounding errors grow from step to step, most if a target image is nearly all black.
             let allowed = if *name == "one pixel" && storage == Storage::F16 { 1.0 } else { 0.3 };
             assert!(apart < allowed || cpu.validation.mean() == gpu.validation.mean(), "{what}: {apart} dB apart");
             found.push(cpu);
         }
-        // Halves cost next to nothing beside what so few steps leave.
+        // The loss by halves is small compared to the error after so small a number of steps.
         match storage {
             Storage::F32 => plain = found.iter().map(|f| f.validation.mean()).collect(),
             Storage::F16 => {
@@ -250,7 +251,7 @@ fn targets_from_black_to_1e30() {
                 }
             }
         }
-        // Light of another size is the same picture: as good, and as bright relative to itself.
+        // The same picture with scaled light has the same quality and the same relative brightness.
         for (i, unit) in [(3, 1e-30), (4, 1e30)] {
             let (other, own) = (&found[i], &found[5]);
             let decibels = own.validation.mean() - 20.0 * f64::log10(unit);
@@ -269,7 +270,8 @@ fn targets_from_black_to_1e30() {
 fn exposures_and_rates_far_off() {
     let problem = problem(32, &|y, x| 0.1 + 0.8 * (((y / 4 + x / 5) % 2) as f32));
     let base = Settings { frames: 2, steps: 30, pupils: 4, depth: [-1e-3, 1e-3], ..Settings::default() };
-    // 60 dB too bright and as dark as there is light: the projection's ratio is limited, and nothing overflows.
+    // The image is 60 dB too bright, or as dark as the light allows. The projection limits its ratio, and nothing
+    // overflows.
     for efficiency in [1e-6, 1e-3, 1.0] {
         for optimizer in [Optimizer::projection(), Optimizer::adam()] {
             let settings = Settings { efficiency: Some(efficiency), optimizer, ..base.clone() };
@@ -291,7 +293,7 @@ fn exposures_and_rates_far_off() {
                 let settings = Settings { optimizer, storage, ..base.clone() };
                 let solution = run(&problem, &settings, &mut CpuEngine::new());
                 sound(&solution, &format!("{optimizer:?}, {storage:?}"));
-                // Phases of 16 bits begin at the next of them.
+                // Binary angles begin at the angle nearest to the phase.
                 let as_before = |(a, b): (&f32, &f32)| a == b || storage == Storage::F16 && (a - b).sin().abs() < 5e-5;
                 assert_eq!(
                     rate == 0.0,
@@ -303,7 +305,7 @@ fn exposures_and_rates_far_off() {
     }
 }
 
-/// An exposure beyond float32: the solve ends, says where, and what it had is whole.
+/// If an exposure is beyond float32, the solve ends, names the kernel, and keeps its last valid phases.
 #[test]
 fn numbers_that_are_none_stop_the_solve_and_are_traced() {
     let problem = problem(32, &|y, x| 0.1 + 0.8 * (((y / 4 + x / 5) % 2) as f32));
@@ -315,7 +317,7 @@ fn numbers_that_are_none_stop_the_solve_and_are_traced() {
         assert_eq!(solution.stop, Stop::NotFinite { step: 1, kernel: Some(Kernel::Compare) }, "{}", engine.describe());
         assert_eq!(solution.phases, solve::random_phases(2 * 32 * 32, base.seed), "the step was not taken");
     }
-    // Phases that are not finite are found before anything else.
+    // The solver finds phases that are not finite before other values.
     let adam = Optimizer::Adam { rate: [f64::MAX, f64::MAX], amplitude: false };
     let solution = run(&problem, &Settings { optimizer: adam, ..base.clone() }, &mut CpuEngine::new());
     assert_eq!(solution.stop, Stop::NotFinite { step: 2, kernel: None });
@@ -323,9 +325,9 @@ fn numbers_that_are_none_stop_the_solve_and_are_traced() {
     assert_silent(device);
 }
 
-/// What float32 holds and halves do not: all light of a constant phase through a pupil that is a ten-thousandth of the
-/// eyebox is ten thousand times too bright. With float32 the solve goes on from there; with halves the step is not taken,
-/// and the kernel whose values became too large is named.
+/// These values fit float32, but not halves. If all light of a constant phase enters a pupil of a ten-thousandth of the
+/// eyebox, it is ten thousand times too bright. With float32 the solve continues. With halves it skips the step and
+/// names the kernel whose values became too large.
 #[test]
 fn what_is_too_large_for_halves_is_named() {
     let texture = problem(256, &|y, x| 0.1 + 0.8 * (((y / 4 + x / 5) % 2) as f32));
@@ -344,7 +346,7 @@ fn what_is_too_large_for_halves_is_named() {
     assert_silent(device);
 }
 
-/// Phases turned on and on by the same change: they stay on the circle, where float64 says.
+/// The same change turns phases again and again. They stay on the circle, at the values of float64.
 #[test]
 fn a_hundred_thousand_steps_of_drift() {
     let optics = Optics::new(4, 4, 8e-6, 520e-9, 0.4).unwrap();
@@ -352,7 +354,8 @@ fn a_hundred_thousand_steps_of_drift() {
     let mut device = vulkan();
     let lengths = if full() { [100_000, 100_000] } else { [100_000, 2_000] };
     for (engine, steps) in [&mut CpuEngine::new() as &mut dyn Engine, &mut device].into_iter().zip(lengths) {
-        // u = 1 everywhere and du = i: every phase turns by gain a step; here the change is written, not computed.
+        // With u = 1 everywhere and du = i, every phase turns by gain in each step. The test writes the change instead
+        // of computing it.
         for adam in [false, true] {
             let purpose = if adam { Purpose::Adam } else { Purpose::Project };
             engine.load(&planner.shape(purpose), None).unwrap();
@@ -361,7 +364,7 @@ fn a_hundred_thousand_steps_of_drift() {
             let rate = 0.3712;
             let mut want: Vec<f64> = start.iter().map(|p| f64::from(*p)).collect();
             for t in 1..=steps {
-                // The change turns along with the phases: Im(conj(u) du) stays the same.
+                // The change turns along with the phases, so Im(conj(u) du) stays the same.
                 let phases = engine.read(Buffer::Phases).unwrap();
                 let change: Vec<f32> = phases.iter().flat_map(|p| [-p.sin(), p.cos()]).collect();
                 engine.write(Buffer::Change, &change).unwrap();
@@ -371,11 +374,12 @@ fn a_hundred_thousand_steps_of_drift() {
                     planner.project_step(Vec::new(), usize::MAX, 1.0, rate, 0.0)
                 };
                 engine.run_part(&step, step.list.len() - 1..step.list.len()).unwrap();
-                // Adam's step is the rate, against the gradient's sign; the projection's is gain times the change.
+                // A step of Adam has the size of the rate, against the sign of the gradient. A step of the projection
+                // is gain times the change.
                 let turn = if adam { -rate } else { rate };
                 want.iter_mut().for_each(|p| *p = (*p + turn + PI).rem_euclid(TAU) - PI);
-                // Adam's second moment keeps 1/1000 of what is new: half a unit in its last place, a thousand times, is
-                // a part in 30000 of the step. That adds up, so each step is held to it by itself.
+                // Adam's second moment takes 1/1000 of each new value. Half a unit in its last place, a thousand times,
+                // is a part in 30000 of the step. These errors add up, so the test checks each step separately.
                 if adam {
                     let now = engine.read(Buffer::Phases).unwrap();
                     for (now, before) in now.iter().zip(&phases) {
@@ -386,8 +390,8 @@ fn a_hundred_thousand_steps_of_drift() {
                 }
             }
             let got = engine.read(Buffer::Phases).unwrap();
-            // One rounding of half a unit in the last place of pi a step (1.2e-7 radians), and one in the sine: at worst
-            // all to one side.
+            // Each step has one rounding of half a unit in the last place of pi (1.2e-7 radians), and one in the sine.
+            // In the worst case all have the same sign.
             let worst = steps as f64 * 2.4e-7;
             for (got, want) in got.iter().zip(&want) {
                 assert!(got.abs() <= CIRCLE, "{got} is on the circle");
@@ -396,7 +400,7 @@ fn a_hundred_thousand_steps_of_drift() {
             }
             if adam {
                 let second = engine.read(Buffer::Second).unwrap();
-                // The gradient is 2 Im(..) = 2: its moments settle at 2 and 4.
+                // The gradient is 2 Im(..) = 2, so its moments settle at 2 and 4.
                 assert!(second.iter().all(|v| v.is_finite() && *v > 0.0), "{second:?}");
                 let first = engine.read(Buffer::Momentum).unwrap();
                 let ratio = f64::from(first[0]) / f64::from(second[0]).sqrt();
@@ -407,7 +411,7 @@ fn a_hundred_thousand_steps_of_drift() {
     assert_silent(device);
 }
 
-/// What cannot be is refused in a sentence that names the limit.
+/// Errors for impossible values name the limit.
 #[test]
 fn limits_are_named() {
     for (height, width) in [(0, 5), (5, 0), (65537, 1)] {

@@ -1,5 +1,5 @@
-//! Eyes with a prescription (OPTICS 11): the kernel against float64, its depth, what one correction does for every pupil, and
-//! what it is worth to solve with it.
+//! Eyes with a prescription (OPTICS 11). The tests compare the kernel and its depth with float64, one correction with
+//! all pupils, and a solve for an eye with a solve for a perfect eye.
 
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::low_level::evaluate;
@@ -27,7 +27,7 @@ fn measured(zernikes_um: &[(u32, f64)], measured_mm: f64) -> Prescription {
     eye
 }
 
-/// Every kind of error at once.
+/// Returns an eye with every kind of error at once.
 fn every_error() -> Prescription {
     let mut eye = Prescription::new(-0.4, 0.3, 35.0);
     eye.vertex_mm = 12.0;
@@ -36,12 +36,12 @@ fn every_error() -> Prescription {
     eye
 }
 
-/// The signed bin of place `i` of a transform of `n`.
+/// Returns the signed bin of place `i` in a transform of length `n`.
 fn bin(i: usize, n: usize) -> f64 {
     if i < n - n / 2 { i as f64 } else { i as f64 - n as f64 }
 }
 
-/// K with the eye's error, in float64.
+/// Returns K with the error of the eye, in float64.
 fn kernel(oracle: &Oracle, eye: &Prescription, pupil: &Pupil) -> Vec<Complex64> {
     let (o, (bin_y, bin_x)) = (oracle.optics, oracle.optics.bin_size());
     let plain = oracle.kernel(pupil).into_iter().enumerate();
@@ -69,7 +69,7 @@ fn planner(optics: Optics, frames: usize, eye: &Prescription) -> Planner {
     Planner { eye: EyeTables::new(Some(eye)), ..Planner::new(optics, frames, WindowFactor::Full) }
 }
 
-/// What this eye sees.
+/// Returns the image that this eye sees.
 fn seen(optics: Optics, frames: usize, eye: &Prescription, phases: &[f32], pupil: Pupil) -> Vec<f32> {
     let planner = planner(optics, frames, eye);
     let mut engine = loaded(&planner, Purpose::View, phases);
@@ -94,7 +94,7 @@ fn views_agree_with_float64() {
     }
 }
 
-/// Adam's first moment after one step is a tenth of the gradient: it is the derivative of what this eye sees.
+/// Adam's first moment after one step is a tenth of the gradient. It is the derivative of the loss of this eye's view.
 #[test]
 fn the_gradient_is_the_derivative() {
     let (o, frames, eye) = (optics(20, 24), 2, every_error());
@@ -111,7 +111,7 @@ fn the_gradient_is_the_derivative() {
     assert_derivative(&gradient_of(&mut engine), &exact, 1, 2e-5, "every error of an eye", want);
 }
 
-/// A relaxed eye of S dioptres sees sharp what an emmetrope sees at z - f^2 S.
+/// A relaxed eye of S dioptres sees content sharp that a perfect eye sees sharp at z - f^2 S.
 #[test]
 fn a_sphere_is_a_depth() {
     let (o, (_, phases)) = (optics(96, 128), phases(2 * 96 * 128, 3));
@@ -126,8 +126,8 @@ fn a_sphere_is_a_depth() {
     }
 }
 
-/// A point that is corrected once is a point through every pupil of that eye, displaced by Prentice's rule; and so is the
-/// photograph.
+/// A point with one correction is a point through every pupil of that eye, displaced by Prentice's rule. The target
+/// image has the same displacement.
 #[test]
 fn one_correction_serves_every_pupil() {
     let (h, w) = (96, 128);
@@ -137,7 +137,7 @@ fn one_correction_serves_every_pupil() {
     let middle = Pupil { x: 0.0, y: 0.0, diameter: 1.0, depth: 0.0 };
     let corrected: Vec<Complex64> = kernel(&oracle, &eye, &middle).iter().map(Complex64::conj).collect();
     let spot = |eye: &Prescription, pupil: &Pupil, spectrum: Option<&[Complex64]>| {
-        // The kernel as the engine has it.
+        // The engine computes this kernel.
         let planner = planner(o, 1, eye);
         let step = planner.view_step(vec![planner.pupil_pass(pupil, &Comparison::default())]);
         let mut engine = loaded(&planner, Purpose::View, &vec![0.0; h * w]);
@@ -165,7 +165,7 @@ fn one_correction_serves_every_pupil() {
     }
 }
 
-/// The photograph that this eye should see is the scene's, displaced by the same.
+/// The target image of this eye is the image of the scene, displaced by the same rule.
 #[test]
 fn the_target_is_displaced_by_prentices_rule() {
     let display = Display { height: 48, width: 64, ..Display::preset("small").unwrap() };
@@ -191,8 +191,8 @@ fn the_target_is_displaced_by_prentices_rule() {
     assert!(plain.iter().zip(&moved).any(|(a, b)| (a - b).abs() > 0.05));
 }
 
-/// Sphere, cylinder and axis, and the coefficients of an aberrometer that mean the same, show the same picture; an axis of 0
-/// has all of its cylinder up and down.
+/// Sphere, cylinder and axis show the same picture as the equivalent coefficients of an aberrometer. If the axis is 0,
+/// all of the cylinder acts up and down.
 #[test]
 fn a_prescription_and_its_coefficients_are_the_same() {
     let (s, c, axis, r) = (-0.6f64, -0.5, 25f64.to_radians(), 3e-3f64);
@@ -217,7 +217,7 @@ fn a_prescription_and_its_coefficients_are_the_same() {
     assert!(across.turns(&o, &centred, 0.0, 1e-3) > 0.5);
 }
 
-/// A perfect eye leaves the list as it is, and one that is not adds one kernel.
+/// A perfect eye does not change the list of kernels, and an eye with errors adds one kernel.
 #[test]
 fn a_perfect_eye_costs_nothing() {
     let names = |eye: Prescription| {
@@ -232,7 +232,7 @@ fn a_perfect_eye_costs_nothing() {
 
 const SIDE: usize = 96;
 
-/// A scene before an eye.
+/// Returns the problem of a scene for an eye.
 fn problem_of(eye: Option<Prescription>) -> Problem {
     let display = Display { height: SIDE, width: SIDE, prescription: eye, ..Display::preset("small").unwrap() };
     let field = scene::load("builtin:still-life", &scene::Request::new(&display, &[Color::Green])).unwrap();
@@ -244,7 +244,8 @@ fn solved(problem: &Problem) -> solve::Solution {
     solve::solve(problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap()
 }
 
-/// Mean PSNR through these pupils at the exposure that fits all of them, by what `problem`'s eye should see.
+/// Returns the mean PSNR through these pupils against the target images of the problem's eye. One exposure fits all
+/// pupils.
 fn decibels(problem: &Problem, phases: &[f32], pupils: &[Pupil]) -> f64 {
     let planner = problem.planner(4, WindowFactor::Full);
     let mut engine = CpuEngine::new();
@@ -260,8 +261,8 @@ fn decibels(problem: &Problem, phases: &[f32], pupils: &[Pupil]) -> f64 {
     pairs().map(one).sum::<f64>() / pupils.len() as f64
 }
 
-/// Over the whole eyebox, and for a pupil that moves, a hologram for an eye of -0.1 D is as good as a perfect eye's for that
-/// eye, and much better for it than the perfect eye's.
+/// A hologram for an eye of -0.1 D is as good for that eye as a perfect eye's hologram is for a perfect eye. It is much
+/// better for that eye than the perfect eye's hologram. This holds over the whole eyebox, and for a pupil that moves.
 #[test]
 fn a_hologram_for_an_eye_is_as_good_for_it() {
     let (perfect, short) = (problem_of(None), problem_of(Some(Prescription::new(-0.1, 0.0, 0.0))));
@@ -293,8 +294,8 @@ fn a_hologram_for_an_eye_is_as_good_for_it() {
     assert!(kept > best - 0.5, "while the eye moves: {best:.2} and {kept:.2} dB");
 }
 
-/// What blurs over more than half of the picture is refused, with the widest pupil that is served; so is a method that knows
-/// nothing of eyes.
+/// A blur over more than half of the picture is an error that names the widest possible pupil. A method without support
+/// for eyes is an error as well.
 #[test]
 fn what_cannot_be_served_is_refused() {
     let problem = problem_of(Some(Prescription::new(-1.0, 0.0, 0.0)));
@@ -302,7 +303,7 @@ fn what_cannot_be_served_is_refused() {
     let refusal = |settings: &Settings, problem: &Problem| {
         solve::solve(problem, settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap_err()
     };
-    // f |S| d is 3.2 mm, and half of 96 pixels 0.384: 0.96 mm.
+    // f |S| d is 3.2 mm. Half of 96 pixels is 0.384 mm, which allows a pupil of 0.96 mm.
     let blur = refusal(&settings, &problem);
     assert!(matches!(blur, SolveError::Optics(OpticsError::Blur { .. })), "{blur}");
     assert!(["3.20 mm", "0.38 mm", "0.96 mm"].iter().all(|mm| blur.to_string().contains(mm)), "{blur}");
@@ -313,7 +314,8 @@ fn what_cannot_be_served_is_refused() {
     }
 }
 
-/// An opacity takes its disc out of the pupil's, wherever the pupil is, and the light that is left counts as all.
+/// An opacity removes its disc from the disc of the pupil, wherever the pupil is. The remaining light counts as all
+/// light.
 #[test]
 fn an_opacity_is_seen_as_in_float64() {
     let (frames, pupil) = (2, Pupil::from_mm([2.0, -1.0, 4.0, 3.0]));

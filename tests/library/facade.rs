@@ -1,13 +1,13 @@
-//! The items that programs may rely on: the facade names each, and the list is short.
+//! The items that programs may rely on. The facade names each of them, and their number is limited.
 
 use crate::architecture::{root, rust_files, tokens, use_tree};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-/// Items that programs may rely on; everything else is in `low_level`.
+/// Maximum number of items that programs may rely on. All other items are in `low_level`.
 const MAX_FACADE_ITEMS: usize = 200;
 
-/// The facade names each of its items, and only there is Vulkan's own crate in sight that promises nothing.
+/// The facade names each of its items. Vulkan's own crate `ash`, which is not stable, appears in `low_level` only.
 #[test]
 fn the_facade_names_what_it_promises() {
     let text = std::fs::read_to_string(root().join("runtime/eyebox/lib.rs")).expect("the facade");
@@ -20,7 +20,7 @@ fn the_facade_names_what_it_promises() {
     assert!(names.len() > 100 && names.len() <= MAX_FACADE_ITEMS, "{} items", names.len());
     assert!(items.iter().all(|(name, path)| name != "*" && path.len() > 1), "{items:?}");
     assert!(names.iter().all(|name| !name.contains("ash")), "{names:?}");
-    // What C and Python need besides has one place each.
+    // C and Python need more items. Each of them uses `low_level` in one file.
     let mut paths = Vec::new();
     ["tools/c", "tools/python"].iter().for_each(|folder| rust_files(&root().join(folder), &mut paths));
     let uses = |path: &PathBuf| tokens(&std::fs::read_to_string(path).expect("a file")).contains(&"low_level");

@@ -1,5 +1,5 @@
-//! The far field against float64, by direct sums: views, the gradient, the projection, the signs; the same on both engines
-//! (OPTICS 9).
+//! The far field against direct sums in float64 (OPTICS 9). The tests compare views, the gradient, the projection and
+//! the signs, and both engines with each other.
 
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, Purpose, cpu::CpuEngine};
 use eyebox::low_level::evaluate;
@@ -15,14 +15,15 @@ use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// As for the relay's views: far above what float32 rounds, far below any fault.
+/// The same bound as for views with a relay. It is far above the rounding of float32 and far below any fault.
 const VIEW: f64 = 1e-12;
 
 fn optics(h: usize, w: usize) -> Optics {
     Optics::new(h, w, 8e-6, 520e-9, 0.4).unwrap().in_geometry(Geometry::FarField)
 }
 
-/// Pixels inside the pupil: index, position (y, x), and K there. Pixel N/2 of N is on the axis.
+/// Returns the pixels inside the pupil, each with its index, its position (y, x), and K at it. Pixel N/2 of N is on the
+/// axis.
 fn passed(o: &Optics, pupil: &Pupil) -> Vec<(usize, [f64; 2], Complex64)> {
     let place = |i: usize, n: usize| (i as f64 - (n / 2) as f64) * o.pitch;
     let one = |i: usize| {
@@ -35,7 +36,7 @@ fn passed(o: &Optics, pupil: &Pupil) -> Vec<(usize, [f64; 2], Complex64)> {
     (0..o.height * o.width).filter_map(one).collect()
 }
 
-/// The wave `u` at (y, x) of the focal plane, through the pupil, by the sum over its pixels.
+/// Returns the wave `u` at (y, x) of the focal plane, through the pupil, as a sum over its pixels.
 fn field_at(o: &Optics, pupil: &Pupil, u: &[Complex64], [y, x]: [f64; 2]) -> Complex64 {
     let per = TAU / (o.wavelength * o.focal_length);
     let sum: Complex64 = (passed(o, pupil).into_iter())
@@ -44,7 +45,7 @@ fn field_at(o: &Optics, pupil: &Pupil, u: &[Complex64], [y, x]: [f64; 2]) -> Com
     sum / ((o.height * o.width) as f64).sqrt()
 }
 
-/// Places of the whole image's samples: a square, its middle sample on the axis.
+/// Returns the places of the whole image's samples, a square with its middle sample on the axis.
 fn samples(o: &Optics) -> Vec<[f64; 2]> {
     let n = o.height.max(o.width);
     let step = o.wavelength * o.focal_length / (o.pitch * n as f64);
@@ -52,7 +53,7 @@ fn samples(o: &Optics) -> Vec<[f64; 2]> {
     (0..n * n).map(|i| [at(i / n), at(i % n)]).collect()
 }
 
-/// Intensity over the pupil's share of the SLM.
+/// Returns the intensity over the pupil's share of the SLM.
 fn view(o: &Optics, pupil: &Pupil, phases: &[f64]) -> Vec<f64> {
     let pixels = o.height * o.width;
     let frames: Vec<Vec<Complex64>> =
@@ -78,7 +79,7 @@ fn views_agree_with_direct_sums() {
     }
 }
 
-/// An even field is as bright through every pupil, whatever its size: 1 on average over the image.
+/// An even field has the same brightness through each pupil, of any size, which is 1 on average over the image.
 #[test]
 fn light_is_even_over_the_eyebox() {
     let planner = Planner::new(optics(64, 64), 1, WindowFactor::Full);
@@ -90,8 +91,9 @@ fn light_is_even_over_the_eyebox() {
     }
 }
 
-/// A point at depth z0 is sharp when z = z0, from every place of the pupil; focused at z it is displaced by (z - z0) s / f.
-/// Both axes, an SLM that is not square; through the engine. At infinity (z0 = 0) its hologram is a blazed grating.
+/// A point at depth z0 is sharp for z = z0, from each place of the pupil. Focused at z it is displaced by (z - z0) s /
+/// f. The test covers both axes and an SLM that is not square, on the engine. At infinity (z0 = 0) the hologram of the
+/// point is a blazed grating.
 #[test]
 fn a_point_moves_as_the_optics_say() {
     let o = optics(384, 512);
@@ -99,7 +101,7 @@ fn a_point_moves_as_the_optics_say() {
     let pixel = o.wavelength * f / (o.pitch * n as f64);
     let point = [40.0 * pixel, -25.0 * pixel];
     for z0 in [0.0, 300e-3] {
-        // The wave that the point sends through the pupil plane.
+        // The wave of the point in the pupil plane.
         let phase = |i: usize| {
             let place = |i: usize, n: usize| (i as f64 - (n / 2) as f64) * o.pitch;
             let (y, x) = (place(i / 512, 384), place(i % 512, 512));
@@ -110,7 +112,7 @@ fn a_point_moves_as_the_optics_say() {
         let wrapped: Vec<f32> =
             (0..384 * 512).map(|i| eyebox::low_level::optics::wrap_phase(phase(i) as f32)).collect();
         if z0 == 0.0 {
-            // A grating: every pixel differs from the next by the same phase.
+            // In a grating, each pixel differs from the next by the same phase.
             let step = |i: usize| (f64::from(wrapped[i + 1]) - f64::from(wrapped[i])).rem_euclid(TAU);
             let want = (-TAU * o.pitch * point[1] / (o.wavelength * f)).rem_euclid(TAU);
             assert!((0..511).all(|i| (step(i) - want).abs() < 1e-3));
@@ -142,7 +144,7 @@ fn a_point_moves_as_the_optics_say() {
     }
 }
 
-/// One step with targets that the test writes; in the far field it transforms no whole field.
+/// Runs one step with targets that the test writes. In the far field it transforms no whole field.
 fn far_step(
     planner: &Planner,
     engine: &mut CpuEngine,
@@ -155,7 +157,7 @@ fn far_step(
     (step, losses)
 }
 
-/// A picture whose axis is in its middle, as windows have it: the axis first.
+/// Moves the axis from the middle of a picture to its first sample, as in windows.
 fn axis_first<T: Copy>(image: &[T], n: usize) -> Vec<T> {
     (0..n * n).map(|i| image[(i / n + n / 2) % n * n + (i % n + n / 2) % n]).collect()
 }
@@ -210,7 +212,7 @@ fn the_projection_agrees_with_float64() {
             })
             .collect();
         for (i, r, k) in passed(&o, pupil) {
-            // The inverse of the sum over pixels: what would change the image by exactly that, inside the disc.
+            // This is the inverse of the sum over pixels. It changes the image by exactly this much, inside the disc.
             let back: Complex64 =
                 wanted.iter().map(|(at, v)| v * Complex64::from_polar(1.0, -per * (r[0] * at[0] + r[1] * at[1]))).sum();
             change[i] += back * k.conj() * 320f64.sqrt() / (n * n) as f64;
@@ -222,7 +224,7 @@ fn the_projection_agrees_with_float64() {
     assert!(error < 1e-11, "error power {error:.1e} of signal");
 }
 
-/// Smaller windows show the same samples, and so does a piece of the SLM that holds the pupil.
+/// Smaller windows show the same samples, and so does a piece of the SLM that contains the pupil.
 #[test]
 fn window_and_piece_agree() {
     let o = optics(200, 240);
@@ -239,7 +241,7 @@ fn window_and_piece_agree() {
     let (whole, _) = image(o, &rounded, WindowFactor::Full);
     let (small, (rows, columns)) = image(o, &rounded, WindowFactor::Two);
     assert_eq!((rows, columns), (120, 120));
-    // 240 samples of the same field of view: every second one.
+    // The field of view is the same with 240 samples, so every second one is compared.
     let every: Vec<f64> = (0..120 * 120).map(|i| f64::from(whole[2 * (i / 120) * 240 + 2 * (i % 120)])).collect();
     let error = error_power(&small, &every);
     assert!(error < VIEW, "error power {error:.1e} of signal");
@@ -257,7 +259,7 @@ fn window_and_piece_agree() {
     assert!(error < VIEW, "error power {error:.1e} of signal");
 }
 
-/// A hologram that is solved for a point at infinity becomes a blazed grating, from random phases.
+/// A solve for a point at infinity turns random phases into a blazed grating.
 #[test]
 fn a_point_at_infinity_is_a_blazed_grating() {
     let o = optics(64, 64);
@@ -291,11 +293,11 @@ fn a_point_at_infinity_is_a_blazed_grating() {
         ..Settings::default()
     };
     let solution = solve::solve(&problem, &settings, &mut CpuEngine::new(), &mut |_| Flow::Continue).unwrap();
-    // The wave of a point X away is exp(-i 2 pi r X / (lambda f)); X is so many 64ths of the field of view.
+    // The wave of a point at X is exp(-i 2 pi r X / (lambda f)), with X in units of 1/64 of the field of view.
     let (mut count, mut sum) = (0, Complex64::default());
     for (i, p) in solution.phases.iter().enumerate() {
         let (r, c) = ((i / 64) as f64 - 32.0, (i % 64) as f64 - 32.0);
-        // Pupils that stay within the SLM seldom reach its corners.
+        // Pupils that stay within the SLM rarely reach its corners.
         if r.hypot(c) < 29.0 {
             let grating = -TAU * (r * (y as f64 - 32.0) + c * (x as f64 - 32.0)) / 64.0;
             sum += Complex64::from_polar(1.0, f64::from(*p) - grating);
@@ -306,7 +308,7 @@ fn a_point_at_infinity_is_a_blazed_grating() {
     assert!(alike > 0.95, "{alike} of a grating");
 }
 
-/// The same steps on Vulkan as on the CPU.
+/// The same steps give the same results on Vulkan and on the CPU.
 #[test]
 fn both_engines_agree() {
     for (h, w) in [(96, 80), (64, 64)] {
@@ -344,7 +346,7 @@ fn both_engines_agree() {
     }
 }
 
-/// Colours differ in field of view: a scene is seen at the same angles in all of them, and the rest is black.
+/// Colors differ in field of view. A scene appears at the same angles in all of them, and the rest is black.
 #[test]
 fn colours_show_the_same_angles() {
     let display = Display { height: 96, width: 96, ..Display::preset("far-field").unwrap() };
@@ -365,9 +367,9 @@ fn colours_show_the_same_angles() {
     });
     let [(red, wide), (blue, _)] = &photographs;
     let apart = |red: &[f32]| red.iter().zip(blue).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>() / 9216.0;
-    // The chart is grey; at these few pixels its edges are not as sharp in red.
+    // The chart is gray, but with this small number of pixels its edges are less sharp in red.
     assert!(apart(red) < 0.07 && apart(wide) > 2.0 * apart(red), "{} and {}", apart(red), apart(wide));
-    // Beyond the shortest wavelength's field, red is dark.
+    // Beyond the field of the shortest wavelength, red is dark.
     let reach = (48.0 * shortest / 660e-9) as i64 + 1;
     let outside = |i: usize| ((i / 96) as i64 - 48).abs().max(((i % 96) as i64 - 48).abs()) > reach;
     assert!(wide.iter().enumerate().filter(|(i, _)| outside(*i)).all(|(_, v)| *v == 0.0));

@@ -1,8 +1,8 @@
-//! What parses bytes, given wrong bytes: an error or a result, never a panic, and never numbers that are none.
+//! Parsers with damaged bytes return an error or a result. They never panic, and a result never holds NaN.
 //!
-//! Each subject starts from sound files and lets proptest damage them, so that a fault is shrunk to few edits. A short
-//! run is part of the tests; `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` goes on for that
-//! long in every subject, each on a thread of its own, with new seeds every time.
+//! Each subject starts from valid files. Proptest damages them, and shrinks a fault to a small number of edits. A short
+//! run is part of the tests. `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` runs
+//! each subject for that time on its own thread, with new seeds each time.
 
 use eyebox::low_level::gaze::{Estimator, EyeVelocity, Settings};
 use eyebox::low_level::hologram::{self, ColorHologram, Hologram};
@@ -16,7 +16,7 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// One damage to a file's bytes; places are shares of its length.
+/// One damage to the bytes of a file. Places are shares of its length.
 #[derive(Debug, Clone)]
 enum Edit {
     Set(f64, u8),
@@ -25,9 +25,9 @@ enum Edit {
     Insert(f64, Vec<u8>),
     Copy(f64, f64, usize),
     Cut(f64),
-    /// A 32-bit number of the kind that overflows.
+    /// Writes a 32-bit number that may cause an overflow.
     Number(f64, u32),
-    /// A number in text, replaced.
+    /// Replaces a number in text.
     Digits(f64, String),
 }
 
@@ -74,7 +74,7 @@ fn damage(mut bytes: Vec<u8>, edits: &[Edit]) -> Vec<u8> {
                 (at..(at + 4).min(n)).zip(value).for_each(|(i, v)| bytes[i] = v);
             }
             Edit::Digits(at, text) => {
-                // The next run of digits from there on.
+                // The next run of digits from this place on.
                 let start = (place(*at)..n).find(|&i| bytes[i].is_ascii_digit()).unwrap_or(n);
                 let end = (start..n).find(|&i| !bytes[i].is_ascii_digit()).unwrap_or(n);
                 bytes.splice(start..end, text.bytes());
@@ -84,7 +84,7 @@ fn damage(mut bytes: Vec<u8>, edits: &[Edit]) -> Vec<u8> {
     bytes
 }
 
-/// Runs cases until the time is up; shrinks the first fault.
+/// Runs cases until the time is up, and shrinks the first fault.
 fn fuzz<S: Strategy>(name: &str, cases: S, check: impl Fn(S::Value) -> Result<(), TestCaseError>) {
     let seconds = std::env::var("EYEBOX_FUZZ_SECONDS").ok().and_then(|s| s.parse::<u64>().ok());
     let limit = Duration::from_secs(seconds.unwrap_or(0));
@@ -92,7 +92,7 @@ fn fuzz<S: Strategy>(name: &str, cases: S, check: impl Fn(S::Value) -> Result<()
     let mut count = 0u64;
     loop {
         let config = Config { cases: 256, failure_persistence: None, max_shrink_iters: 4096, ..Config::default() };
-        // New seeds in a long run; the same ones in the tests, so that they do not fail by chance.
+        // A long run has new seeds. The tests have fixed seeds, so that they do not fail by chance.
         let mut runner =
             if seconds.is_some() { TestRunner::new(config) } else { TestRunner::new_with_rng(config, fixed()) };
         if let Err(fault) = runner.run(&cases, &check) {
@@ -114,7 +114,7 @@ fn display() -> Display {
     Display { height: 12, width: 10, ..Display::preset("small").expect("a preset") }
 }
 
-/// Whatever was loaded holds the numbers that it promises.
+/// Checks that a loaded field has the right size and valid numbers.
 fn sound(field: &scene::LightField) -> Result<(), TestCaseError> {
     prop_assert_eq!((field.height, field.width), (12, 10));
     for plane in field.planes.iter().flatten() {
@@ -126,7 +126,7 @@ fn sound(field: &scene::LightField) -> Result<(), TestCaseError> {
     Ok(())
 }
 
-/// A TIFF of 10 x 12 pixels without compression: samples of `bits`, little-endian.
+/// Returns a TIFF of 10 x 12 pixels without compression, with little-endian samples of `bits` bits.
 fn tiff(channels: u16, bits: u16, format: u16) -> Vec<u8> {
     let count = 120 * usize::from(channels) * usize::from(bits) / 8;
     let bytes: Vec<u8> = (0..count).map(|i| if bits == 32 { [0, 0, 128, 62][i % 4] } else { (i * 7) as u8 }).collect();
@@ -195,7 +195,7 @@ fn folders_of_views() {
         let file = views.join(name);
         fs::write(&file, damage(whole.clone(), &edits)).expect("written");
         let loaded = scene::load(views.to_str().expect("a name"), &Request::new(&display, &[Color::Green]));
-        // As it was, for the next case.
+        // Restores the file for the next case.
         if which < 7 { fs::write(&file, whole) } else { fs::remove_file(&file) }.expect("restored");
         match loaded {
             Ok(field) => sound(&field),
@@ -208,7 +208,7 @@ fn folders_of_views() {
     });
 }
 
-/// A ZIP archive of one stored file.
+/// Returns a ZIP archive of one stored file.
 fn archive(name: &str, bytes: &[u8]) -> Vec<u8> {
     let mut sum = flate2::Crc::new();
     sum.update(bytes);
@@ -326,14 +326,14 @@ fn display_files() {
         for wavelength in &display.wavelengths {
             prop_assert!(display.optics(wavelength.color).is_ok());
         }
-        // What is read can be written and read again.
+        // A display that was read can be written and read again.
         let again = Display::from_toml(&display.to_toml(), "again.toml");
         prop_assert!(again.is_ok(), "{:?}", again);
         Ok(())
     });
 }
 
-/// The checksum of a document, made right again: what lies behind it is damaged too.
+/// Corrects the checksum of a document, so that damage reaches the code after the check.
 fn seal(bytes: &mut [u8]) {
     const SEAL: &[u8] = b"\"document_crc32c\": \"";
     let Some(at) = bytes.windows(SEAL.len()).rposition(|w| w == SEAL).map(|i| i + SEAL.len()) else { return };
@@ -408,7 +408,7 @@ fn bare_phases() {
     });
 }
 
-/// Any pupil before any grid of views, down to sizes and numbers that no eye has.
+/// The test covers any pupil for any grid of views, with sizes and numbers that no eye has.
 #[test]
 fn photographs_of_any_pupil() {
     let number = || prop_oneof![-2e-2..2e-2f64, Just(0.0), Just(1e-12), Just(-1e3), Just(1e300), Just(-1e-300)];
@@ -428,7 +428,7 @@ fn photographs_of_any_pupil() {
             );
             prop_assert!((0.0..=1.0).contains(&tap.fy) && (0.0..=1.0).contains(&tap.fx), "{:?}", tap);
         }
-        // And what an engine is told: it fits its own window.
+        // The arguments for an engine must fit their own window.
         let views: Vec<Vec<f32>> = (0..rows * columns).map(|_| vec![0.25; height * width]).collect();
         let mut planner = Planner::new(optics, 1, WindowFactor::Two);
         planner.views = Some(ViewLayout::new(grid, &Pyramid::new(&views, height, width)));
@@ -439,7 +439,8 @@ fn photographs_of_any_pupil() {
     });
 }
 
-/// Lines of trackers, which anybody on the machine may send: what is understood is numbers, down to the eye's velocity.
+/// Any program on the machine may send lines to a tracker. Accepted lines contain finite numbers, up to the velocity of
+/// the eye.
 #[test]
 fn lines_of_trackers() {
     let whole = [

@@ -1,13 +1,13 @@
-//! The header for C is what the crate for C says.
+//! The header for C matches the crate for C.
 
 use std::path::Path;
 
-/// `EYEBOX_HEADER=write` writes it anew.
+/// `EYEBOX_HEADER=write` writes the header again.
 #[test]
 fn the_header_is_what_the_crate_says() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").join("tools/c");
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).expect("the configuration");
-    // In the order in which they are read.
+    // The order is the order in which the crate reads them.
     let modules = [
         "interface",
         "failure",
@@ -31,5 +31,5 @@ fn the_header_is_what_the_crate_says() {
         std::fs::write(&file, &made).expect("the header");
     }
     let kept = std::fs::read(&file).unwrap_or_default();
-    assert!(kept == made, "tools/c/eyebox.h is not what tools/c says: EYEBOX_HEADER=write with this test writes it");
+    assert!(kept == made, "tools/c/eyebox.h differs from tools/c. Run this test with EYEBOX_HEADER=write to update it");
 }

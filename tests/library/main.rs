@@ -1,4 +1,4 @@
-//! The library across its modules on the CPU and on a Vulkan device, against float64 and against damaged input.
+//! Tests of the library across its modules, on the CPU and on a Vulkan device, against float64 and with damaged input.
 
 mod architecture;
 mod contents;

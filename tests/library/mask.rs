@@ -1,4 +1,5 @@
-//! A static mask of finer pixels in front of the SLM (OPTICS 12): what is seen through it against float64, and its gradient.
+//! A static mask with finer pixels in front of the SLM (OPTICS 12). The tests compare images through it, and the
+//! gradient, with float64.
 
 use eyebox::low_level::evaluate;
 use eyebox::low_level::files::write_npy;
@@ -9,14 +10,14 @@ use eyebox_tests::gradient::{assert_derivative, gradient_of, intensity_loss, ran
 use eyebox_tests::{error_power, fft2, loaded, noise, phases, step_with_targets};
 use std::f64::consts::TAU;
 
-/// What else the display does to its light.
+/// Other effects of the display on its light.
 const BENCH: &str = "[model.green]\nfill = 0.8\nlevel = 1.04\nbend = [0.1, -0.05]\nsource = [0.1, -0.05, -0.3, 0.08, -0.2]\n\
     undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2]\niris = [0.2, -0.3, 1.02]\n";
 
 /// The equations in float64.
 struct Masked {
     display: Display,
-    /// Turns of its light, row by row.
+    /// Turns of the light by the mask, row by row.
     turns: Vec<f64>,
     factor: usize,
     distance: f64,
@@ -37,7 +38,7 @@ impl Masked {
             size[0], size[1]
         );
         let display = Display::from_toml(&text, dir.path().join("b.toml").to_str().unwrap()).unwrap();
-        // Meant at 650 nm: a path.
+        // The mask is designed for 650 nm, and its path is the same for all colors.
         let turns = turns.into_iter().map(|t| t * 650.0 / 520.0).collect();
         Self { display, turns, factor, distance: distance_mm * 1e-3, frames }
     }
@@ -47,13 +48,13 @@ impl Masked {
         Planner { model: ModelTables::of(&self.display, Color::Green, plain.slm, plain.grid), ..plain }
     }
 
-    /// The optics of the mask's pixels.
+    /// Returns the optics with the mask's pixels.
     fn fine(&self) -> Optics {
         let k = self.factor;
         Optics::new(k * self.display.height, k * self.display.width, 8e-6 / k as f64, 520e-9, 0.4).unwrap()
     }
 
-    /// The intensity on the mask's pixels.
+    /// Returns the intensity on the mask's pixels.
     fn view(&self, phases: &[f64], asked: &Pupil) -> Vec<f64> {
         let (model, o, k) = (self.display.model(Color::Green), self.fine(), self.factor);
         let (h, w, rows, columns) = (self.display.height, self.display.width, o.height, o.width);
@@ -68,7 +69,7 @@ impl Masked {
             }
             fft2(field, rows, columns, true);
         };
-        // A pixel covers its middle; what of it lies in each of the mask's.
+        // A pixel of the SLM covers its middle. This is its share of each mask pixel.
         let fill = if model.fill > 0.0 { model.fill } else { 1.0 };
         let cover = |i: usize| {
             let edge = |at: f64| at.clamp(0.5 - fill / 2.0, 0.5 + fill / 2.0);
@@ -109,7 +110,7 @@ impl Masked {
         seen
     }
 
-    /// Averaged over the mask's pixels of each of the SLM's.
+    /// Returns the mean over the mask pixels of each pixel of the SLM.
     fn averaged(&self, seen: &[f64]) -> Vec<f64> {
         let (k, h, w) = (self.factor, self.display.height, self.display.width);
         let own = |i: usize| {
@@ -130,7 +131,7 @@ fn cases() -> Vec<Masked> {
     ]
 }
 
-/// In float32 against float64: on sizes that are not square, with the mask at the SLM and behind it, through pupils in and beyond the
+/// The comparison covers sizes that are not square, a mask at the SLM and behind it, and pupils inside and outside the
 /// SLM's own eyebox.
 #[test]
 fn views_through_a_mask_agree_with_float64() {
@@ -148,7 +149,8 @@ fn views_through_a_mask_agree_with_float64() {
     }
 }
 
-/// Adam's first moment after one step is a tenth of the gradient: central differences of the float64 loss agree with it.
+/// Adam's first moment after one step is a tenth of the gradient. Central differences of the float64 loss agree with
+/// it.
 #[test]
 fn the_gradient_through_a_mask_is_the_derivative() {
     for masked in cases() {

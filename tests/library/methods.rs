@@ -1,4 +1,4 @@
-//! The methods beside random pupils, against float64 and against their definitions.
+//! Methods other than random pupils, against float64 and against their definitions.
 
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::low_level::evaluate;
@@ -14,10 +14,10 @@ use rustfft::num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// float32 rounds to 6e-8, a view is a few dozen roundings deep.
+/// float32 rounds to 6e-8, and a view has a few dozen roundings in a row.
 const VIEW: f64 = 1e-12;
 
-/// The definition (Choi et al. 2022): sum over the window's pixels, without any transform.
+/// Computes the definition (Choi et al. 2022), a sum over the pixels of the window, without any transform.
 fn stft(phases: &[f64], [height, width]: [usize; 2], samples: usize, [ny, nx]: [f64; 2]) -> Vec<f64> {
     let hann = |j: usize| (PI * (j + 1) as f64 / (samples + 1) as f64).sin().powi(2);
     let sum: f64 = (0..samples).map(hann).sum();
@@ -51,7 +51,7 @@ fn the_stft_is_its_definition() {
     let mut engine = CpuEngine::new();
     engine.load(&planner.shape(Purpose::View), Some(pyramid)).unwrap();
     engine.write(Buffer::Phases, &rounded).unwrap();
-    // An even field sends the windows' power through: sum w^2 / (sum w)^2 on each axis.
+    // An even field transmits the power of the windows, sum w^2 / (sum w)^2 on each axis.
     let axis = 1.5 / (samples as f64 + 1.0);
     for view in [0, 4, 7, 13] {
         let viewpoint = Viewpoint::Stft { view, samples, filter: f64::INFINITY };
@@ -62,18 +62,19 @@ fn the_stft_is_its_definition() {
         let want: Vec<f64> = (0..45 * 60).map(|i| (frames[0][i] + frames[1][i]) / (2.0 * axis * axis)).collect();
         let error = error_power(&seen, &want);
         assert!(error < VIEW, "view {view}: error power {error:.1e} of signal");
-        // Its target is the view, untouched.
+        // The target is the view itself.
         let target = evaluate::targets(&mut engine, &planner, &[viewpoint]).unwrap().remove(0);
         assert!(target.iter().all(|t| (t - 0.5).abs() < 1e-4));
     }
-    // The filter takes light away, and only outside of it.
+    // The filter blocks light outside its area only.
     let filtered = Viewpoint::Stft { view: 0, samples, filter: 0.5 * o.eyebox() };
     let open = Viewpoint::Stft { view: 0, samples, filter: f64::INFINITY };
     let seen = evaluate::images(&mut engine, &planner, &[filtered, open]).unwrap();
     assert!(seen[0].iter().sum::<f32>() < 0.2 * seen[1].iter().sum::<f32>());
 }
 
-/// Energies of the patches in float64, and the term whose derivative the kernel `equalise_eyebox` is.
+/// Returns the term of which the kernel `equalise_eyebox` is the derivative, from the energies of the patches in
+/// float64.
 fn unevenness(o: Optics, phases: &[f64], frames: usize, eyebox: f64, patches: usize) -> f64 {
     let (h, w) = (o.height as i64, o.width as i64);
     let (bin_y, bin_x) = o.bin_size();
@@ -104,7 +105,7 @@ fn unevenness(o: Optics, phases: &[f64], frames: usize, eyebox: f64, patches: us
     energies.iter().map(|e| (e / mean - 1.0).powi(2)).sum::<f64>() / energies.len() as f64
 }
 
-/// Adam's first moment after one step over no pupils at all is a tenth of the term's gradient.
+/// Adam's first moment after one step without pupils is a tenth of the gradient of the term.
 #[test]
 fn the_evenness_term_is_a_derivative() {
     let o = Optics::new(36, 40, 8e-6, 520e-9, 0.4).unwrap();
@@ -125,7 +126,7 @@ fn the_evenness_term_is_a_derivative() {
 fn the_projection_evens_the_eyebox_out() {
     let o = Optics::new(60, 60, 8e-6, 520e-9, 0.4).unwrap();
     let planner = Planner::new(o, 1, WindowFactor::Full);
-    // Smooth phases: nearly all light goes through the middle.
+    // With smooth phases nearly all light goes through the middle.
     let smooth: Vec<f32> = noise(3600, 3).iter().map(|x| 0.5 * *x as f32).collect();
     let before = unevenness(o, &smooth.iter().map(|p| f64::from(*p)).collect::<Vec<_>>(), 1, 0.02, 7);
     let mut engine = CpuEngine::new();
@@ -147,7 +148,7 @@ fn problem(size: usize) -> Problem {
     Problem::new(&field, Color::Blue, &display, Padding::default()).unwrap()
 }
 
-/// What each method is for comes out of it, on both engines alike.
+/// Each method gives a hologram of good quality, on both engines alike.
 #[test]
 fn every_method_solves_on_both_engines() {
     let problem = problem(64);
@@ -160,7 +161,7 @@ fn every_method_solves_on_both_engines() {
         let (got, want) = (solve(&mut device), solve(&mut CpuEngine::new()));
         assert_eq!(want.phases.len(), 2 * 64 * 64, "{}", method.name());
         assert!(want.phases.iter().all(|p| p.is_finite()));
-        // Rounding grows from step to step, and both end at holograms of the same quality.
+        // Rounding errors grow from step to step, but both engines end at holograms of the same quality.
         let apart = (got.validation.mean() - want.validation.mean()).abs();
         assert!(apart < 0.05, "{}: {} and {} dB", method.name(), got.validation.mean(), want.validation.mean());
         assert!(want.validation.mean() > 15.0, "{}: {} dB", method.name(), want.validation.mean());
@@ -186,18 +187,19 @@ fn each_method_is_best_at_its_own() {
     let stack: Vec<Pupil> = depths.iter().map(|&depth| Pupil { x: 0.0, y: 0.0, diameter: eyebox, depth }).collect();
     let sides = [(0.3, 0.0), (-0.3, 0.1), (0.0, -0.3), (0.2, 0.25)];
     let sides = sides.map(|(x, y)| Pupil { x: x * eyebox, y: y * eyebox, diameter: eyebox / 4.0, depth: 0.0 });
-    // Through the whole eyebox the focal stack is what was asked for; from the side, random pupils are.
+    // LF2FS optimizes the focal stack through the whole eyebox, SLFH the views of random pupils.
     let (slfh, lf2fs) = (score(Method::Slfh, &stack).mean(), score(Method::Lf2fs, &stack).mean());
     assert!(lf2fs > slfh + 1.0, "focal stack: LF2FS {lf2fs}, SLFH {slfh}");
     let (slfh, lf2fs) = (score(Method::Slfh, &sides).mean(), score(Method::Lf2fs, &sides).mean());
     assert!(slfh > lf2fs + 1.0, "from the side: SLFH {slfh}, LF2FS {lf2fs}");
-    // Without its filter, the light of all views together is the same at every pixel of the SLM: no picture.
+    // Without its filter, the light of all views together is the same at each pixel of the SLM. There is then no
+    // picture.
     let views: Vec<Pupil> = [(0.0, 0.0), (0.2, 0.0), (0.0, 0.2)]
         .map(|(x, y)| Pupil { x: x * eyebox, y: y * eyebox, diameter: eyebox / 3.0, depth: 0.0 })
         .to_vec();
     let (stft, open) = (score(Method::Stft, &views).mean(), score(Method::StftUnfiltered, &views).mean());
     assert!(stft > open + 5.0, "STFT {stft}, without its filter {open}");
-    // Smooth phase: fine in the middle, and next to nothing at the side.
+    // Smooth phase is good in the middle, and has almost no light at the side.
     for method in [Method::Smooth, Method::Dpac] {
         let both: Vec<Pupil> = stack[1..2].iter().chain(&sides).copied().collect();
         let all = score(method, &both).psnr;
@@ -206,7 +208,7 @@ fn each_method_is_best_at_its_own() {
     }
 }
 
-/// The double phase of a field whose values are known: two neighbours make up each value.
+/// The double phase of a field with known values. Two neighbors form each value.
 #[test]
 fn double_phase_shows_the_central_view() {
     let problem = problem(96);
@@ -219,7 +221,7 @@ fn double_phase_shows_the_central_view() {
     };
     let mut engine = CpuEngine::new();
     let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
-    // The second sub-frame has the other half of the checkerboard: the two add up to the same value, pixel by pixel.
+    // The second sub-frame has the other half of the checkerboard. The two add up to the same value, pixel by pixel.
     let (first, second) = solution.phases.split_at(96 * 96);
     let sum =
         |i: usize| Complex64::from_polar(0.5, f64::from(first[i])) + Complex64::from_polar(0.5, f64::from(second[i]));
@@ -228,7 +230,8 @@ fn double_phase_shows_the_central_view() {
     assert!(solution.validation.mean() > 28.0, "{:?}", solution.validation.psnr);
 }
 
-/// What is optimised for an SLM's levels is better than the same hologram rounded to them, the more so the fewer.
+/// A solve for the levels of an SLM is better than the same hologram rounded to them. The gain is larger if there are
+/// fewer levels.
 #[test]
 fn levels_are_optimised_for() {
     let problem = problem(96);
@@ -238,7 +241,7 @@ fn levels_are_optimised_for() {
         let base = Settings { optimizer, steps, frames: 4, pupils: 8, depth: [-4e-4, 4e-4], ..Settings::default() };
         let mut engine = CpuEngine::new();
         let free = solve::solve(&problem, &base, &mut engine, &mut |_| Flow::Continue).unwrap();
-        // Adam's straight-through steps win nothing; they must lose nothing either.
+        // Adam's straight-through steps gain nothing, but must not lose anything.
         let gains = if matches!(optimizer, Optimizer::Adam { .. }) { [-0.15; 3] } else { [0.1, 0.1, -0.05] };
         for (n, gain) in [2, 4, 256].into_iter().zip(gains) {
             let levels = solve::even_levels(n);
@@ -251,11 +254,11 @@ fn levels_are_optimised_for() {
             let turn = |p: f32, l: f32| (p - l + 3.0 * PI as f32).rem_euclid(TAU as f32) - PI as f32;
             let far = solved.phases.iter().map(|p| turn(*p, nearest(*p)).abs()).fold(0.0, f32::max);
             assert!(far < 1e-5, "{n} levels: a phase {far} off any");
-            // The same hologram, rounded after the fact and scored on the same pupils.
+            // The same hologram, rounded after the solve and scored on the same pupils.
             let rounded: Vec<f32> = free.phases.iter().map(|p| nearest(*p)).collect();
             let shown = score(&problem, &base, &rounded, &mut engine);
             let mean = score(&problem, &base, &solved.phases, &mut engine);
-            assert!(mean > shown + gain, "{n} levels, {optimizer:?}: {mean} dB optimised for, {shown} dB rounded");
+            assert!(mean > shown + gain, "{n} levels, {optimizer:?}: {mean} dB solved for, {shown} dB rounded");
             if n == 4 {
                 let other = solve::solve(&problem, &settings, &mut device, &mut |_| Flow::Continue).unwrap();
                 let other = score(&problem, &base, &other.phases, &mut engine);
@@ -266,7 +269,7 @@ fn levels_are_optimised_for() {
     assert_silent(device);
 }
 
-/// Mean PSNR through a fixed set of pupils.
+/// Returns the mean PSNR through a fixed set of pupils.
 fn score(problem: &Problem, settings: &Settings, phases: &[f32], engine: &mut dyn Engine) -> f64 {
     let planner = problem.planner(settings.frames, WindowFactor::Full);
     engine.load(&planner.shape(Purpose::View), Some(Arc::clone(&problem.pyramid))).unwrap();
@@ -278,7 +281,7 @@ fn score(problem: &Problem, settings: &Settings, phases: &[f32], engine: &mut dy
     solve::Validator::new(engine, &planner, viewpoints.to_vec()).unwrap().score(engine, &planner).unwrap().mean()
 }
 
-/// The list of a method names its kernels where they belong.
+/// The list of a method has its kernels at the right places.
 #[test]
 fn the_lists_of_methods() {
     let o = Optics::new(32, 32, 8e-6, 520e-9, 0.4).unwrap();
@@ -291,7 +294,7 @@ fn the_lists_of_methods() {
     let want = "modulate field_forward energy clear transfer taper photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward pupil_adjoint equalise_eyebox change_inverse project";
     assert_eq!(names.join(" "), want);
     assert_eq!(Kernel::by_name("equalise_eyebox"), Some(Kernel::EqualiseEyebox));
-    assert_eq!(Kernel::by_name("even"), Some(Kernel::EqualiseEyebox), "its name before");
+    assert_eq!(Kernel::by_name("even"), Some(Kernel::EqualiseEyebox), "its former name");
     for (before, kernel) in [
         ("drive_back", Kernel::DriveAdjoint),
         ("lag_back", Kernel::LagAdjoint),

@@ -1,4 +1,5 @@
-//! Displays as they are: the lists through every term of a model against float64, and what it is worth to solve with it.
+//! Displays with their faults. The tests compare the lists through every term of a model with float64, and check the
+//! gain of a solve with the model.
 
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
 use eyebox::low_level::evaluate;
@@ -17,7 +18,7 @@ use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-/// Radius of the wavefront's disc, metres.
+/// Radius of the disc of the wavefront in meters.
 pub(crate) const RADIUS: f64 = 11e-3;
 
 pub(crate) fn optics(h: usize, w: usize) -> Optics {
@@ -35,7 +36,7 @@ impl Bench {
         (self.oracle.optics.height, self.oracle.optics.width)
     }
 
-    /// Spectrum of each sub-frame, with the pixels' aperture and the relay.
+    /// Returns the spectrum of each sub-frame, with the pixels' aperture and the relay.
     pub(crate) fn spectra(&self, phases: &[f64]) -> Vec<Vec<Complex64>> {
         let ((h, w), model, frames) = (self.size(), &self.model, self.oracle.frames);
         let (level, source) = (model.level_map([h, w]), model.source_amplitude([h, w]));
@@ -45,7 +46,7 @@ impl Bench {
         let shares = model.lag_shares(frames);
         let one = |f: usize| {
             let before = |i: usize, k: usize| driven[(f + frames - k) % frames * h * w + i];
-            // On sub-pixels, each with its pixel's drive.
+            // Each sub-pixel has the drive of its pixel.
             let p = if model.crosstalk.is_some() { model.subpixels } else { 1 };
             let (rows, columns) = (p * h, p * w);
             let pixel = |i: usize| i / columns / p * w + i % columns / p;
@@ -93,7 +94,7 @@ impl Bench {
     }
 }
 
-/// Every term alone, and all of them.
+/// Returns each term alone, and all of them together.
 fn models() -> Vec<(&'static str, DisplayModel)> {
     let all = every_fault();
     let with = |put: &dyn Fn(&mut DisplayModel)| {
@@ -117,7 +118,7 @@ fn models() -> Vec<(&'static str, DisplayModel)> {
     ]
 }
 
-/// Every term in float32 against float64, on sizes that are not square, with an odd number of sub-frames.
+/// The comparison covers sizes that are not square, and an odd number of sub-frames.
 #[test]
 fn views_through_every_term_agree_with_float64() {
     for (h, w, frames) in [(30, 41, 3), (48, 32, 2), (7, 13, 1)] {
@@ -137,7 +138,7 @@ fn views_through_every_term_agree_with_float64() {
     }
 }
 
-/// Adam's first moment after one step is a tenth of the gradient: through every term it is the derivative of the loss.
+/// Adam's first moment after one step is a tenth of the gradient. Through every term it is the derivative of the loss.
 #[test]
 fn gradients_through_every_term_are_the_derivatives() {
     let (o, frames) = (optics(20, 24), 3);
@@ -157,7 +158,7 @@ fn gradients_through_every_term_are_the_derivatives() {
     }
 }
 
-/// A model of an ideal display leaves the list as it is, and each term adds what it needs and no more.
+/// The model of an ideal display does not change the list, and each term adds only the kernels that it needs.
 #[test]
 fn terms_that_are_off_cost_nothing() {
     let o = optics(32, 32);
@@ -185,7 +186,8 @@ fn terms_that_are_off_cost_nothing() {
     }
 }
 
-/// What a model adds to a step, by the work of its kernels: little with one value a pixel, less than as much again with 2 x 2.
+/// Relative work that a model adds to a step, by the estimates of its kernels. It is small with one value per pixel,
+/// and less than the work of the step with 2 x 2.
 #[test]
 fn what_a_model_adds_to_a_step_is_small() {
     let added = |put: &dyn Fn(&mut DisplayModel)| {
@@ -193,7 +195,7 @@ fn what_a_model_adds_to_a_step_is_small() {
         let work = |model: DisplayModel| {
             let model = ModelTables::new(model, RADIUS, 256, o, o).map(|tables| tables.for_steps());
             let planner = Planner { model, ..Planner::new(o, 8, WindowFactor::One) };
-            // Diameters of 2 to 20 mm, evenly in their logarithm.
+            // Diameters of 2 to 20 mm, even on a logarithmic scale.
             let diameter = |i: i32| 2.0 * 10f64.powf((f64::from(i) + 0.5) / 16.0);
             let comparison = Comparison { batch: 16, ..Comparison::default() };
             let passes =
@@ -216,7 +218,7 @@ fn what_a_model_adds_to_a_step_is_small() {
     assert!(one < 0.15 && strong < 0.15 && all < 0.15 && two < 1.0);
 }
 
-/// The steps of a solve cut crosstalk where what is left out shows nowhere.
+/// The steps of a solve truncate crosstalk at weights that have no visible effect.
 #[test]
 fn what_steps_leave_out_of_crosstalk_shows_nowhere() {
     let (o, frames) = (optics(96, 80), 2);
@@ -240,7 +242,8 @@ fn what_steps_leave_out_of_crosstalk_shows_nowhere() {
     }
 }
 
-/// What the display is known to do is taken back by solving with it: crosstalk, undiffracted light and an uneven source.
+/// A solve with the model compensates known faults of the display, which are crosstalk, zero-order light and an uneven
+/// source.
 #[test]
 fn solving_with_the_model_regains_what_the_display_loses() {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
@@ -267,7 +270,7 @@ fn solving_with_the_model_regains_what_the_display_loses() {
     assert!(kept > lost + 2.0 && best > kept, "ideal {best:.2} dB, on the real display {lost:.2}, for it {kept:.2}");
 }
 
-/// An ideal display and the same with strong crosstalk, a scene, and a solve through wide pupils.
+/// Returns an ideal display and the same with strong crosstalk, a scene, and settings for a solve through wide pupils.
 fn strong_crosstalk() -> ([Display; 2], LightField, Settings) {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
     let terms = ModelTerms { crosstalk: Some([[1.2, 1.0].into(); 4]), ..ModelTerms::default() };
@@ -277,7 +280,8 @@ fn strong_crosstalk() -> ([Display; 2], LightField, Settings) {
     ([ideal, real], field, settings)
 }
 
-/// Under strong crosstalk no drive jumps from one end of the range to the other, nor to where rounding to levels would put it.
+/// Under strong crosstalk no drive jumps from one end of the range to the other. No drive is at a value that rounding
+/// to levels would move there.
 #[test]
 fn phases_do_not_wrap_where_neighbours_would_suffer() {
     let ([ideal, real], field, settings) = strong_crosstalk();
@@ -292,8 +296,8 @@ fn phases_do_not_wrap_where_neighbours_would_suffer() {
     assert!(kept > lost + 3.0, "solved without {lost:.2} dB, with the model {kept:.2}");
 }
 
-/// Crosstalk wants less light than the scene alone: with what is chosen for it, more is seen than with what was chosen for the
-/// ideal display.
+/// Strong crosstalk requires a lower target intensity. The exposure for this display gives a higher PSNR than the
+/// exposure for the ideal display.
 #[test]
 fn the_exposure_is_that_of_the_display_as_it_is() {
     let ([ideal, real], field, settings) = strong_crosstalk();
@@ -311,7 +315,7 @@ fn the_exposure_is_that_of_the_display_as_it_is() {
     assert!(after > before + 0.8, "for the ideal display's exposure {before:.2} dB, for its own {after:.2}");
 }
 
-/// The double-phase method takes back what a look-up table does.
+/// The double-phase method inverts the look-up table.
 #[test]
 fn the_double_phase_method_takes_back_the_look_up_table() {
     let ideal = Display { height: 64, width: 64, ..Display::preset("small").unwrap() };
@@ -333,7 +337,8 @@ fn the_double_phase_method_takes_back_the_look_up_table() {
     assert!(worst < 1e-10 && aware != unaware, "{worst:e}");
 }
 
-/// What terms are worth is measured: crosstalk much, a trace of lag nothing; and one sub-pixel will do.
+/// The loss without each term is measured. It is large for crosstalk and zero for a weak lag, and one sub-pixel is
+/// sufficient.
 #[test]
 fn terms_that_show_nothing_are_found() {
     let small = Display { height: 48, width: 48, ..Display::preset("small").unwrap() };
@@ -353,13 +358,13 @@ fn terms_that_show_nothing_are_found() {
     assert_eq!((worth.kept(), worth.subpixels()), (vec!["crosstalk"], Some(1)), "{worth:?}");
     let auto = display.with_model_of(color, |model| worth.apply(model));
     assert_eq!(auto.model(color).terms(), ["crosstalk"]);
-    // Other colours keep theirs.
+    // Other colors keep their terms.
     assert_eq!(auto.model(Color::Red).terms(), ["lag", "crosstalk"]);
-    // Without time nothing is known, and nothing left out.
+    // Without time nothing is measured, so no term is left out.
     assert_eq!(measure(0).kept(), ["lag", "crosstalk"]);
 }
 
-/// Mean PSNR of what twelve pupils see of these phases, with the exposure that fits all of them.
+/// Returns the mean PSNR of these phases through twelve pupils. One exposure fits all pupils.
 pub(crate) fn seen_on(problem: &Problem, phases: &[f32]) -> f64 {
     let planner = problem.planner(8, WindowFactor::Full);
     let mut engine = CpuEngine::new();

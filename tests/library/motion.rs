@@ -1,4 +1,4 @@
-//! Eyes and content that move while the sub-frames are shown, against float64 (OPTICS 15).
+//! Eyes and content that move during the sub-frames, against float64 (OPTICS 15).
 
 use crate::model::{Bench, RADIUS, optics};
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, cpu::CpuEngine};
@@ -16,7 +16,8 @@ use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// What an eye sees of the sub-frames of `moments` that it averages, in its own frame, in float64.
+/// Returns the image that an eye sees in its own frame, averaged over the sub-frames of `moments` that it sees, in
+/// float64.
 fn seen(bench: &Bench, phases: &[f64], moments: &[Moment]) -> Vec<f64> {
     let o = bench.oracle.optics;
     let (h, w) = (o.height, o.width);
@@ -37,7 +38,8 @@ fn seen(bench: &Bench, phases: &[f64], moments: &[Moment]) -> Vec<f64> {
     sum
 }
 
-/// A stream of six sub-frames, a pupil to each, seen four at a time from the `a`-th on by an eye of fractional velocity.
+/// Returns a stream of six sub-frames with one pupil each. An eye of fractional velocity sees four of them, from the
+/// `a`-th on.
 fn window_of_four(a: usize) -> Vec<Moment> {
     let one = |f: usize| {
         let (i, t) = (f as f64, (f as f64 - 2.5) / 4.0);
@@ -69,7 +71,7 @@ fn what_a_moving_eye_sees_agrees_with_float64() {
     }
 }
 
-/// An eye at rest before sub-frames at rest is no moving eye at all: the list, and so its bits, are as without.
+/// An eye at rest with sub-frames at rest is no moving eye. The list, and therefore the bits, are the same.
 #[test]
 fn at_rest_it_is_the_view() {
     let planner = planner(DisplayModel::default(), 30, 41, 3);
@@ -78,7 +80,7 @@ fn at_rest_it_is_the_view() {
     let resting = Moving::resting(pupil, 3);
     let comparison = Comparison::default();
     assert_eq!(planner.viewpoint(&Viewpoint::Moving(resting), &comparison), planner.pupil_pass(&pupil, &comparison));
-    // And through the kernel, to rounding.
+    // The kernel gives the same up to rounding.
     let mut engine = loaded(&planner, Purpose::View, &rounded);
     let still: Vec<f64> =
         evaluate::views(&mut engine, &planner, &[pupil]).unwrap()[0].iter().map(|x| f64::from(*x)).collect();
@@ -86,7 +88,8 @@ fn at_rest_it_is_the_view() {
     assert!(error_power(&engine.read(Buffer::Image(0)).unwrap(), &still) < 1e-12);
 }
 
-/// Sub-frames that show the one before moved by whole pixels: who moves with them sees one of them, sharp; who rests a blur.
+/// Each sub-frame shows the one before, moved by whole pixels. An eye that moves with them sees one of them sharp, and
+/// an eye at rest sees a blur.
 #[test]
 fn who_follows_what_moves_sees_it_sharp() {
     let (h, w) = (40, 48);
@@ -103,11 +106,11 @@ fn who_follows_what_moves_sees_it_sharp() {
         engine.read(Buffer::Image(0)).unwrap()
     };
     let rest = Moving::resting(pupil, 6);
-    // Twelve pixels down and six to the left a set.
+    // Per set, this is twelve pixels down and six to the left.
     let follows = image(Moving { eye: [-6.0, 12.0], ..rest });
     let one = image(Moving { eye: [-6.0, 12.0], first: 2, count: 1, ..rest });
     let stays = image(rest);
-    // One sub-frame by itself, its times counted in sets of one, is displaced from where the set has it.
+    // A single sub-frame has its times in sets of one. It is displaced from its place in the set.
     let deviation = |x: &[f32]| {
         let mean = x.iter().sum::<f32>() / x.len() as f32;
         (x.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / x.len() as f32).sqrt()
@@ -130,12 +133,13 @@ fn the_gradient_over_the_windows_of_a_stream_is_the_derivative() {
         let mut engine = loaded(&planner, Purpose::Adam, &rounded);
         step_with_targets(&planner, &mut engine, passes, &targets, true);
         let want = |phases: &[f64]| intensity_loss(&targets, 0.8, |a| seen(&bench, phases, &window_of_four(a)));
-        // As without motion: what float32 leaves of the gradient. (In float64 it is 1e-6.)
+        // The bound is the same as without motion, from the precision of float32. (In float64 it is 1e-6.)
         assert_derivative(&gradient_of(&mut engine), &exact, 2, 2e-5, "windows of four", want);
     }
 }
 
-/// What should be seen: the mean of the moments' photographs, each where the eye has it then; for who follows, the still one.
+/// The target is the mean of the target images of all moments, each displaced as the eye moves. For an eye that follows
+/// the content it is the still target image.
 #[test]
 fn the_photograph_is_integrated_over_the_motion() {
     let (h, w) = (48, 64);
@@ -154,8 +158,8 @@ fn the_photograph_is_integrated_over_the_motion() {
     };
     let rest = Moving::resting(Pupil::from_mm([2.0, -1.0, 7.0, 2.0]), 2);
     let still = photograph(rest);
-    assert_eq!(photograph(Moving { eye: [5.3, -1.2], content: [5.3, -1.2], ..rest }), still, "who follows");
-    // Two moments, a quarter of a set before and after the middle: T(r) = mean of T(r + (g - v) t).
+    assert_eq!(photograph(Moving { eye: [5.3, -1.2], content: [5.3, -1.2], ..rest }), still, "an eye that follows");
+    // The two moments are a quarter of a set before and after the middle, so T(r) is the mean of T(r + (g - v) t).
     let blurred = photograph(Moving { eye: [8.0, 0.0], content: [0.0, 4.0], ..rest });
     let at = |y: i64, x: i64| f64::from(still[(y.rem_euclid(h as i64) * w as i64 + x.rem_euclid(w as i64)) as usize]);
     let places = (0..h as i64).flat_map(|y| (0..w as i64).map(move |x| (y, x)));
@@ -163,7 +167,7 @@ fn the_photograph_is_integrated_over_the_motion() {
     assert!(error_power(&blurred, &want) < 1e-10, "{:e}", error_power(&blurred, &want));
 }
 
-/// An eye at rest costs nothing: only where one moves the list has kernels for it.
+/// An eye at rest adds no cost. The list has kernels for motion only if an eye moves.
 #[test]
 fn kernels_for_motion_are_there_where_an_eye_moves() {
     let planner = planner(DisplayModel::default(), 30, 40, 4);

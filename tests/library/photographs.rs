@@ -1,4 +1,5 @@
-//! Photographs of few views by Fourier disparity layers, against waves whose photographs are known in closed form (OPTICS 14).
+//! Target images from few views by Fourier disparity layers (OPTICS 14). They are compared with waves that have target
+//! images in closed form.
 
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::optics::{Color, Display, Pupil};
@@ -12,7 +13,8 @@ fn display() -> Display {
     Display { height: SIZE, width: SIZE, ..Display::preset("small").unwrap() }
 }
 
-/// Waves without occlusion: (cycles per pixel along y and x, phase, amplitude, pixels of movement across the eyebox).
+/// Returns waves without occlusion. Each has cycles per pixel along y and x, phase, amplitude, and pixels of movement
+/// across the eyebox.
 fn waves(ends: [f64; 2]) -> Vec<[f64; 5]> {
     let mut state = 7u64;
     let mut random = || {
@@ -26,13 +28,14 @@ fn waves(ends: [f64; 2]) -> Vec<[f64; 5]> {
     (0..48).map(wave).collect()
 }
 
-/// The mean of `exp(i t cos)` over a disc.
+/// Returns the mean of `exp(i t cos)` over a disc.
 fn jinc(t: f64) -> f64 {
     let node = |i: usize| std::f64::consts::PI * f64::from(i as u32) / 65.0;
     (1..65).map(|i| 2.0 * node(i).sin().powi(2) / 65.0 * (t * node(i).cos()).cos()).sum()
 }
 
-/// What is seen through a disc at `s` (x, y), `d` wide, in eyeboxes, focused where content moves by `focus` pixels.
+/// Returns the view through a disc at `s` (x, y) with diameter `d`, in eyeboxes. The focus is at content that moves by
+/// `focus` pixels.
 fn seen(waves: &[[f64; 5]], s: [f64; 2], d: f64, focus: f64) -> Vec<f32> {
     let mut image = vec![0.5f64; SIZE * SIZE];
     for [fy, fx, phase, amplitude, moved] in waves {
@@ -46,7 +49,7 @@ fn seen(waves: &[[f64; 5]], s: [f64; 2], d: f64, focus: f64) -> Vec<f32> {
     image.into_iter().map(|v| v as f32).collect()
 }
 
-/// `n` x `n` views, `pitch` eyeboxes apart, of waves at two depths.
+/// Returns `n` x `n` views of waves at two depths. The views are `pitch` eyeboxes apart.
 fn field(n: usize, pitch: f64, ends: [f64; 2]) -> LightField {
     let (display, waves) = (display(), waves(ends));
     let (eyebox, per_pixel) = (display.eyebox_min(), display.focal_length * display.pitch / display.eyebox_min());
@@ -65,14 +68,14 @@ fn field(n: usize, pitch: f64, ends: [f64; 2]) -> LightField {
     }
 }
 
-/// dB of full scale, away from the edges, where what comes in from beyond them is unknown.
+/// Returns dB of full scale away from the edges, because content from beyond the edges is unknown.
 fn psnr(a: &[f32], b: &[f32], margin: usize) -> f64 {
     let inside = |i: &usize| [i / SIZE, i % SIZE].iter().all(|k| (margin..SIZE - margin).contains(k));
     let all: Vec<f64> = (0..a.len()).filter(inside).map(|i| f64::from(a[i] - b[i]).powi(2)).collect();
     -10.0 * (all.iter().sum::<f64>() / all.len() as f64).log10()
 }
 
-/// The worst photograph of pupils all over the eyebox.
+/// Returns the worst target image of pupils all over the eyebox.
 fn worst(field: LightField, ends: [f64; 2], pupils: &[[f64; 4]]) -> f64 {
     let (display, waves) = (display(), waves(ends));
     let per_pixel = display.focal_length * display.pitch / display.eyebox_min();
@@ -102,7 +105,7 @@ fn layers_of_few_views_photograph_like_many_views() {
     assert!(layers > cells + 8.0 && layers > all - 4.0, "layers {layers:.1}, cells {cells:.1}, all views {all:.1} dB");
 }
 
-/// What each view is to the others is told before any photograph is taken.
+/// The layers predict the error of views between the given ones, before any target image is computed.
 #[test]
 fn the_residual_is_the_error_of_views_in_between() {
     let (ends, display) = ([-3.0, 4.0], display());
@@ -122,7 +125,7 @@ fn the_residual_is_the_error_of_views_in_between() {
         .map(|(view, v)| 10f64.powf(-psnr(&view, &true_views[*v], 8) / 10.0));
     let measured = -10.0 * (errors.sum::<f64>() / between.len() as f64).log10();
     let told = layers.residual_between();
-    assert!(told > 30.0 && measured > told - 1.0, "told {told:.1} dB, measured {measured:.1} dB");
+    assert!(told > 30.0 && measured > told - 1.0, "predicted {told:.1} dB, measured {measured:.1} dB");
 }
 
 #[test]
@@ -144,7 +147,7 @@ fn dense_views_and_layers_of_them_agree() {
     }
 }
 
-/// Views that have nothing to do with each other are explained by no layers: they stay as they are, unless it is asked.
+/// No layers explain views that are unrelated. They stay unchanged, unless the caller requests a synthesis.
 #[test]
 fn what_layers_do_not_show_is_left_to_cells() {
     let (display, mut few) = (display(), field(3, 1.0 / 3.0, [-3.0, 4.0]));
@@ -158,7 +161,7 @@ fn what_layers_do_not_show_is_left_to_cells() {
     }
 }
 
-/// A focal stack shows other pupils by layers as it never could by pictures between its own.
+/// A focal stack gives target images of other pupils by layers. Interpolation between its own pictures is much worse.
 #[test]
 fn a_focal_stack_is_photographed_through_other_pupils() {
     let (ends, display, temp) = ([-3.0, 4.0], display(), tempfile::tempdir().unwrap());
@@ -190,7 +193,7 @@ fn a_focal_stack_is_photographed_through_other_pupils() {
     state(format!("focus_mm = {mm:?}\naperture_mm = {aperture}"));
     let pupils = &PUPILS[1..];
     let made = worst(load().unwrap(), ends, pupils);
-    // Between the pictures that are focused next to it.
+    // Interpolation uses the two pictures with the nearest focus.
     let between = |&[x, y, d, f]: &[f64; 4]| {
         let i = focus.iter().rposition(|g| *g <= f).unwrap().min(4);
         let t = ((f - focus[i]) / 1.56) as f32;
@@ -201,7 +204,7 @@ fn a_focal_stack_is_photographed_through_other_pupils() {
     assert!(made > 33.0 && made > interpolated + 8.0, "layers {made:.1} dB, between pictures {interpolated:.1} dB");
 }
 
-/// Where things hide each other layers blur: the views tell so, and are interpolated.
+/// Layers blur content that hides other content. The views show this, and the synthesis interpolates them.
 #[test]
 fn what_hides_other_things_is_interpolated() {
     let display = Display { height: 64, width: 64, ..Display::preset("paper").unwrap() };
@@ -224,7 +227,8 @@ fn what_hides_other_things_is_interpolated() {
     assert!(db(&made) > db(&few) + 3.0, "{:.1} dB, of cells {:.1}", db(&made), db(&few));
 }
 
-/// One view of another exposure, one that is moved, and two that are exchanged: said in one line, and refused but for cells.
+/// One view has another exposure, one is moved, and two are exchanged. An error names them in one line, unless the
+/// synthesis is by cells.
 #[test]
 fn views_that_do_not_fit_the_others_are_named() {
     let (display, ends) = (display(), [-3.0, 4.0]);
@@ -249,10 +253,10 @@ fn views_that_do_not_fit_the_others_are_named() {
     assert_eq!(exchanged, (vec![1.0, 1.0, 3.0, 3.0], vec![]));
 }
 
-/// Numbers for a folder of 9 x 9 views in `EYEBOX_LIGHT_FIELD`, in green at 256 x 256: photographs of every second and every
-/// fourth view against those of all.
+/// Measures a folder of 9 x 9 views in `EYEBOX_LIGHT_FIELD`, in green at 256 x 256. It compares target images from
+/// every second and every fourth view with those from all views.
 #[test]
-#[ignore = "measures a light field of one's own"]
+#[ignore = "measures a light field from EYEBOX_LIGHT_FIELD"]
 fn a_light_field_thinned() {
     let source = std::env::var("EYEBOX_LIGHT_FIELD").expect("EYEBOX_LIGHT_FIELD=FOLDER");
     let size = std::env::var("EYEBOX_SIZE").map_or(256, |s| s.parse().unwrap());

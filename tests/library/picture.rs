@@ -1,4 +1,5 @@
-//! Pictures bent so that they are seen straight: lines are straight and colours coincide, through a simulated distortion.
+//! Pictures are warped so that they appear straight. Lines are straight and colors coincide through a simulated
+//! distortion.
 
 use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
 use eyebox::low_level::evaluate::{self, Plane};
@@ -9,10 +10,11 @@ use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::Problem;
 
 const SIZE: [usize; 2] = [72, 96];
-/// Where vertical and horizontal lines stand.
+/// Positions of vertical and horizontal lines.
 const LINES: [f64; 3] = [16.0, 40.0, 59.0];
 
-/// What stands between the display and the camera, one set of numbers a colour: a turned camera, pincushion, lateral colour.
+/// Distortion between the display and the camera, one set of numbers per color. It has a turned camera, pincushion and
+/// lateral color.
 const SEEN: [(Color, [f64; 8], [f64; 2]); 3] = [
     (Color::Red, [0.905, 0.03, 0.021, -0.03, 0.911, -0.05, 0.02, -0.01], [0.145, -0.008]),
     (Color::Green, [0.9, 0.03, 0.02, -0.03, 0.906, -0.05, 0.02, -0.01], [0.15, -0.01]),
@@ -27,7 +29,7 @@ fn display() -> Display {
     Display { height: SIZE[0], width: SIZE[1], picture, ..Display::preset("small").unwrap() }
 }
 
-/// The equations of the map, in the camera's units.
+/// Computes the equations of the map, in the camera's units.
 fn camera(color: usize, [x, y]: [f64; 2]) -> [f64; 2] {
     let [wide, high] = [SIZE[1] as f64, SIZE[0] as f64];
     let (x, y) = ((2.0 * x + 1.0 - wide) / wide, (2.0 * y + 1.0 - high) / wide);
@@ -36,11 +38,11 @@ fn camera(color: usize, [x, y]: [f64; 2]) -> [f64; 2] {
     let (u, v) = ((a * x + b * y + c) / w, (d * x + e * y + f) / w);
     let r2 = u * u + v * v;
     let bend = 1.0 + k1 * r2 + k2 * r2 * r2;
-    // In pixels of the picture.
+    // The unit is a pixel of the picture.
     [u * bend * wide / 2.0, v * bend * wide / 2.0]
 }
 
-/// Soft lines, vertical or horizontal, alike in all colours.
+/// Returns soft lines, vertical or horizontal, which are the same in all colors.
 fn lines(vertical: bool) -> LightField {
     let [height, width] = SIZE;
     let at = |i: usize| (if vertical { i % width } else { i / width }) as f64;
@@ -60,7 +62,7 @@ fn lines(vertical: bool) -> LightField {
     }
 }
 
-/// What the display is to show of a scene in a colour.
+/// Returns the target image of the display for a color of a scene.
 fn target(field: &LightField, color: usize, display: &Display) -> Vec<f32> {
     let problem = Problem::new(field, SEEN[color].0, display, Padding::default()).unwrap();
     let planner = problem.planner(1, WindowFactor::Full);
@@ -69,7 +71,8 @@ fn target(field: &LightField, color: usize, display: &Display) -> Vec<f32> {
     evaluate::photographs(&mut engine, &planner, &[Pupil::from_mm([0.0, 0.0, 4.0, 0.0])]).unwrap().remove(0)
 }
 
-/// Where each line is on the display: for every row (or column) in the picture's middle the centre of light about it.
+/// Traces a line on the display. For each row (or column) in the middle of the picture it returns the center of the
+/// light around the line.
 fn traced(shown: &[f32], vertical: bool, near: f64) -> Vec<[f64; 2]> {
     let [height, width] = SIZE;
     let (count, length) = if vertical { (height, width) } else { (width, height) };
@@ -78,7 +81,7 @@ fn traced(shown: &[f32], vertical: bool, near: f64) -> Vec<[f64; 2]> {
     };
     let mut points = Vec::new();
     let mut centre = near;
-    // From the middle outwards, so that a bent line is followed.
+    // The trace goes from the middle outwards, so that it follows a bent line.
     for step in (count / 2..count - 8).chain((8..count / 2).rev()) {
         if step == count / 2 - 1 {
             centre = near;
@@ -97,7 +100,8 @@ fn traced(shown: &[f32], vertical: bool, near: f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// The straight line through points nearest to them: (place at 0, slope) of `axis` against the other; and how far the worst is off.
+/// Fits a straight line to points. Returns (place at 0, slope) of `axis` against the other axis, and the largest
+/// distance from the line.
 fn straight(points: &[[f64; 2]], axis: usize) -> (f64, f64, f64) {
     let n = points.len() as f64;
     let mean = |f: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(f).sum::<f64>() / n;
@@ -121,26 +125,26 @@ fn lines_are_straight_and_colours_coincide() {
                     straight(&shown.iter().map(|p| camera(color, *p)).collect::<Vec<_>>(), axis)
                 };
                 bent = bent.max(trace(&ideal, line).2);
-                // Where the line has gone on the display: by what bends it.
+                // The warp gives the new place of the line on the display.
                 let map = real.picture.map(*name, real.picture_size().into()).unwrap();
                 let middle = |n: usize, at: f64| (2.0 * at + 1.0 - n as f64) / SIZE[1] as f64;
                 let place = if vertical { [middle(SIZE[1], line), 0.0] } else { [0.0, middle(SIZE[0], line)] };
                 let back = map.back(place)[axis] * SIZE[1] as f64 / 2.0;
                 let near = back + (SIZE[1 - axis] as f64 - 1.0) / 2.0;
                 let (at, slope, off) = trace(&real, near);
-                assert!(off < 0.1, "{vertical} {line} colour {color}: {off:.3} pixels off a straight line");
+                assert!(off < 0.1, "{vertical} {line} color {color}: {off:.3} pixels off a straight line");
                 seen.push([at - 20.0 * slope, at, at + 20.0 * slope]);
             }
             for other in &seen[1..] {
                 let apart = other.iter().zip(&seen[0]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                assert!(apart < 0.1, "{vertical} {line}: colours are {apart:.3} pixels apart");
+                assert!(apart < 0.1, "{vertical} {line}: colors are {apart:.3} pixels apart");
             }
         }
-        assert!(bent > 0.3, "lines that are not corrected are off by {bent:.2} pixels: the test tests nothing");
+        assert!(bent > 0.3, "lines that are not corrected are off by only {bent:.2} pixels");
     }
 }
 
-/// What is seen of what the display shows is the scene again, and what comes from beyond the picture is black.
+/// The view of the warped display is the scene again, and content from beyond the picture is black.
 #[test]
 fn what_is_seen_is_the_scene() {
     let display = display();
@@ -162,9 +166,9 @@ fn what_is_seen_is_the_scene() {
                 worst = worst.max((seen - wanted).abs());
             }
         }
-        assert!(worst < 0.06, "colour {i}: {worst}");
+        assert!(worst < 0.06, "color {i}: {worst}");
     }
-    // A display that says nothing shows the scene as it is.
+    // A display without a warp shows the scene unchanged.
     let ideal = Display { picture: Picture::default(), ..display.clone() };
     let (shown, scene) = (target(&field, 1, &ideal), &field.planes[1][0]);
     assert!(shown.iter().zip(scene).all(|(a, b)| (a - b).abs() < 1e-4));

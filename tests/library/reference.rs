@@ -1,4 +1,5 @@
-//! The CPU engine's lists against float64: views, windows, the gradient, the projection; and the signs of the optics.
+//! The CPU engine's lists against float64. The tests compare views, windows, the gradient, the projection, and the
+//! signs of the optics.
 
 use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::low_level::evaluate;
@@ -12,7 +13,8 @@ use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_t
 use rustfft::num_complex::Complex64;
 use std::sync::Arc;
 
-/// float32 rounds to 6e-8; a view is a few dozen roundings deep, its power error near 1e-14. Far above that: a fault.
+/// float32 rounds to 6e-8. A view has a few dozen roundings in a row, and its power error is near 1e-14. A larger error
+/// is a fault.
 const VIEW: f64 = 1e-12;
 
 fn optics(h: usize, w: usize) -> Optics {
@@ -47,7 +49,7 @@ fn a_full_hd_view_agrees_with_float64() {
     assert!(error < VIEW, "error power {error:.1e} of signal");
 }
 
-/// In float64 the window is exact: its samples are the full image, band-limited, on a coarser grid (OPTICS 5).
+/// In float64 the window is exact. Its samples are the full image, band-limited, on a coarser grid (OPTICS 5).
 #[test]
 fn the_window_is_exact() {
     let o = optics(256, 240);
@@ -73,7 +75,7 @@ fn the_window_is_exact() {
         let share = o.share(pupil.diameter);
         small.iter_mut().zip(cut).for_each(|(s, v)| *s += (v * scale).norm_sqr() / (2.0 * share));
     }
-    // The full image, resampled by cutting its spectrum.
+    // The full image is resampled by a cut of its spectrum.
     let full = oracle.view(&exact, &pupil);
     let most = full.iter().copied().fold(0.0, f64::max);
     let mut spectrum: Vec<_> = full.iter().map(|v| Complex64::new(*v, 0.0)).collect();
@@ -89,7 +91,7 @@ fn the_window_is_exact() {
     let worst = resampled.iter().zip(&small).map(|(r, s)| (r.re - s).abs()).fold(0.0, f64::max);
     assert!(worst < 1e-12 * most, "largest difference {:.1e} of the brightest", worst / most);
 
-    // And the engine's window is that window, in float32.
+    // The engine has the same window in float32.
     let planner = Planner::new(o, 2, WindowFactor::Two);
     let mut engine = loaded(&planner, Purpose::View, &rounded);
     engine.run(&planner.view_step(vec![planner.pupil_pass(&pupil, &Comparison::default())])).unwrap();
@@ -97,7 +99,8 @@ fn the_window_is_exact() {
     assert!(error < VIEW, "error power {error:.1e} of signal");
 }
 
-/// Adam's first moment after one step is a tenth of the gradient: compared with finite differences of the float64 loss.
+/// Adam's first moment after one step is a tenth of the gradient. The test compares it with finite differences of the
+/// float64 loss.
 #[test]
 fn the_gradient_is_the_derivative_of_the_loss() {
     let o = optics(20, 24);
@@ -109,7 +112,7 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     let planner = Planner::new(o, frames, WindowFactor::Full);
     let comparison = Comparison { mode: compare::INTENSITY, exposure: 0.7, batch: 2, ..Comparison::default() };
     let mut engine = loaded(&planner, Purpose::Adam, &rounded);
-    // Full windows have the bins in their natural order, from -N/2 on: the image is the same, sample by sample.
+    // Full windows have the bins in their natural order, from -N/2 on. The image is the same, sample by sample.
     let pupil_passes = pupils.iter().map(|p| planner.pupil_pass(p, &comparison)).collect();
     let (step, losses) = step_with_targets(&planner, &mut engine, pupil_passes, &targets, true);
     let loss: f64 =
@@ -119,7 +122,7 @@ fn the_gradient_is_the_derivative_of_the_loss() {
     assert_derivative(&gradient_of(&mut engine), &exact, 3, 1e-5, "two pupils", want);
 }
 
-/// The projection of the oracle, in float64 and on the whole spectrum, against the engine's step.
+/// Compares the projection of the oracle, in float64 and on the whole spectrum, with the step of the engine.
 #[test]
 fn the_projection_agrees_with_float64() {
     let o = optics(30, 40);
@@ -157,8 +160,8 @@ fn the_projection_agrees_with_float64() {
     assert!(error < 1e-11, "error power {error:.1e} of signal");
 }
 
-/// A point at depth z0 is sharp when z = z0, from every pupil position; focused at z it is displaced by
-/// (z - z0) s / f. Both axes, a display that is not square.
+/// A point at depth z0 is sharp for z = z0, from each pupil position. Focused at z it is displaced by (z - z0) s / f.
+/// The test covers both axes and a display that is not square.
 #[test]
 fn a_point_moves_as_the_optics_say() {
     let o = optics(192, 256);
@@ -186,14 +189,14 @@ fn a_point_moves_as_the_optics_say() {
     }
 }
 
-/// Smooth noise in 0.1 .. 0.9.
+/// Returns smooth noise in 0.1 .. 0.9.
 fn texture(h: usize, w: usize) -> Vec<f32> {
     let raw = noise(h * w, 42);
     let at = |y: usize, x: usize| raw[(y / 6 % (h / 6)) * w + x / 6 % (w / 6)];
     (0..h * w).map(|i| (0.5 + 0.4 * at(i / w, i % w)) as f32).collect()
 }
 
-/// Views of one textured plane at depth z0.
+/// Returns views of one textured plane at depth z0.
 fn plane(o: &Optics, z0: f64, n: usize) -> (ViewGrid, Arc<Pyramid>, Vec<f32>) {
     let cell = o.eyebox() / n as f64;
     let grid = ViewGrid { rows: n, columns: n, cell };
@@ -281,7 +284,7 @@ fn light_field_and_wave_agree() {
     for (x, y, z) in [(5e-3, 0.0, 2e-3), (0.0, -5e-3, 6e-3), (4e-3, 4e-3, z0), (-5e-3, 3e-3, 2e-3)] {
         let pupil = Pupil { x, y, diameter: 8e-3, depth: z };
         let seen = &evaluate::views(&mut engine, &planner, &[pupil]).unwrap()[0];
-        // The displacement whose shifted texture matches best, over +-12 pixels.
+        // This is the displacement with the best match of the shifted texture, over +-12 pixels.
         let all = (-12..=12i32).flat_map(|dy| (-12..=12i32).map(move |dx| (dy, dx)));
         let score = |(dy, dx): (i32, i32)| correlation(seen, &shifted(&image, 120, 160, f64::from(dy), f64::from(dx)));
         let best = all.max_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap();
@@ -296,15 +299,16 @@ fn light_field_and_wave_agree() {
     }
 }
 
-/// Padding keeps light from coming in on the other side.
+/// Padding keeps light from entering on the other side.
 #[test]
 fn padding_stops_the_wrap() {
     let o = optics(64, 64);
-    // A bright stripe at the right edge, seen far out of focus from the left: it walks off the display.
+    // The pupil sees a bright stripe at the right edge, far out of focus, from the left. The stripe moves off the
+    // display.
     let pupil = Pupil::from_mm([8.0, 0.0, 4.0, 8.0]);
     let padding = Padding::required(&o, 8e-3, 10e-3);
     assert!(padding.columns >= 25);
-    // Many sub-frames, for speckle would drown the share.
+    // The number of sub-frames is large, because speckle would hide the share.
     let (_, rounded) = phases(64 * 64 * 64, 9);
     let bare = Planner::new(o, 64, WindowFactor::Full);
     let padded = bare.clone().with_padding(padding);
@@ -314,10 +318,10 @@ fn padding_stops_the_wrap() {
         (seen.iter().map(|v| f64::from(*v)).sum(), seen)
     };
     let ((all, wrapped), (kept, clean)) = (light(&bare), light(&padded));
-    // z s / f / p = 20 of 64 columns leave; circular propagation keeps their light, padding does not.
+    // z s / f / p = 20 of 64 columns leave. Circular propagation keeps their light, and padding does not.
     assert!((0.6..0.72).contains(&(kept / all)), "{}", kept / all);
     let column = |v: &[f32], x: usize| (0..64).map(|y| f64::from(v[y * 64 + x])).sum::<f64>();
-    // Light moves by +z s / f: what is left of column 20 came from beyond the left edge, where there is none.
+    // Light moves by +z s / f. The light of the first columns came from beyond the left edge, where padding has none.
     assert!(column(&clean, 5) < 0.2 * column(&wrapped, 5), "{} {}", column(&clean, 5), column(&wrapped, 5));
 }
 
@@ -338,12 +342,12 @@ fn the_same_seed_gives_the_same_bits_on_any_number_of_threads() {
         let one = with(1, 256 << 20);
         assert!(one.iter().all(|p| p.abs() <= 3.2), "phases are wrapped");
         assert!(one == with(2, 256 << 20) && one == with(16, 256 << 20), "threads");
-        // Pupils in flight a few at a time: the same sums in the same order.
+        // If only a few pupils are in flight at a time, the sums and their order are the same.
         assert!(one == with(2, 1 << 16), "groups");
     }
 }
 
-/// The lists name every kernel that descends, in the order in which light goes.
+/// The lists name each kernel of a step, in the order of the light.
 #[test]
 fn lists_are_in_the_order_of_light() {
     let planner = Planner::new(optics(32, 32), 2, WindowFactor::One);
@@ -356,7 +360,7 @@ fn lists_are_in_the_order_of_light() {
     let names: Vec<_> = step.list.iter().map(|d: &Dispatch| d.kernel.name()).collect();
     let want = "modulate field_forward clear overlap transfer photograph resample pass_pupil window_inverse intensity compare apply_factor window_forward pupil_adjoint divide_by_overlap change_inverse project";
     assert_eq!(names.join(" "), want);
-    // One pupil pass at a time: its part of the list comes three times.
+    // With one pupil pass at a time, its part of the list occurs three times.
     let step = planner.adam_step(pupil_passes(3), 1, 1, 0.1);
     assert_eq!(step.list.iter().filter(|d| d.kernel == Kernel::Compare).count(), 3);
     assert!(step.list.iter().all(|d| d.kernel != Kernel::DivideByOverlap));

@@ -1,4 +1,5 @@
-//! The solver uses a display's model: a term that it knows never makes the result worse, and neither do more steps.
+//! The solver uses the model of a display. A term that it knows does not make the result worse, and neither do more
+//! steps.
 
 use super::model::seen_on;
 use eyebox::low_level::engine::cpu::CpuEngine;
@@ -6,7 +7,7 @@ use eyebox::low_level::optics::{Color, Display, Level, ModelOf, ModelTerms, Padd
 use eyebox::low_level::scene::{self, LightField};
 use eyebox::low_level::solve::{self, Flow, Optimizer, Problem, Settings, Solution};
 
-/// Every term of a bench, with crosstalk towards each side of this sigma (pixels^-1).
+/// Returns every term of a real setup, with crosstalk towards each side of this sigma (pixels^-1).
 fn terms(sigma: Option<f64>) -> ModelTerms {
     ModelTerms {
         level: Some(Level::Nodes([[1.0, 1.06, 1.0], [0.98, 1.07, 1.05], [1.03, 1.04, 1.06]])),
@@ -50,7 +51,8 @@ impl Bench {
     }
 }
 
-/// Crosstalk that is weak beside uneven light and undiffracted light: long strides under a bound diverged there, and lost 5 dB.
+/// Crosstalk is weak here compared to uneven light and zero-order light. Long steps under a bound would diverge and
+/// lose 5 dB.
 #[test]
 fn knowing_weak_crosstalk_is_not_worse_than_leaving_it_out() {
     let bench = Bench::new(40);
@@ -64,7 +66,7 @@ fn knowing_weak_crosstalk_is_not_worse_than_leaving_it_out() {
     }
 }
 
-/// At every strength of crosstalk, and with either optimizer.
+/// This is true at each strength of crosstalk, and with either optimizer.
 #[test]
 fn more_steps_never_end_lower() {
     let bench = Bench::new(0);
@@ -81,14 +83,14 @@ fn more_steps_never_end_lower() {
     }
 }
 
-/// Steps become shorter if a validation finds no better state, and phases that are much worse are replaced by the best.
-/// So a descent whose steps are too long still ends well, whether it falls or stays at a level.
+/// Steps become shorter if a validation finds no better state, and the best phases replace phases that are much worse.
+/// A descent with steps that are too long therefore still ends well, whether its score falls or stays the same.
 #[test]
 fn a_descent_that_diverges_continues_from_its_best_state() {
     let bench = Bench::new(60);
     let solved = |gain, seed| {
         let optimizer = Optimizer::Projection { gain, momentum: 0.7, overlap_power: 0.5 };
-        // A quality that no state reaches, so phases are validated ten times.
+        // No state reaches this quality, so phases are validated ten times.
         let settings = Settings { optimizer, psnr: Some(99.0), seed, ..bench.settings.clone() };
         bench.solve(terms(None), &settings).validation.mean()
     };

@@ -1,4 +1,5 @@
-//! Light with a source (OPTICS 12): modes against float64, their gradient, and what one centred mode is.
+//! Light with a source (OPTICS 12). The tests compare modes and their gradient with float64, and one centered mode with
+//! a display without a source.
 
 use super::model::{RADIUS, optics};
 use eyebox::low_level::engine::{Buffer, Engine, Memory};
@@ -16,13 +17,13 @@ use eyebox_tests::{Oracle, error_power, fft2, loaded, noise, phases, step_with_t
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Beside the axis and beside the wavelength, of unequal weights, no angle a whole number of bins.
+/// Returns modes off the axis and off the wavelength, with unequal weights. No angle is a whole number of bins.
 fn three() -> Vec<SourceMode> {
     let mode = |angle, nm: f64, weight| SourceMode { angle, weight, ..SourceMode::centred(nm * 1e-9) };
     vec![mode([1.3e-3, -2.1e-3], 520.0, 0.5), mode([-2.7e-3, 0.4e-3], 523.1, 0.3), mode([0.2e-3, 3.3e-3], 516.2, 0.2)]
 }
 
-/// A bench and an eye that meet light where it arrives.
+/// Returns a display model and an eye that act on the light at its place of arrival.
 fn bench() -> (DisplayModel, Prescription) {
     let model = DisplayModel {
         fill: 0.9,
@@ -61,7 +62,7 @@ impl Lit<'_> {
         seen
     }
 
-    /// K of a mode at one bin, in the order of the DFT: `K(q + t / lambda; p, lambda)`.
+    /// Returns K of a mode at one bin, in the order of the DFT, which is `K(q + t / lambda; p, lambda)`.
     fn kernel(&self, mode: &SourceMode, iris: &Pupil, i: usize) -> Complex64 {
         let o = self.oracle.optics;
         let bin = |k: usize, n: usize| if k < n - n / 2 { k as f64 } else { k as f64 - n as f64 };
@@ -109,8 +110,8 @@ fn views_agree_with_float64() {
     }
 }
 
-/// Adam's first moment after one step is a tenth of the gradient: compared with finite differences of the float64 loss, with a
-/// bench and an eye, over whole spectra.
+/// Adam's first moment after one step is a tenth of the gradient. The test compares it with finite differences of the
+/// float64 loss, with a display model and an eye, over whole spectra.
 #[test]
 fn the_gradient_is_the_derivative() {
     let (o, frames, modes) = (optics(20, 24), 2, three());
@@ -129,7 +130,7 @@ fn the_gradient_is_the_derivative() {
     assert_derivative(&gradient_of(&mut engine), &exact, 1, 2e-5, "three modes on a bench", want);
 }
 
-/// The windows of all modes are of one size, and show what the whole spectrum shows.
+/// The windows of all modes have one size, and show the same image as the whole spectrum.
 #[test]
 fn windows_hold_every_mode() {
     let (o, modes) = (optics(96, 128), three());
@@ -149,7 +150,7 @@ fn windows_hold_every_mode() {
     assert!((got / want - 1.0).abs() < 1e-5, "{got} and {want}");
 }
 
-/// A source of one mode on the axis changes no bit: neither of what is seen nor of a step.
+/// A source of one mode on the axis changes no bit of a view or of a step.
 #[test]
 fn one_centred_mode_is_no_source() {
     let o = optics(40, 48);
@@ -194,7 +195,7 @@ fn a_tilt_is_a_linear_phase() {
     assert!(error < 1e-10, "error power {error:.1e}");
 }
 
-/// Solved and seen in the light of a source, one sub-frame is better than with a point; both optimisers know of it.
+/// In the light of a source, one sub-frame has a better score than with a point. This is true for both optimizers.
 #[test]
 fn solving_with_a_source_averages_speckle() {
     let plain = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };
@@ -224,8 +225,8 @@ fn solving_with_a_source_averages_speckle() {
     }
 }
 
-/// What a wide pupil is solved for with fewer modes looks as grainy as with all, and a solve over pupils of many widths comes out as
-/// good for a part of the work.
+/// A solve with fewer modes for wide pupils gives the same grain as with all modes. Over pupils of many widths it has
+/// the same quality with less work.
 #[test]
 fn wide_pupils_need_few_modes() {
     let plain = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };
@@ -242,7 +243,7 @@ fn wide_pupils_need_few_modes() {
     let counts: Vec<usize> = [2.0, 4.0, 8.0, 16.0].map(|mm| through(&planner, mm).mode_count()).into();
     assert_eq!(counts, [9, 4, 3, 2]);
     let whole = Planner { factor: WindowFactor::Full, ..planner.clone() };
-    assert_eq!(through(&whole, 16.0).mode_count(), 9, "whoever looks sees all");
+    assert_eq!(through(&whole, 16.0).mode_count(), 9, "a view has all modes");
 
     let (_, rounded) = phases(96 * 96, 5);
     let mut engine = loaded(&planner, Purpose::View, &rounded);

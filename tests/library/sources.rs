@@ -1,5 +1,5 @@
-//! Switchable sources (OPTICS 12): what they show against float64, in turn and together, their gradient, their borders, and what
-//! a hologram gains from being solved for the one that is lit.
+//! Switchable sources (OPTICS 12). The tests compare views with float64, in turn and together, the gradient, borders
+//! between sources, and the gain of a refinement for the sources that are lit.
 
 use super::model::optics;
 use eyebox::low_level::engine::cpu::CpuEngine;
@@ -16,7 +16,7 @@ use eyebox_tests::{Oracle, error_power, fft2, loaded, phases, step_with_targets}
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
-/// Three sources beside each other, spaced by an eyebox of green light (26 mm), in turn or not.
+/// Returns three sources next to each other, spaced by an eyebox of green light (26 mm), in turn or not.
 fn three(in_turn: bool) -> Vec<SourceMode> {
     let mode = |i: usize| SourceMode {
         angle: [65e-3 * (i as f64 - 1.0), 4e-3 * i as f64],
@@ -28,7 +28,8 @@ fn three(in_turn: bool) -> Vec<SourceMode> {
     (0..3).map(mode).collect()
 }
 
-/// OPTICS 12 in float64: the spectrum of each sub-frame, cut where each source that is lit in it sends the pupil.
+/// Computes OPTICS 12 in float64. The spectrum of each sub-frame is cut at the place to which each source that is lit
+/// moves the pupil.
 fn view(oracle: &Oracle, modes: &[SourceMode], phases: &[f64], pupil: &Pupil) -> Vec<f64> {
     let (o, frames) = (oracle.optics, oracle.frames);
     let (h, w) = (o.height, o.width);
@@ -62,7 +63,7 @@ fn view(oracle: &Oracle, modes: &[SourceMode], phases: &[f64], pupil: &Pupil) ->
     seen
 }
 
-/// Inside of one source's eyebox, on a border, and at the rim of all.
+/// Pupils inside one source's eyebox, on a border, and at the edge of all eyeboxes.
 const PUPILS: [[f64; 4]; 4] =
     [[0.5, 2.0, 6.0, 3.0], [13.0, 1.0, 5.0, -2.0], [-26.0, 3.0, 4.0, 1.0], [37.0, 9.0, 5.0, 0.0]];
 
@@ -105,7 +106,7 @@ fn the_gradient_is_the_derivative() {
     }
 }
 
-/// A single source in the middle changes no bit, and its file none of the bytes of what is solved.
+/// A single source in the middle changes no bit of the solved phases.
 #[test]
 fn one_centred_source_is_no_source() {
     let plain = Display { height: 48, width: 64, ..Display::preset("small").unwrap() };
@@ -121,7 +122,8 @@ fn one_centred_source_is_no_source() {
     assert!(solved(&plain) == solved(&one));
 }
 
-/// Where two sources spaced by an eyebox meet, no bin is looked at twice, and as many as inside (OPTICS 12).
+/// At the border of two sources that are an eyebox apart, each bin counts once. The number of bins is the same as
+/// inside (OPTICS 12).
 #[test]
 fn a_border_shares_no_bin() {
     let o = optics(200, 240);
@@ -140,7 +142,7 @@ fn a_border_shares_no_bin() {
         let count = all.len();
         all.sort_unstable();
         all.dedup();
-        assert_eq!(all.len(), count, "at {x} mm a bin is looked at twice");
+        assert_eq!(all.len(), count, "at {x} mm a bin counts twice");
         (count, pass.mode_count())
     };
     let (inside, alone) = bins(0.0);
@@ -151,7 +153,8 @@ fn a_border_shares_no_bin() {
     }
 }
 
-/// A refinement follows the eye from one source to the next, says which are lit, and what it shows there is as good as in the middle.
+/// A refinement follows the eye from one source to the next and reports the sources that are lit. Its quality there is
+/// the same as in the middle.
 #[test]
 fn a_refinement_takes_its_sources_with_the_eye() {
     let mut display = Display { height: 96, width: 96, ..Display::preset("small").unwrap() };

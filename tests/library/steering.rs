@@ -1,4 +1,4 @@
-//! Steered refinement on both engines: the same pupils, the same steps, the same phases.
+//! Refinement for the tracked pupil gives the same phases on both engines if pupils and steps are the same.
 
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::engine::cpu::CpuEngine;
@@ -15,7 +15,7 @@ fn problem(color: Color) -> Problem {
     Problem::new(&field, color, &display, Padding::default()).expect("a problem")
 }
 
-/// What a few steps make of these phases, before and after a move of the eye.
+/// Returns the result of a few steps from these phases, before and after a movement of the eye.
 fn refined(
     problem: &Problem,
     phases: &[f32],
@@ -59,13 +59,13 @@ fn both_engines_refine_every_colour_alike() {
         let device = vulkan();
         let heard = device.gpu().messages();
         let (got, want) = (run(Box::new(device)), run(Box::new(CpuEngine::new())));
-        assert!(want != whole.phases, "steps that change nothing show nothing");
-        // Phases are angles: as fields they have a power, and a difference. Every step amplifies the last one's rounding
-        // a little, where a field is nearly zero.
+        assert!(want != whole.phases, "the steps changed no phase");
+        // Phases are angles, so the power of the difference of the fields is compared. Each step amplifies the rounding
+        // of the last step a little at points where a field is nearly zero.
         let power: f64 = got.iter().zip(&want).map(|(a, b)| 2.0 - 2.0 * f64::from(a - b).cos()).sum();
         let ratio = power / want.len() as f64;
         assert!(ratio < 1e-8, "{color} {:?}: error power {ratio:e} of the field's", steering.strategy);
-        let messages = heard.lock().expect("what was heard").clone();
+        let messages = heard.lock().expect("the messages").clone();
         assert!(messages.is_empty(), "{messages:?}");
     }
 }

@@ -1,5 +1,5 @@
-//! A far field in tiles on a display that is not ideal: what is seen and refined of it, a piece at a time, is what it is in one
-//! piece, on both engines (OPTICS 9, 10).
+//! A far field in tiles on a display with faults (OPTICS 9, 10). Views and refinement of one piece at a time equal the
+//! result of the whole SLM, on both engines.
 
 use eyebox::low_level::engine::{Buffer, Engine, cpu::CpuEngine};
 use eyebox::low_level::evaluate::Views;
@@ -22,14 +22,14 @@ use std::sync::Arc;
 const SIZE: [usize; 2] = [224, 288];
 const FRAMES: usize = 3;
 
-/// Every term that a far field has: pixels there are points, and crosstalk is computed at one value a pixel.
+/// Returns every term that a far field has. Its pixels are points, and crosstalk is computed at one value per pixel.
 fn model() -> DisplayModel {
     let mut model = every_fault();
     (model.fill, model.subpixels) = (0.0, 1);
     model
 }
 
-/// The display with this model, in a file's terms.
+/// Returns the display with this model, in the terms of a file.
 fn display(model: &DisplayModel) -> Display {
     let terms = ModelTerms {
         level: Some(Level::Nodes(model.level)),
@@ -42,13 +42,13 @@ fn display(model: &DisplayModel) -> Display {
         iris: Some([model.iris.x * 1e3, model.iris.y * 1e3, model.iris.scale]),
         ..ModelTerms::default()
     };
-    // Green alone: it is as wide as the picture, and none of it is cut off.
+    // Green alone is as wide as the picture, so none of it is cut off.
     let mut far = Display::preset("far-field").unwrap();
     far.wavelengths.retain(|w| w.color == Color::Green);
     Display { height: SIZE[0], width: SIZE[1], model: [(ModelOf::Green, terms)].into(), ..far }
 }
 
-/// A hologram of first phases on that display, in tiles of 32 pixels.
+/// Returns a hologram of first phases on that display, in tiles of 32 pixels.
 fn tiles(at: &Path, display: &Display) -> Tiles {
     let optics = display.optics(Color::Green).unwrap();
     let (wavelength, color) = (optics.wavelength, Some(Color::Green));
@@ -62,7 +62,7 @@ fn whole(tiles: &Tiles) -> Vec<f32> {
     tiles.read(0, [0, 0], SIZE).unwrap()
 }
 
-/// In one piece, through the exact model.
+/// Returns the view of the whole SLM, through the exact model.
 fn seen_whole(
     optics: Optics,
     model: Option<&Arc<ModelTables>>,
@@ -80,7 +80,8 @@ fn seen_whole(
     eyebox::low_level::evaluate::centered(&image, n, n)
 }
 
-/// In the middle, at a side and over a corner; terms alone and all together, whole sets and one sub-frame.
+/// Pupils are in the middle, at a side and over a corner. Terms are alone and all together, with whole sets and with
+/// one sub-frame.
 #[test]
 fn views_are_those_of_one_piece() {
     let all = model();
@@ -95,14 +96,14 @@ fn views_are_those_of_one_piece() {
         assert!(tables.is_some(), "{name}");
         let phases = whole(&tiles);
         let source = PhaseSource::Tiled(Arc::clone(&tiles));
-        // Where the iris really is: a pupil that hangs over an edge has another window in a piece.
+        // These are the true positions of the iris. A pupil over an edge has a different window in a piece.
         for mm in [[0.1, -0.1, 0.5, 30.0], [-0.94, 0.2, 0.4, 0.0], [0.84, 0.58, 0.6, -20.0]] {
             let pupil = model.asked_pupil(&Pupil::from_mm(mm));
             let both: [&mut dyn Engine; 2] = [&mut CpuEngine::new(), gpu.as_mut()];
             for (engine, on) in both.into_iter().zip(["CPU", "Vulkan"]) {
                 let mut look =
                     |frame| source.look_through(0, frame, &[pupil], Sampling::Pupil, engine).unwrap().remove(0).values;
-                // Crosstalk from so far that less than 1e-8 of the field's power comes from beyond is left out.
+                // Crosstalk is left out if less than 1e-8 of the field's power comes from beyond its distance.
                 let most = if model.crosstalk.is_some() { 3e-8 } else { 1e-11 };
                 let want = seen_whole(optics, tables.as_ref(), FRAMES, &phases, &pupil);
                 let error = error_power(&look(None), &want.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
@@ -114,18 +115,18 @@ fn views_are_those_of_one_piece() {
             }
         }
         let pupil = Pupil::from_mm([0.1, -0.1, 0.5, 30.0]);
-        // Past lashes in the pupil.
+        // This view has lashes in the pupil.
         let planner = Planner { model: tables.clone(), ..Planner::new(optics, FRAMES, WindowFactor::One) };
         let lashes = planner.obstructed(Obstruction::Lashes, &pupil).model;
         let obstructed = source.clone().obstructed(Some(Obstruction::Lashes));
         let seen =
             obstructed.look_through(0, None, &[pupil], Sampling::Pupil, &mut CpuEngine::new()).unwrap().remove(0);
         let want = seen_whole(optics, lashes.as_ref(), FRAMES, &phases, &pupil);
-        assert_ne!(want, seen_whole(optics, tables.as_ref(), FRAMES, &phases, &pupil), "{name}: no lash is seen");
+        assert_ne!(want, seen_whole(optics, tables.as_ref(), FRAMES, &phases, &pupil), "{name}: no lash is visible");
         let error = error_power(&seen.values, &want.iter().map(|v| f64::from(*v)).collect::<Vec<_>>());
         let most = if model.crosstalk.is_some() { 3e-8 } else { 1e-11 };
         assert!(error < most, "{name}, lashes: error power {error:.1e}");
-        // Past the model, on an ideal display.
+        // This view ignores the model and shows an ideal display.
         let ideal = source.on_ideal_display();
         let seen = ideal.look_through(0, None, &[pupil], Sampling::Pupil, &mut CpuEngine::new()).unwrap().remove(0);
         let want = seen_whole(optics, None, FRAMES, &phases, &pupil);
@@ -134,7 +135,7 @@ fn views_are_those_of_one_piece() {
     }
 }
 
-/// Steps of a refinement around the eye: of the tiles around it, and of all of the SLM at once.
+/// Compares steps of a refinement around the eye, with the tiles around it and with the whole SLM.
 #[test]
 fn a_steered_piece_is_refined_as_the_whole_is() {
     let (here, display) = (tempfile::tempdir().unwrap(), display(&model()));
@@ -182,9 +183,9 @@ fn a_steered_piece_is_refined_as_the_whole_is() {
         for (got, want) in losses.iter().zip(want) {
             assert!((got - want).abs() < 1e-3 * want, "{on}: losses {losses:?}, not {want:?}");
         }
-        // As waves: a phase at an end of the range may stand at the other.
+        // The comparison is of waves, because a phase at one end of the range may appear at the other end.
         let apart: f64 = phases.iter().zip(&cut).map(|(a, b)| 2.0 - 2.0 * (f64::from(*a) - b).cos()).sum();
         let share = apart / cut.len() as f64;
-        assert!(share < 1e-5, "{on}: phases part by {share:.1e} of the waves' power");
+        assert!(share < 1e-5, "{on}: phases differ by {share:.1e} of the waves' power");
     }
 }

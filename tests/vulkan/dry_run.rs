@@ -1,4 +1,5 @@
-//! What a step asks of a device at 1080 x 1920 x 8, recorded and not run: budgets that only fall.
+//! Budgets for the work of a step on a device at 1080 x 1920 x 8, which is recorded and not run. Budgets may only
+//! become smaller.
 
 use eyebox::low_level::encode::Encoder;
 use eyebox::low_level::engine::Engine;
@@ -10,7 +11,8 @@ use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{DryRun, DryRunStep, Problem, RefineSettings, Refiner, Settings};
 use eyebox_tests::both::watched;
 
-/// Nine views: a photograph then moves less than one of 81, everything else the same.
+/// Returns a problem with nine views. The target image then moves fewer bytes than with 81 views, and all other work is
+/// the same.
 fn problem() -> Problem {
     problem_of(1080, 1920)
 }
@@ -46,7 +48,7 @@ fn gpu() -> Gpu {
     Gpu::open(&Options { record_only: true, plan_as, ..watched() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Dispatches, stages and bytes of each step.
+/// Returns dispatches, stages and bytes of each step.
 fn asked(dry_run: &DryRun) -> Vec<[u64; 3]> {
     let of = |s: &DryRunStep| {
         let r = &s.recording;
@@ -62,10 +64,10 @@ fn steps_keep_to_their_budgets() {
     let solve = DryRun::of_solve(&problem, &settings, &gpu, 3).unwrap();
     for [dispatches, stages, bytes] in asked(&solve) {
         assert!(dispatches <= 60 && stages <= 11 && bytes <= 3_700_000_000, "{dispatches} {stages} {bytes}");
-        // Each of 16 windows is passed, seen, compared and returned, whatever is fused.
+        // Each of 16 windows is passed, compared and returned in any case, whatever is fused.
         assert!(dispatches >= 8 && bytes >= 3_000_000_000, "{dispatches} {bytes}");
     }
-    // Nothing of it goes up but tables of transforms, and nothing comes down but losses.
+    // Only tables of transforms are uploaded, and only losses are read back.
     assert!(solve.steps.iter().all(|s| s.counts.read_back == 0 && s.counts.uploaded < 1 << 20));
 
     let halves = Settings { storage: Storage::F16, ..settings };
@@ -89,8 +91,9 @@ fn steps_keep_to_their_budgets() {
     assert!(gpu.messages().lock().unwrap().is_empty(), "{:?}", gpu.messages());
 }
 
-/// Every term of a display's model at once: what its pixels move comes on top, and no further trip of the fields. That takes
-/// no more than 1.2 times a step for the ideal display: the terms cost arithmetic, which is what a step waits for.
+/// With every term of a display model at once, only the data of the pixels adds bytes, and fields make no further pass.
+/// A step takes at most 1.2 times as long as for the ideal display. The terms cost arithmetic, which limits the time of
+/// a step.
 #[test]
 fn every_term_keeps_to_its_budget() {
     let mut terms = ModelTerms { wavefront: [(4, 0.03), (8, 0.05)].into(), ..ModelTerms::default() };
@@ -106,7 +109,7 @@ fn every_term_keeps_to_its_budget() {
             let [dispatches, stages, bytes] = asked(&solve)[1].map(|n| n as f64);
             (dispatches, stages, bytes, DEVICES.map(|device| solve.estimate(&device).total().as_secs_f64()))
         });
-        // In planes of float32 of all sub-frames.
+        // The unit is a plane of float32 of all sub-frames.
         let planes = (faulty.2 - ideal.2) / (4 * 8 * 1080 * 1920) as f64;
         let times = [0, 1, 2].map(|i| faulty.3[i] / ideal.3[i]);
         let what = format!("{storage:?}: {ideal:?} {faulty:?}: {planes} planes, {times:?} times as long");
@@ -124,17 +127,17 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let made = |s: &DryRunStep| s.counts.blocks + s.counts.pipelines + s.counts.pools;
     assert!(made(&steered.steps[0]) > 0);
     assert!(steered.steps[1..].iter().all(|s| made(s) == 0 && s.counts.uploaded == 0));
-    // One submission a step, and none is waited for before the next is recorded.
+    // Each step is one submission, and none is waited for before the next is recorded.
     assert!(steered.steps[1..].iter().all(|s| (s.counts.submissions, s.counts.stalls) == (1, 0)));
     assert!(steered.steps[1..].iter().all(|s| (s.recording.submissions(), s.recording.stalls()) == (1, 0)));
-    // Of a repeated step, photographs and propagation kernels stay.
+    // A repeated step keeps target images and propagation kernels.
     let [first, second] = [0, 1].map(|i| steered.steps[i].recording.by_kernel());
     assert!(first.iter().any(|(kernel, ..)| kernel.name() == "photograph"));
     assert!(second.iter().all(|(kernel, ..)| kernel.name() != "photograph" && kernel.name() != "transfer"));
 }
 
-/// No dispatch takes more than 10 ms, and no submission more than 100 ms, on the slowest device that is compared, however large
-/// the display; what is short stays one submission.
+/// No dispatch takes more than 10 ms, and no submission more than 100 ms, on the slowest device of the comparison, for
+/// any size of the display. Short work stays in one submission.
 #[test]
 fn long_lists_are_cut() {
     let slowest = DEVICES[DEVICES.len() - 1];
@@ -160,7 +163,7 @@ fn long_lists_are_cut() {
     }
 }
 
-/// A solve has made what its steps need before the first of them.
+/// A solve makes everything that its steps need before the first step.
 #[test]
 fn nothing_is_made_while_a_solve_takes_steps() {
     let settings = Settings { pupils: 5, window_bytes: 1 << 20, ..Settings::default() };
@@ -168,12 +171,13 @@ fn nothing_is_made_while_a_solve_takes_steps() {
     for (i, step) in solve.steps.iter().enumerate() {
         let counts = step.counts;
         assert_eq!((counts.pipelines, counts.blocks, counts.uploaded), (0, 0, 0), "step {i}: {counts:?}");
-        // But for room for descriptors, which come with the first that are used.
+        // The first step may also make pools of descriptors.
         assert!(i == 0 || (counts.pools, counts.submissions) == (0, 1), "step {i}: {counts:?}");
     }
 }
 
-/// A live set of three colours brings its video frame to the host and 16 KB beside it, and takes nothing there; a jump neither.
+/// A live set of three colors reads back its video frame and at most 16 KB of losses, and uploads nothing. A jump reads
+/// back and uploads nothing.
 #[test]
 fn a_live_set_brings_its_video_frame_and_little_else() {
     let (height, width) = (1080, 1920);
@@ -219,7 +223,7 @@ fn a_live_set_brings_its_video_frame_and_little_else() {
         assert_eq!((moved.read_back, moved.uploaded, moved.phases_read_back), (frame, 0, 0), "{moved:?}");
         assert!((1..=16 << 10).contains(&moved.losses_read_back), "{moved:?}");
     };
-    // The encoder's tables and room for descriptors come with the first.
+    // The first set also makes the encoder's tables and the pools of descriptors.
     for i in 0..4 {
         set(&mut refiners, 1e-3 * f64::from(i));
     }
@@ -229,8 +233,8 @@ fn a_live_set_brings_its_video_frame_and_little_else() {
     assert_eq!((jump.read_back, jump.uploaded, jump.losses_read_back, jump.blocks), (0, 0, 0, 0), "{jump:?}");
 }
 
-/// Of a sweep through all sizes of an eye's pupil, in three colours on one device, nothing is made: not a pipeline, not a block,
-/// not a pool.
+/// A sweep through all sizes of an eye's pupil, in three colors on one device, makes no pipelines, no blocks and no
+/// pools.
 #[test]
 fn nothing_is_made_while_pupils_change() {
     let folder = tempfile::tempdir().unwrap();
@@ -257,9 +261,9 @@ fn nothing_is_made_while_pupils_change() {
         Refiner::new(problem, &vec![0.0; 2 * 384 * 512], 1.0, RefineSettings::default(), engine).expect("a refinement")
     };
     let mut refiners = colors.map(refiner);
-    // What was compiled is on disk already: a session that is killed loses none of it.
+    // Compiled pipelines are on disk already, so a session that is killed loses none of them.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-    // The first steps find what they need, but for room for descriptors.
+    // The first steps make only pools of descriptors.
     for refiner in &mut refiners {
         refiner.step().unwrap();
     }
@@ -283,14 +287,15 @@ fn nothing_is_made_while_pupils_change() {
     assert_eq!(made.phases_read_back, 0);
 }
 
-/// Where bytes are time, fields are halves unless somebody says otherwise; in software they are not.
+/// On GPUs, whose time depends on bytes, fields are halves unless the settings request float32. On software devices
+/// they are float32.
 #[test]
 fn gpus_store_halves() {
     let stored = |gpu: &Gpu| VulkanEngine::new(gpu).unwrap().preferred_storage();
     assert_eq!(stored(&gpu()), Storage::F16);
     let software = Options { plan_as: Some(DeviceKind::Cpu), ..watched() };
     assert_eq!(stored(&Gpu::open(&software).unwrap()), Storage::F32);
-    // Fewer bytes for the same step.
+    // The same step moves fewer bytes.
     let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
     let bytes = |storage| {
         let steering = RefineSettings { storage, ..RefineSettings::default() };

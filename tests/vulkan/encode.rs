@@ -1,4 +1,4 @@
-//! The kernel `encode` on the device against its twin: byte for byte, and not a word from the validation layer.
+//! The kernel `encode` on the device against its CPU twin, byte for byte, without messages from the validation layer.
 
 use eyebox::low_level::encode::{Encoder, PhaseSet};
 use eyebox::low_level::engine::vulkan::VulkanEncoder;
@@ -22,7 +22,7 @@ fn phases(count: usize, seed: u64) -> Vec<f32> {
         .collect()
 }
 
-/// Both encode the same set; every byte must agree.
+/// Encodes one set on the device and with the twin. Every byte must agree.
 fn check(display: &Display, colors: &[Color], sub_frames: usize) {
     let encoder = Encoder::new(display, colors, sub_frames).unwrap_or_else(|e| panic!("{e}"));
     let [h, w] = encoder.hologram_size();
@@ -38,7 +38,7 @@ fn check(display: &Display, colors: &[Color], sub_frames: usize) {
     let messages = device.gpu().messages();
     drop(device);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
-    assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+    assert!(heard.is_empty(), "messages of the validation layer:\n{}", heard.join("\n"));
 }
 
 #[test]
@@ -83,7 +83,7 @@ map = [
         (8, "packing = \"planes8\"\ncells = [[2, 0, 1]]\nflip_video = \"both\"".to_owned()),
         (16, "packing = \"planes24\"\ncells = [[2], [0], [1], [3]]\nflip_video = \"vertical\"".to_owned()),
     ];
-    // Four pixels side by side in the hologram too.
+    // Four neighboring pixels are also neighbors in the hologram.
     cases.push((256, format!("flip = \"vertical\"\noffset_px = [3, -8]\n{grating}")));
     cases.extend(turns.map(|turn| (256, format!("{turn}\noffset_px = [3, -5]\n{grating}"))));
     for (levels, encoding) in cases {

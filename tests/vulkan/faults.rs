@@ -64,7 +64,8 @@ impl Engine for Losing {
     }
 }
 
-/// The driver loses the device during a solve. Every later call gives an error with the names of its kernels, and the engine closes.
+/// The driver loses the device during a solve. Every later call returns an error with the names of its kernels, and the
+/// engine closes.
 #[test]
 fn a_lost_device_is_an_error_everywhere() {
     let display = Display { height: 24, width: 30, ..Display::load("paper").unwrap() };
@@ -80,7 +81,7 @@ fn a_lost_device_is_an_error_everywhere() {
     })
     .unwrap_err();
     assert!(matches!(error, SolveError::Engine(EngineError::DeviceLost { .. })) && steps == 2, "{error} ({steps})");
-    // Whatever is tried next says so too, and what it was.
+    // Each later call returns the same error with its own operation.
     let lost = |result: Result<(), EngineError>| match result {
         Err(EngineError::DeviceLost { during, .. }) => during,
         other => panic!("{other:?}"),
@@ -134,7 +135,7 @@ fn encoding_on_a_device_allocates_nothing() {
         let lesser = LesserDevice { staged: !in_place, ..LesserDevice::default() };
         let mut device = VulkanEncoder::on_lesser(&gpu(), encoder.plan(), &lesser).unwrap();
         let mut got = encoder.frames();
-        // One thread, so that all that is done is counted.
+        // One thread, so the counter sees all allocations.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let counted = pool.install(|| {
             (0..2).for_each(|_| device.encode(&[&phases], got.bytes_mut()).unwrap());

@@ -1,5 +1,5 @@
-//! The Vulkan engine's transforms against RustFFT in float64. Needs a Vulkan device (a software one will do) and the
-//! validation layer: `tools/setup.sh` installs both.
+//! The Vulkan engine's transforms against RustFFT in float64. The tests require a Vulkan device (a software device is
+//! sufficient) and the validation layer. `tools/setup.sh` installs both.
 
 use eyebox::low_level::engine::Storage;
 use eyebox::low_level::engine::vulkan::Transforms;
@@ -11,11 +11,11 @@ use eyebox_tests::half_roundings;
 use rustfft::num_complex::Complex64;
 use std::sync::PoisonError;
 
-/// Error power over signal power that is allowed.
+/// Largest allowed error power over signal power.
 const ALLOWED: f64 = 2e-13;
 
-/// The same where passes store halves: at most four along each axis of the sizes below, after the rounding of what is
-/// given.
+/// Returns the bound for a storage. Passes that store halves round at most four times along each axis of the sizes
+/// below, after the rounding of the input.
 fn allowed(storage: Storage) -> f64 {
     match storage {
         Storage::F32 => ALLOWED,
@@ -35,7 +35,7 @@ fn noise(n: usize, mut seed: u64) -> Vec<Complex32> {
     (0..n).map(|_| Complex32::new(next(), next())).collect()
 }
 
-/// All rows and all columns of one frame, in float64.
+/// Transforms all rows and all columns of one frame in float64.
 fn reference(frame: &[Complex32], (h, w): (usize, usize), direction: Direction) -> Vec<Complex64> {
     let mut data: Vec<Complex64> = frame.iter().map(|z| Complex64::new(z.re.into(), z.im.into())).collect();
     transform_f64(&mut data, w, direction);
@@ -51,7 +51,7 @@ struct Case {
     before: u64,
 }
 
-/// Both directions of one case.
+/// Compares both directions of one case.
 fn compare(transforms: &mut Transforms, case: &Case) {
     let &Case { size: (h, w), frames, columns, before } = case;
     let in_use = |x: usize| (x + w - columns.first) % w < columns.count;
@@ -82,7 +82,7 @@ fn compare(transforms: &mut Transforms, case: &Case) {
                 ratio < allowed(storage),
                 "{h} x {w} {direction:?} frame {frame}, {storage:?}: error power {ratio:.1e} of signal power"
             );
-            // Halves must have been used to be told apart from float32.
+            // The error of halves is larger than the error of float32, so this shows that halves were used.
             assert!(
                 storage == Storage::F32 || h * w < 20 || columns.count == 0 || ratio > 1e-9,
                 "{h} x {w}: {ratio:.1e}"
@@ -91,7 +91,7 @@ fn compare(transforms: &mut Transforms, case: &Case) {
     }
     let messages = transforms.gpu().messages();
     let messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
-    assert!(messages.is_empty(), "{h} x {w}: the validation layer says\n{}", messages.join("\n"));
+    assert!(messages.is_empty(), "{h} x {w}: messages of the validation layer:\n{}", messages.join("\n"));
 }
 
 fn whole(h: usize, w: usize) -> Case {
@@ -139,14 +139,15 @@ fn columns_in_use_may_wrap_and_frames_may_lie_anywhere() {
     }
 }
 
-/// Even columns are transformed, one more on either side than are in use: scratch that was made for these alone holds them.
+/// The transform takes even columns, and up to one more on either side than are in use. Scratch for these columns alone
+/// must have room for them.
 #[test]
 fn a_convolution_has_scratch_for_the_columns_beside() {
     let columns = Columns { first: 7, count: 8 };
     compare(&mut open(), &Case { size: (97, 12), frames: 3, columns, before: 0 });
 }
 
-/// Columns through shared memory, as GPUs have them.
+/// Columns use shared memory, as on GPUs.
 #[test]
 fn columns_in_one_trip() {
     let options = Options { plan_as: Some(DeviceKind::Discrete), ..watched() };

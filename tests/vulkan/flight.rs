@@ -1,4 +1,4 @@
-//! Steps in flight: losses are judged on the device, and known a step late.
+//! Steps in flight. The device checks the losses, and the host receives them one step later.
 
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::engine::{Buffer, Engine, EngineError, Step, Storage};
@@ -27,7 +27,7 @@ impl Case {
         Self { planner, pyramid }
     }
 
-    /// A step over two pupils, the second of which is exposed like this.
+    /// Returns a step over two pupils. The second has this exposure.
     fn step(&self, exposure: f64, adam: bool) -> Step {
         let pass = |x: f64, exposure: f64| {
             let pupil = Pupil { x, y: -2e-3, diameter: 8e-3, depth: 3e-3 };
@@ -53,8 +53,8 @@ fn bits(values: Vec<f32>) -> Vec<u32> {
     values.into_iter().map(f32::to_bits).collect()
 }
 
-/// A loss that is no number leaves phases and moments as they were, bit for bit, and so does what was begun behind it before
-/// anybody knew; what is begun afterwards moves them again.
+/// A loss of NaN leaves phases and moments unchanged, bit for bit, and so does a step that began before the host read
+/// this loss. A later step changes them again.
 #[test]
 fn a_step_with_a_loss_that_is_no_number_is_not_taken() {
     let as_planned = [DeviceKind::Cpu, DeviceKind::Discrete].map(|kind| Options { plan_as: Some(kind), ..watched() });
@@ -78,7 +78,7 @@ fn not_taken(mut engine: VulkanEngine) {
         let begun = [&bad, &good].map(|step| engine.begin_step(step, parts).unwrap());
         let losses = begun.map(|begun| engine.end_step(begun).unwrap().losses);
         assert!(losses.iter().flatten().any(|loss| loss.is_nan()), "{losses:?}");
-        assert!(losses[1].iter().all(|loss| loss.is_nan()), "the one behind it was not taken either: {losses:?}");
+        assert!(losses[1].iter().all(|loss| loss.is_nan()), "the step after it was not taken either: {losses:?}");
         assert!(state(&mut engine) == before, "{storage:?}, Adam: {adam}");
         let begun = engine.begin_step(&good, parts).unwrap();
         assert!(engine.end_step(begun).unwrap().losses.iter().all(|loss| loss.is_finite()));
@@ -87,7 +87,7 @@ fn not_taken(mut engine: VulkanEngine) {
     assert_silent(engine);
 }
 
-/// Steps that follow each other without waiting do what steps do that are waited for, and give the same losses.
+/// Steps that follow each other without waiting equal steps that are waited for, and give the same losses.
 #[test]
 fn steps_in_flight_are_the_steps_that_are_waited_for() {
     let case = Case::new(Storage::F32);
@@ -99,7 +99,7 @@ fn steps_in_flight_are_the_steps_that_are_waited_for() {
     case.load(&mut engine, false);
     let (mut got, mut under_way) = (Vec::new(), None);
     for step in &steps {
-        // Cut in the middle: parts are recorded one behind the other.
+        // The cut is in the middle. The parts are recorded one after the other.
         let parts = [0..4, 4..step.list.len()];
         let begun = engine.begin_step(step, &parts).unwrap();
         got.extend(under_way.replace(begun).map(|begun| engine.end_step(begun).unwrap().losses));
@@ -110,7 +110,7 @@ fn steps_in_flight_are_the_steps_that_are_waited_for() {
     assert_silent(engine);
 }
 
-/// The losses of a step are there until two more are begun.
+/// The losses of a step are available until two more steps begin.
 #[test]
 fn losses_of_long_ago_are_refused() {
     let case = Case::new(Storage::F32);
@@ -124,7 +124,7 @@ fn losses_of_long_ago_are_refused() {
     assert!(matches!(ended[0], Err(EngineError::Mismatch { .. })) && ended[1].is_ok() && ended[2].is_ok());
 }
 
-/// A step that is only prepared asks for its own losses, not for those of what was prepared before as well.
+/// A step that is only prepared reads its own losses, and not also the losses of an earlier preparation.
 #[test]
 fn what_is_prepared_reads_no_losses_twice() {
     let case = Case::new(Storage::F32);

@@ -1,4 +1,4 @@
-//! Fused kernels against the list that they stand for, run entry by entry on the same device.
+//! Fused kernels against the list that they replace, which runs entry by entry on the same device.
 
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, Purpose, Step, Storage};
@@ -9,7 +9,7 @@ use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, every_fault, watched};
 use eyebox_tests::half_roundings;
 
-/// Any device, with lists recorded as for a GPU.
+/// Opens any device, with lists recorded as for a GPU.
 fn fusing() -> VulkanEngine {
     let gpu = Gpu::open(&Options { plan_as: Some(DeviceKind::Discrete), ..watched() });
     let mut engine = VulkanEngine::new(&gpu.unwrap_or_else(|e| panic!("{e}"))).unwrap_or_else(|e| panic!("{e}"));
@@ -17,7 +17,8 @@ fn fusing() -> VulkanEngine {
     engine
 }
 
-/// From the same random phases and velocity, in parts of the list that end where `cuts` say: losses, phases, velocity.
+/// Runs a step from the same random phases and velocity, in parts of the list that end at `cuts`. Returns losses,
+/// phases and velocity.
 fn run(
     engine: &mut VulkanEngine,
     case: &Case,
@@ -42,23 +43,24 @@ fn run(
     (losses, [Buffer::Phases, Buffer::Momentum].map(|buffer| engine.read(buffer).unwrap()))
 }
 
-/// The step whole, and cut wherever `cuts` say, beside the step entry by entry.
+/// Compares the whole step, and the step cut at each of `cuts`, with the step entry by entry.
 fn compare(engine: &mut VulkanEngine, case: &Case, purpose: Purpose, step: &Step, cuts: &[usize], what: &str) {
     let singly: Vec<usize> = (1..step.list.len()).collect();
     let (want, list) = run(engine, case, purpose, step, &singly);
     let allowed = match case.planner.storage {
         Storage::F32 => 1e-12,
-        // What is not stored between is not rounded: eight times, and as often again where a model's drives go out and come back.
+        // Values that are not stored in between are not rounded. This is eight times, and eight more if a model stores
+        // drives and reads them back.
         Storage::F16 => 20.0 * half_roundings(if case.planner.model.is_some() { 16 } else { 8 }),
     };
     for cut in [None].into_iter().chain(cuts.iter().map(Some)) {
         let what = format!("{what}, cut at {cut:?}");
         let (losses, got) = run(engine, case, purpose, step, &cut.copied().into_iter().collect::<Vec<_>>());
-        // Of an odd width no columns go in pairs.
+        // Columns of an odd width have no pairs.
         if cut.is_none() && case.planner.grid.width.is_multiple_of(2) {
             let ran: Vec<Kernel> = engine.timings().iter().map(|t| t.kernel).collect();
             let mut fused = vec![Kernel::FieldForward, Kernel::Intensity, Kernel::ChangeInverse];
-            // Between what pupils return and the field's change stands nothing else.
+            // No other kernel may be between the results of the pupils and the change of the field.
             if step.list.iter().all(|d| d.kernel != Kernel::EqualiseEyebox) {
                 fused.extend([Kernel::Clear, Kernel::DivideByOverlap]);
             }
@@ -88,7 +90,7 @@ fn fused_steps_are_those_of_the_list() {
             }
         }
     }
-    // Wherever it is cut.
+    // The list is cut at each place.
     let case = Case::new(40, 44, 4, 4e-3, 2);
     let step = case.step(Purpose::Project, PROJECTION, 1.0, 3000);
     let cuts: Vec<usize> = (1..step.list.len()).collect();
@@ -108,7 +110,8 @@ fn fused_steps_with_halves_are_those_of_the_list() {
     assert_silent(engine);
 }
 
-/// Lists with more at their ends: every term of a display's model, windows of the short-time Fourier transform, an even eyebox.
+/// Lists with more kernels at their ends. These are every term of a display model, windows of the short-time Fourier
+/// transform, and an even eyebox.
 #[test]
 fn other_lists_fused_are_those_of_the_list() {
     let mut engine = fusing();
@@ -117,7 +120,7 @@ fn other_lists_fused_are_those_of_the_list() {
         (case.planner.storage, case.planner.binary_angles) = (storage, true);
         let (slm, grid) = (case.planner.slm, case.planner.grid);
         case.planner.model = ModelTables::new(every_fault(), 11e-3, 256, slm, grid).map(|model| model.for_steps());
-        // A gradient's sign is all that Adam's first steps keep: halves turn some.
+        // Adam's first steps keep only the sign of a gradient, and halves change some signs.
         let modes = [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)];
         for (purpose, mode) in &modes[..if storage == Storage::F16 { 1 } else { 2 }] {
             let (purpose, mode) = (*purpose, *mode);
@@ -138,8 +141,8 @@ fn other_lists_fused_are_those_of_the_list() {
     assert_silent(engine);
 }
 
-/// What a display's model does to pixels, by tiles that hang over the SLM, wrap around it and do not fit it, with the terms that it
-/// has; where crosstalk reaches too far for shared memory, entry by entry.
+/// Computes the effect of a display model on pixels by tiles that extend over the SLM, wrap around it and do not fit
+/// it, with different terms. If crosstalk reaches too far for shared memory, the list runs entry by entry.
 #[test]
 fn tiles_of_models_are_those_of_the_list() {
     let mut engine = fusing();
@@ -173,7 +176,7 @@ fn tiles_of_models_are_those_of_the_list() {
     assert_silent(engine);
 }
 
-/// An odd width is not fused, whatever is beside it: here pupils whose windows are even and as high.
+/// An odd width is not fused, whatever the other pupils are. Here their windows have an even width and the same height.
 #[test]
 fn odd_widths_are_those_of_the_list() {
     let mut engine = fusing();
@@ -191,7 +194,7 @@ fn odd_widths_are_those_of_the_list() {
     assert_silent(engine);
 }
 
-/// Rows of many sub-frames do not fit shared memory all at once.
+/// Rows of a large number of sub-frames do not fit shared memory all at once.
 #[test]
 fn rows_that_do_not_fit_go_in_two_kernels() {
     let mut engine = fusing();

@@ -1,4 +1,4 @@
-//! Devices under the validation layer, opened, used and closed by many threads at once, as the tests of one process do.
+//! Many threads open, use and close devices under the validation layer at once, as the tests of one process do.
 
 use crate::one_device::{INSIDE, again};
 use eyebox::low_level::engine::{Engine, Kernel, Purpose};
@@ -8,7 +8,7 @@ use eyebox_tests::both::{Case, assert_silent, vulkan, watched};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-/// One thread at a time holds options for a watched device, until it ends.
+/// One thread at a time has the options for a device with the validation layer, until the thread ends.
 #[test]
 fn one_thread_at_a_time_uses_the_validation_layer() {
     let holders = AtomicUsize::new(0);
@@ -24,7 +24,8 @@ fn one_thread_at_a_time_uses_the_validation_layer() {
     });
 }
 
-/// Without turns (`runtime/gpu/test_options.rs`) one run of ten crashes inside the layer with `EYEBOX_INSTANCES=6`.
+/// Without turns (`runtime/compute/gpu/vulkan/test_options.rs`) one run in ten crashes inside the layer with
+/// `EYEBOX_INSTANCES=6`.
 #[test]
 fn watched_devices_come_and_go_on_many_threads() {
     let rounds = std::env::var("EYEBOX_INSTANCES").map_or(1, |text| text.parse().expect("a number"));
@@ -46,7 +47,8 @@ fn watched_devices_come_and_go_on_many_threads() {
     });
 }
 
-/// A driver that was unloaded may not come back (NVIDIA's does not after four rounds): from the second device on it stays.
+/// An unloaded driver may not load again (NVIDIA's does not after four rounds). It therefore stays loaded from the
+/// second device on.
 #[test]
 #[cfg(target_os = "linux")]
 fn drivers_stay_loaded() {

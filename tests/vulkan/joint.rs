@@ -1,4 +1,5 @@
-//! All colours at once, refined on the device and on the CPU: the same steps. Not a word from the validation layer.
+//! Refinement in simultaneous color takes the same steps on the device and on the CPU. The validation layer has no
+//! messages.
 
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
@@ -52,5 +53,5 @@ fn all_colours_at_once_are_refined_as_on_the_cpu() {
     let messages = gpu.messages();
     drop(gpu);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
-    assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+    assert!(heard.is_empty(), "messages of the validation layer:\n{}", heard.join("\n"));
 }

@@ -1,5 +1,6 @@
-//! Each kernel on the device against its twin: error power below 1e-10 of signal power, and not a word from the
-//! validation layer; with fields stored as halves, below the power of the roundings in which the two may differ.
+//! Each kernel on the device against its CPU twin. The error power is below 1e-10 of the signal power, and the
+//! validation layer has no messages. With fields stored as halves, the error is below the power of the roundings in
+//! which the two may differ.
 
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
@@ -34,10 +35,10 @@ fn check(kernel: Kernel, purpose: Purpose, mode: u32, power: f64) {
     assert_silent(engine);
 }
 
-/// Allowed error power where fields are halves. Both engines round the same way, so that a kernel without a transform
-/// stores the same half but where float32 rounding, a ten-thousandth of a half's, put a value on the other side of a
-/// tie: one value in some thousand, by one unit. A transform is stored after each pass on the device and after each
-/// axis by the twin: those of the longest are seven passes and two axes.
+/// Returns the allowed error power for fields stored as halves. Both engines round in the same way, so a kernel without
+/// a transform stores the same halves. Exceptions are values that float32 rounding, a ten-thousandth of a half's, puts
+/// on the other side of a tie. This is one value in about a thousand, by one unit. The device stores a transform after
+/// each pass, and the twin after each axis. The longest has seven passes and two axes.
 fn stored_bound(kernel: Kernel) -> f64 {
     match kernel {
         Kernel::FieldForward
@@ -46,11 +47,11 @@ fn stored_bound(kernel: Kernel) -> f64 {
         | Kernel::ChangeInverse
         | Kernel::SubpixelsForward
         | Kernel::SubpixelsInverse => half_roundings(9),
-        // A sum over neighbours is rounded to float32 at each of them.
+        // A sum over neighbors is rounded to float32 at each of them.
         Kernel::CrosstalkRows | Kernel::CrosstalkColumns | Kernel::CrosstalkColumnsBack | Kernel::CrosstalkRowsBack => {
             6e-3 * half_roundings(1)
         }
-        // A power is known to a few float32 roundings only, so that as many more values lie that near to a tie.
+        // A power is accurate to a few float32 roundings only. In proportion, more values are near a tie.
         Kernel::DivideByOverlap => 6e-3 * half_roundings(1),
         _ => 2e-3 * half_roundings(1),
     }
@@ -94,7 +95,7 @@ kernels! {
     exposure: Exposure, View, PROJECTION, 1.0;
 }
 
-/// An SLM with levels: what it shows makes the field, and the phases behind move.
+/// For an SLM with levels, the shown levels make the field, and the phases behind them move.
 #[test]
 fn levels() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -115,7 +116,8 @@ fn levels() {
     assert_silent(engine);
 }
 
-/// What stands between phases and field on a display that has every fault, and what its relay does to the bins.
+/// The tests run the kernels between phases and field on a display with every fault, and the effect of its relay on the
+/// bins.
 #[test]
 fn display_models() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -160,7 +162,7 @@ fn display_models() {
     assert_silent(engine);
 }
 
-/// The error of an eye, of the second order and of higher ones.
+/// The error of an eye has terms of the second order and of higher orders.
 #[test]
 fn eyes() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -178,7 +180,7 @@ fn eyes() {
     assert_silent(engine);
 }
 
-/// A value that is none, or infinite, wherever it stands, makes all losses so on both engines; none does not.
+/// One NaN or infinite value at any place makes all losses NaN on both engines. Without such a value they are finite.
 #[test]
 fn check_finite() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -206,7 +208,7 @@ fn check_finite() {
             }
         }
     }
-    // Its buffers are halves.
+    // The kernel requires buffers of halves.
     let case = Case::new(7, 13, 0, 0.0, 1);
     case.load(&mut engine, Purpose::Project);
     let text = engine
@@ -217,7 +219,7 @@ fn check_finite() {
     assert_silent(engine);
 }
 
-/// The phase runs to thousands of turns, and no turn is lost; the twin computes it in float64.
+/// The phase reaches thousands of turns, and no turn is lost. The twin computes it in float64.
 #[test]
 fn transfer_at_every_depth() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -227,7 +229,7 @@ fn transfer_at_every_depth() {
         let worst = compare(&mut engine, &mut twin, &case, Purpose::View, &step);
         assert!(worst < 1e-10, "depth {depth}: {worst:e}");
     }
-    // As many bins as a large display has: the squares of their numbers need more than float32.
+    // A large display has this number of bins, and the squares of their indices need more than float32.
     for depth in [1.0, 10.0] {
         let case = Case::new(2, 16384, 0, depth, 1);
         let step = case.single(Purpose::View, PROJECTION, 1.0, Kernel::Transfer);
@@ -246,7 +248,7 @@ fn a_device_that_is_not_there_is_named_and_help_is_offered() {
     assert!(text.contains("no such device") && text.contains("tools/setup.sh"), "{text}");
 }
 
-/// What a driver compiled is kept where the options say; a second start finds it.
+/// Compiled pipelines are stored in the folder from the options, and a second start reads them.
 #[test]
 fn compiled_pipelines_are_kept_where_they_are_wanted() {
     let temp = tempfile::tempdir().expect("a temporary folder");
@@ -260,16 +262,16 @@ fn compiled_pipelines_are_kept_where_they_are_wanted() {
         engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
         assert_silent(engine);
         let files = std::fs::read_dir(&folder).expect("a folder").map(|f| f.expect("a file").path());
-        // Beside it stands when the device was tried.
+        // Another file in the folder stores the time of the device's test.
         let files: Vec<_> = files.filter(|f| f.extension().is_some_and(|e| e == "bin")).collect();
         assert_eq!(files.len(), 1, "{files:?}");
         std::fs::metadata(&files[0]).and_then(|m| m.modified()).expect("a time")
     };
-    // The second start has nothing to add, so it leaves the file as it is.
+    // The second start has nothing to add, so it leaves the file unchanged.
     assert_eq!(run(), run());
 }
 
-/// No driver at all: the loader is told to look where there is none.
+/// There is no driver, because the loader looks in a folder without one.
 #[test]
 fn a_missing_driver_is_a_sentence_with_help() {
     const FILES: [&str; 2] = ["VK_ICD_FILENAMES", "VK_DRIVER_FILES"];
@@ -290,7 +292,7 @@ fn a_missing_driver_is_a_sentence_with_help() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
 }
 
-/// What cannot be had is refused in one sentence, and the engine is good for something smaller.
+/// A request for too much memory is an error of one sentence, and the engine still works for a smaller one.
 #[test]
 fn too_much_is_refused_and_less_still_works() {
     let mut engine = vulkan();
@@ -336,7 +338,7 @@ fn a_step_that_does_not_fit_is_refused() {
     assert_silent(engine);
 }
 
-/// Every kernel at the size of the paper's display, and at primes.
+/// Runs every kernel at the size of the paper's display, and at primes.
 #[test]
 fn large_sizes() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -365,7 +367,8 @@ fn large_sizes() {
     assert_silent(engine);
 }
 
-/// One patch that holds a whole large spectrum of several sub-frames: its sum is as long as sums get, and comes in shares.
+/// One patch has a whole large spectrum of several sub-frames. This is the longest possible sum, and it is computed in
+/// shares.
 #[test]
 fn the_light_of_a_large_patch() {
     let (mut engine, mut twin) = (vulkan(), CpuEngine::new());
@@ -381,12 +384,12 @@ fn the_light_of_a_large_patch() {
     assert_silent(engine);
 }
 
-/// lavapipe is as wide as it is told to be: nothing above may depend on it.
+/// lavapipe takes its vector width from a variable. No other code may depend on this width.
 #[test]
 fn every_subgroup_size() {
     const WIDTH: &str = "LP_NATIVE_VECTOR_WIDTH";
     if let Some(width) = std::env::var_os(WIDTH) {
-        // Run by the loop below: the other tests do the work, this one sees that the width was heard.
+        // The loop below runs this. The other tests do the work, and this one checks that the width is in effect.
         let engine = vulkan();
         let device = engine.gpu().report();
         if device.name.contains("llvmpipe") {
@@ -394,7 +397,7 @@ fn every_subgroup_size() {
         }
         return;
     }
-    // This machine's own is what the other tests run with.
+    // The other tests run with this machine's own width.
     let own = (vulkan().gpu().report().limits.subgroup * 32).to_string();
     for width in ["128", "256", "512"].into_iter().filter(|width| *width != own) {
         let tests = std::env::current_exe().expect("this test's file");

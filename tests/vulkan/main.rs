@@ -1,4 +1,4 @@
-//! The Vulkan engine against the kernels' twins: kernel by kernel, transform by transform, step by step.
+//! The Vulkan engine against the CPU twins of its kernels, by kernel, by transform and by step.
 
 mod dry_run;
 mod encode;

@@ -1,4 +1,5 @@
-//! A static mask of finer pixels on the device (OPTICS 12): its kernels against their twins, and whole steps.
+//! A static mask with finer pixels on the device (OPTICS 12). The tests compare its kernels with their CPU twins, and
+//! whole steps.
 
 use super::steps::{assert_close, assert_same_views, solve, steps};
 use eyebox::low_level::engine::cpu::CpuEngine;
@@ -14,7 +15,7 @@ use std::sync::Arc;
 const BENCH: &str = "[model.green]\nfill = 0.8\nlevel = 1.04\nsource = [0.1, -0.05, -0.3, 0.08, -0.2]\n\
     undiffracted = [0.15, 0.1, 0.4, -0.3, 0.2]\ncrosstalk = [[1.2, 2.03], [1.2, 2.03], [1.2, 2.03], [1.2, 2.03]]\n";
 
-/// A case behind a mask, with pupils in and beyond the SLM's own eyebox.
+/// Returns a case behind a mask, with pupils inside and outside the SLM's own eyebox.
 fn masked(size: [usize; 2], padding: usize, factor: usize, distance_mm: f64, bench: &str, frames: usize) -> Case {
     let text = format!(
         "resolution = [{}, {}]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = {{ green = 520 }}\n\

@@ -1,4 +1,5 @@
-//! One Vulkan device for all that a program does: counted by what the loader says, in a process of its own.
+//! A program uses one Vulkan device for all its work. The test counts the devices in the output of the loader, in a
+//! separate process.
 
 use eyebox::low_level::encode::{Encoder, PhaseSet};
 use eyebox::low_level::engine::vulkan::{Transforms, VulkanEncoder, VulkanEngine};
@@ -16,7 +17,7 @@ mod own;
 
 pub(crate) const INSIDE: &str = "EYEBOX_TEST_INSIDE";
 
-/// Runs one of these tests again in a process of its own, with `variables`.
+/// Runs one of these tests again in its own process, with `variables`.
 pub(crate) fn again(test: &str, variables: &[(&str, &str)]) -> Output {
     let mut child = Command::new(std::env::current_exe().expect("this test's file"));
     child.args(["--exact", test, "--nocapture"]).env(INSIDE, "1").envs(variables.iter().copied());
@@ -25,11 +26,11 @@ pub(crate) fn again(test: &str, variables: &[(&str, &str)]) -> Output {
     output
 }
 
-/// Three colours' engines, an encoder and transforms.
+/// Makes engines of three colors, an encoder and transforms.
 fn program() {
     let backend = Backend::open(Choice::Vulkan, &Options::default()).expect("a device");
     let engines: Vec<_> = (0..3).map(|_| backend.engine().expect("an engine")).collect();
-    let gpu = backend.gpu().expect("it is there").expect("a device");
+    let gpu = backend.gpu().expect("a Vulkan backend").expect("a device");
     let display = Display { height: 8, width: 8, ..Display::preset("planes24").expect("a preset") };
     let encoder = Encoder::new(&display, &[Color::Red, Color::Green, Color::Blue], 8).expect("an encoder");
     let device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder on the device");
@@ -47,7 +48,7 @@ fn a_program_makes_one_device() {
     assert_eq!(said.matches("vkCreateDevice layer callstack setup").count(), 1, "{said}");
 }
 
-/// The example, watched by the validation layer, which says what it finds on its output.
+/// The example runs under the validation layer, which writes its findings to the output.
 #[test]
 fn a_program_brings_its_own_device() {
     if std::env::var_os(INSIDE).is_some() {
@@ -59,8 +60,8 @@ fn a_program_brings_its_own_device() {
     assert!(said.contains(" dB") && !said.contains("VUID") && !said.contains("Validation"), "{said}");
 }
 
-/// Every colour is refined and encoded on one device: in the steady state no phase comes to the host, and the bytes are
-/// those of the CPU's encoder.
+/// One device refines and encodes every color. In the steady state no phases are read back to the host, and the bytes
+/// equal the bytes of the CPU's encoder.
 #[test]
 fn refining_and_encoding_reads_no_phases_back() {
     let gpu = gpu();
@@ -73,7 +74,7 @@ fn refining_and_encoding_reads_no_phases_back() {
             let problem = Problem::new(&field, color, &display, Padding::default()).expect("a problem");
             let phases: Vec<f32> = (0..8 * 24 * 32).map(|i| (i * 37 % 101) as f32 * 0.06).collect();
             let engine = Box::new(VulkanEngine::new(&gpu).expect("an engine"));
-            // As halves, which GPUs prefer, phases take half the bytes.
+            // The test sets float32, because GPUs prefer halves, and halves take half the bytes.
             let steering = RefineSettings { storage: Some(Storage::F32), ..RefineSettings::default() };
             Refiner::new(problem, &phases, 1.0, steering, engine).expect("a refinement")
         })
@@ -86,9 +87,9 @@ fn refining_and_encoding_reads_no_phases_back() {
     let read = gpu.counts();
     for round in 0..4 {
         if round == 2 {
-            // A jump: the phases for the whole eyebox come back from the device's own memory.
+            // In a jump the phases for the whole eyebox come from the device's own memory.
             let before = gpu.counts();
-            refiners.iter_mut().for_each(|r| r.begin_again().expect("phases that are kept"));
+            refiners.iter_mut().for_each(|r| r.begin_again().expect("the stored phases"));
             let jump = gpu.counts().since(before);
             assert_eq!((jump.uploaded, jump.read_back, jump.submissions, jump.blocks), (0, 0, 3, 0));
         }
@@ -106,7 +107,7 @@ fn refining_and_encoding_reads_no_phases_back() {
     let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
     assert!(encoder.encode(&PhaseSet::trusted(&slices)).expect("encoded") == got);
     assert!(phases[0] != first);
-    refiners[0].begin_again().expect("phases that are kept");
+    refiners[0].begin_again().expect("the stored phases");
     assert!(refiners[0].phases().expect("read") == first);
     let messages = gpu.messages();
     drop((refiners, device, pictures, gpu));
@@ -114,7 +115,7 @@ fn refining_and_encoding_reads_no_phases_back() {
     assert!(heard.is_empty(), "{heard:?}");
 }
 
-/// Verdicts keep the best phases on the device: they are read once, at the end.
+/// Validations keep the best phases on the device, which are read once, at the end.
 #[test]
 fn a_solve_reads_its_phases_once() {
     let gpu = gpu();
@@ -131,14 +132,14 @@ fn a_solve_reads_its_phases_once() {
     });
     let solution = solution.expect("a solution");
     scores.dedup();
-    assert!(scores.len() > 1, "one verdict is better than the one before: {scores:?}");
+    assert!(scores.len() > 1, "one validation is better than the one before: {scores:?}");
     assert_eq!(gpu.counts().phases_read_back, 4 * 2 * 24 * 32);
-    // Those that were best, not those of the last step.
-    engine.restore().expect("what was kept");
+    // These are the best phases, not the phases of the last step.
+    engine.restore().expect("the stored phases");
     assert!(engine.read(Buffer::Phases).expect("read") == solution.phases);
 }
 
-/// Devices are made in one place of the source.
+/// One place of the source makes devices.
 #[test]
 fn devices_are_made_in_one_place() {
     fn search(folder: &std::path::Path, found: &mut Vec<String>) {

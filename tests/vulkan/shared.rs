@@ -1,5 +1,5 @@
-//! Memory of a device that an application has too: two devices of one process, watched by the validation layer. Views go from the one
-//! to the other and never to the host.
+//! Memory of a device that an application uses too. Two devices of one process run under the validation layer. Views go
+//! from one device to the other and never to the host.
 #![cfg(target_os = "linux")]
 
 use eyebox::low_level::engine::EngineError;
@@ -17,16 +17,16 @@ fn silent(gpus: [Gpu; 2]) {
     drop(gpus);
     for messages in messages {
         let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
-        assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+        assert!(heard.is_empty(), "messages of the validation layer:\n{}", heard.join("\n"));
     }
 }
 
-/// Another device of this process, as an application opens it.
+/// Opens another device of this process, as an application does.
 fn same(gpu: &Gpu) -> Gpu {
     Gpu::open_same(gpu.ids(), &watched()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// A picture that no other frame has.
+/// Returns a picture that no other frame has.
 fn samples(seed: usize) -> Vec<u8> {
     (0..VIEWS * SIDE * SIDE).map(|i| (i * 31 + seed * 77 + i / 7 * seed) as u8).collect()
 }
@@ -34,12 +34,12 @@ fn samples(seed: usize) -> Vec<u8> {
 #[test]
 fn memory_is_the_other_device_s_too() {
     let ours = gpu();
-    assert!(ours.shares_memory(), "lavapipe and GPUs on Linux do");
+    assert!(ours.shares_memory(), "lavapipe and GPUs on Linux share memory");
     let theirs = same(&ours);
     let (bytes, slots, stride) = ((VIEWS * SIDE * SIDE) as u64, 3, 20_992);
     let (memory, fd) = SharedMemory::export(&ours, slots * stride).expect("shared");
     let layout = memory.layout();
-    // What a layout says is looked at before the driver sees it.
+    // A layout is checked before the driver receives it.
     let wrong = [
         SharedLayout { memory_type: 31, ..layout },
         SharedLayout { memory_type: 1 << 20, ..layout },
@@ -68,7 +68,7 @@ fn memory_is_the_other_device_s_too() {
         let found: Vec<u8> = pyramid.levels[0].views.iter().map(|v| (f32::from(*v) * scale).round() as u8).collect();
         assert!(found == samples(seed), "slot {slot}");
     }
-    // Beyond the slots, beyond the samples.
+    // These are beyond the slots and beyond the samples.
     assert!(
         writer.write(3, numbers[0]).is_err() && writer.write(0, 7).is_err() && writer.write(usize::MAX, 0).is_err()
     );

@@ -1,4 +1,4 @@
-//! Light with a source on the device: kernels over modes against their twins, and whole steps.
+//! Light with a source on the device. The tests compare kernels over modes, and whole steps, with the CPU.
 
 use super::steps::{assert_close, assert_same_views, solve, steps};
 use eyebox::low_level::engine::cpu::CpuEngine;
@@ -8,7 +8,8 @@ use eyebox::low_level::plan::{Comparison, EyeTables, ModelTables, Viewpoint};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, assert_silent, compare, every_fault, vulkan};
 
-/// A case in the light of so many modes, beside the axis and beside the wavelength, none by a whole number of bins.
+/// Returns a case in the light of this number of modes, off the axis and off the wavelength. None is off by a whole
+/// number of bins.
 fn lit(mut case: Case, modes: usize, bench: bool) -> Case {
     let share = (modes * (modes + 1)) as f64 / 2.0;
     let mode = |i: usize| SourceMode {
@@ -44,7 +45,7 @@ fn kernels_over_modes() {
             ] {
                 let step = case.single(Purpose::Project, PROJECTION, 1.0, kernel);
                 let worst = compare(&mut engine, &mut twin, &case, Purpose::Project, &step);
-                // Halves are rounded alike but for a tie now and then.
+                // Halves are rounded in the same way, except for a rare tie.
                 let bound = if storage == Storage::F16 { 1e-9 } else { 1e-10 };
                 assert!(worst < bound, "{} at {height} x {width}, {modes} modes: {worst:e}", kernel.name());
             }
@@ -53,7 +54,7 @@ fn kernels_over_modes() {
     assert_silent(engine);
 }
 
-/// Also in several groups of pupils, and of an eye that moves.
+/// Steps include pupils in several groups, and an eye that moves.
 #[test]
 fn both_engines_take_the_same_steps() {
     let mut engine = vulkan();
@@ -63,7 +64,8 @@ fn both_engines_take_the_same_steps() {
         {
             let mut all = steps(&case, purpose, mode);
             all.push(case.moving_step(purpose, mode, 3000));
-            // A model's crosstalk makes one step's rounding the next one's: a step at a time.
+            // The crosstalk of a model amplifies the rounding of each step in the next. The test therefore compares one
+            // step at a time.
             for step in &all {
                 let one = std::slice::from_ref(step);
                 let got = solve(&mut engine, &case, purpose, one);
@@ -83,7 +85,7 @@ fn both_engines_show_the_same_views() {
     assert_silent(engine);
 }
 
-/// A model's tables for another number of modes are refused on both engines, not read beyond.
+/// Both engines refuse tables of a model for another number of modes, and do not read beyond them.
 #[test]
 fn another_number_of_modes_is_refused() {
     let mut case = lit(Case::new(16, 16, 0, 0.0, 1), 3, true);
@@ -97,7 +99,7 @@ fn another_number_of_modes_is_refused() {
     }
 }
 
-/// Sources that take turns, spaced by an eyebox: pupils see one, two or three of them, each in its own sub-frames.
+/// Sources take turns and are an eyebox apart. Pupils see one, two or three of them, each in its own sub-frames.
 #[test]
 fn sources_in_turn_are_the_same_on_both_engines() {
     let mut engine = vulkan();
@@ -127,7 +129,7 @@ fn sources_in_turn_are_the_same_on_both_engines() {
     assert_silent(engine);
 }
 
-/// Pupils of one step that have more and fewer modes.
+/// Pupils of one step have different numbers of modes.
 #[test]
 fn pupils_of_different_modes_share_a_step() {
     let mut engine = vulkan();

@@ -1,4 +1,4 @@
-//! Whole steps: both engines run the same lists, and may hand over anywhere.
+//! Both engines run the same lists of whole steps, and one may hand over to the other at any point.
 
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
@@ -11,7 +11,7 @@ use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
 use eyebox_tests::both::{Case, Noise, assert_silent, distance, vulkan, watched};
 use eyebox_tests::half_roundings;
 
-/// Runs `steps` from the same random phases; returns the losses and the phases.
+/// Runs `steps` from the same random phases, and returns the losses and the phases.
 pub(crate) fn solve(
     engine: &mut dyn Engine,
     case: &Case,
@@ -26,7 +26,7 @@ pub(crate) fn solve(
     (losses, engine.read(Buffer::Phases).unwrap())
 }
 
-/// A few steps, the pupil passes in one group and in several.
+/// Returns a few steps, with the pupil passes in one group and in several.
 pub(crate) fn steps(case: &Case, purpose: Purpose, mode: u32) -> Vec<Step> {
     [usize::MAX, 1, 3000].map(|in_flight| case.step(purpose, mode, 0.5, in_flight)).to_vec()
 }
@@ -35,12 +35,12 @@ pub(crate) fn assert_close(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>
     for (got, want) in got.0.iter().flatten().zip(want.0.iter().flatten()) {
         assert!(*want > 0.0 && (got / want - 1.0).abs() < 1e-4, "{what}: loss {got}, not {want}");
     }
-    // Every step amplifies the last one's rounding a little, where a field is nearly zero.
+    // Each step amplifies the rounding of the last step a little at points where a field is nearly zero.
     let far = distance(Buffer::Phases, &got.1, &want.1);
     assert!(far < 1e-8, "{what}: phases differ by {far:e}");
 }
 
-/// Both engines show the same through each pupil of the case, from the same random phases.
+/// Checks that both engines show the same image through each pupil of the case, from the same random phases.
 pub(crate) fn assert_same_views(engine: &mut dyn Engine, case: &Case) {
     let mut twin = CpuEngine::new();
     let passes = case.pupils.iter().map(|p| case.planner.pupil_pass(p, &Comparison::default())).collect();
@@ -77,7 +77,7 @@ fn both_engines_take_the_same_steps() {
     assert_silent(engine);
 }
 
-/// Eyes that move, and windows of a stream, beside one at rest.
+/// The pupils are eyes that move, windows of a stream, and an eye at rest.
 #[test]
 fn both_engines_take_the_same_steps_for_eyes_that_move() {
     let mut engine = vulkan();
@@ -93,7 +93,7 @@ fn both_engines_take_the_same_steps_for_eyes_that_move() {
     assert_silent(engine);
 }
 
-/// Kernel by kernel, and as a GPU fuses them, whatever the device is.
+/// Any device runs the steps both by kernel and with the fused kernels of a GPU.
 #[test]
 fn both_engines_show_the_same_views_and_photographs() {
     let singly = [
@@ -139,7 +139,7 @@ fn show_views_and_photographs(mut engine: VulkanEngine, ran: &[&str]) {
     assert_silent(engine);
 }
 
-/// The steps of the methods that look through other things than pupils, or ask for more than an image.
+/// Slices of a wrong length are refused, and a refused read leaves its memory unchanged.
 #[test]
 fn buffers_are_written_and_read_whole_or_not_at_all() {
     let mut engine = vulkan();
@@ -160,7 +160,7 @@ fn buffers_are_written_and_read_whole_or_not_at_all() {
             let (few, mut into) = (vec![1.0; wrong], vec![1.0; wrong]);
             refused(engine.write(Buffer::Phases, &few).unwrap_err());
             refused(engine.read_into(Buffer::Phases, &mut into).unwrap_err());
-            assert_eq!(into, few, "it was left alone");
+            assert_eq!(into, few, "the memory is unchanged");
         }
         assert!(engine.write(Buffer::Field, &[1.0; 3]).is_err(), "half a complex value");
         let mut back = vec![0.0; count];
@@ -170,6 +170,7 @@ fn buffers_are_written_and_read_whole_or_not_at_all() {
     assert_silent(engine);
 }
 
+/// The methods use viewpoints other than pupils, or request more than an image.
 #[test]
 fn both_engines_take_the_steps_of_every_method() {
     let mut engine = vulkan();
@@ -188,21 +189,23 @@ fn both_engines_take_the_steps_of_every_method() {
     assert_silent(engine);
 }
 
-/// Fields stored as halves. A field is rounded some twenty times on its way to the retina and back, on the device now
-/// and then between passes where the twin does not: what asks for a change differs by that much. A change moves phases by
-/// the gain, 2 here, and in units of the phases is itself at most about 1: four times the power, for each of three steps.
+/// Bound for fields stored as halves. A field is rounded about twenty times on its way to the retina and back. The
+/// device sometimes rounds between passes where the twin does not, so the requested change differs by this much. A
+/// change moves phases by the gain, which is 2 here, and is itself at most about 1 in units of the phases. This gives
+/// four times the power, for each of three steps.
 const STEPS_APART: f64 = 20.0 * 4.0 * 3.0;
 
 fn assert_near(got: &(Vec<Vec<f64>>, Vec<f32>), want: &(Vec<Vec<f64>>, Vec<f32>), amplified: f64, what: &str) {
     for (got, want) in got.0.iter().flatten().zip(want.0.iter().flatten()) {
-        // A loss is a mean over pixels, whose roundings average: it is far nearer than a pixel.
+        // A loss is a mean over pixels whose rounding errors average, so its error is much smaller than the error of a
+        // pixel.
         assert!(*want > 0.0 && (got / want - 1.0).abs() < 2e-3, "{what}: loss {got}, not {want}");
     }
     let far = distance(Buffer::Phases, &got.1, &want.1);
     assert!(far < amplified * half_roundings(1), "{what}: phases differ by {far:e}");
 }
 
-/// Stored as halves both engines still take the same steps, and those are the steps of float32.
+/// With halves both engines take the same steps, and these are near the steps of float32.
 #[test]
 fn both_engines_take_the_same_steps_with_halves() {
     let mut engine = vulkan();
@@ -216,12 +219,12 @@ fn both_engines_take_the_same_steps_with_halves() {
             let steps = steps(&case, purpose, mode);
             let got = solve(&mut engine, &case, purpose, &steps);
             let want = solve(&mut CpuEngine::new(), &case, purpose, &steps);
-            // Adam divides by the gradient's own size: where that is small, its direction is what roundings say.
+            // Adam divides by the size of the gradient. If this is small, rounding errors determine its direction.
             let amplified = if purpose == Purpose::Adam { 10.0 } else { 1.0 } * STEPS_APART;
             assert_near(&got, &want, amplified, &what);
             assert_eq!(got, solve(&mut engine, &case, purpose, &steps));
             let full = solve(&mut CpuEngine::new(), &plain, purpose, &self::steps(&plain, purpose, mode));
-            assert_near(&want, &full, amplified, &format!("{what}, beside float32"));
+            assert_near(&want, &full, amplified, &format!("{what}, against float32"));
             assert_ne!(want, full, "{what}: nothing was rounded");
         }
         for (purpose, mode) in [(Purpose::Project, PROJECTION), (Purpose::Adam, INTENSITY)] {
@@ -234,10 +237,10 @@ fn both_engines_take_the_same_steps_with_halves() {
             let full = solve(&mut CpuEngine::new(), &plain, purpose, &step(&plain));
             let amplified = if purpose == Purpose::Adam { 10.0 } else { 1.0 } * STEPS_APART;
             assert_near(&got, &want, amplified, &format!("methods, {height} x {width}, {purpose:?}"));
-            assert_near(&want, &full, amplified, &format!("methods, {height} x {width}, {purpose:?}, beside float32"));
+            assert_near(&want, &full, amplified, &format!("methods, {height} x {width}, {purpose:?}, against float32"));
         }
     }
-    // Wherever they hand over, halves mean the same to both.
+    // Halves have the same meaning on both engines at any point of a handover.
     let mut case = Case::new(30, 44, 0, 4e-3, 2);
     case.planner.storage = Storage::F16;
     let steps = [case.step(Purpose::Project, PROJECTION, 0.5, usize::MAX)];
@@ -250,7 +253,7 @@ fn both_engines_take_the_same_steps_with_halves() {
     assert_silent(engine);
 }
 
-/// Wherever one engine hands over to the other, the result is the same.
+/// The result is the same for each point at which one engine hands over to the other.
 #[test]
 fn handing_over_changes_nothing() {
     let case = Case::new(30, 44, 0, 4e-3, 2);
@@ -266,12 +269,12 @@ fn handing_over_changes_nothing() {
     assert_close(&solve(&mut back, &case, purpose, &steps), &want, "back at apply_factor");
     let described = back.describe();
     assert!(described.split_once("apply_factor").is_some_and(|(_, then)| then.contains("CPU")), "{described}");
-    // Both engines ran their share.
+    // Both engines ran their parts.
     let names = |e: &dyn Engine| e.timings().iter().map(|t| t.kernel).collect::<Vec<_>>();
     assert!(names(&back).contains(&Kernel::Modulate) && names(&back).contains(&Kernel::Project));
 }
 
-/// A validation score is what the images say, padding or not, and only sums leave the engine.
+/// A validation score equals the score of the images, with or without padding, and only sums leave the engine.
 #[test]
 fn sums_say_what_images_say() {
     let mut engine = vulkan();
@@ -294,8 +297,8 @@ fn sums_say_what_images_say() {
                 let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum();
                 let exact: [f64; 3] = [dot(image, target), dot(image, image), dot(target, target)];
                 for (got, exact) in [sums.with_target, sums.with_itself, sums.of_target].into_iter().zip(exact) {
-                    // Of 48 bits, a few go on the way.
-                    // (A small pupil before a single row passes nothing: zero.)
+                    // A few of the 48 bits are lost on the way. (A small pupil before a single row passes nothing, so
+                    // its sums are zero.)
                     let near = (got - exact).abs() <= 1e-12 * exact;
                     assert!(near, "{height} x {width} (+{padding}): {got}, not {exact}");
                 }
@@ -305,7 +308,7 @@ fn sums_say_what_images_say() {
             }
             let fitted = Sums::fit_exposure(&sums).unwrap();
             assert!((fitted / exposure - 1.0).abs() < 1e-12, "{fitted}, not {exposure}");
-            // The validator's score is that of the sums.
+            // The validator computes its score from the sums.
             let validator = Validator::new(engine, &case.planner, viewpoints).unwrap();
             let score = validator.score(engine, &case.planner).unwrap();
             assert_eq!((score.exposure, score.psnr), (fitted, sums.iter().map(|s| s.psnr(fitted)).collect()));

@@ -1,5 +1,5 @@
-//! The kernels `decode_views` and `halve_views` on the device against their twins and the host's pyramid; and engines that look at
-//! what they made where it is. Not a word from the validation layer.
+//! The kernels `decode_views` and `halve_views` on the device against their CPU twins and the host's pyramid, and
+//! engines that use the resulting views on the device. The validation layer has no messages.
 
 use eyebox::low_level::engine::EngineError;
 use eyebox::low_level::engine::vulkan::{NoLight, StoredViews, ViewDecoder, VulkanEngine};
@@ -14,13 +14,13 @@ use std::sync::{Arc, PoisonError};
 
 const GRID: [usize; 2] = [2, 3];
 
-/// Samples of so many, filled to whole words.
+/// Returns this number of samples, filled to whole words.
 fn samples(count: usize, sample: u32, seed: u64) -> Vec<u8> {
     let mut noise = Noise::new(seed);
     let one = |_| match sample {
         U8 => vec![(noise.draw() * 255.9) as u8],
         U16 => ((noise.draw() * 65_535.9) as u16).to_le_bytes().to_vec(),
-        // Halves from nothing to 2, subnormal ones too.
+        // Halves from 0 to 2, with subnormal ones.
         F16 => ((noise.draw() * 16_384.0) as u16).to_le_bytes().to_vec(),
         _ => (noise.draw() * 7.0).to_le_bytes().to_vec(),
     };
@@ -33,10 +33,10 @@ fn silent(gpu: Gpu) {
     let messages = gpu.messages();
     drop(gpu);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
-    assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+    assert!(heard.is_empty(), "messages of the validation layer:\n{}", heard.join("\n"));
 }
 
-/// The most by which whole numbers differ, and the share of them that do.
+/// Returns the largest difference of whole numbers, and the share of them that differ.
 fn apart(one: &[u16], other: &[u16]) -> (u16, f64) {
     assert_eq!(one.len(), other.len());
     let off = one.iter().zip(other).map(|(a, b)| a.abs_diff(*b));
@@ -54,7 +54,7 @@ fn views_are_decoded_as_the_twins_and_the_host_do() {
             let most = (4 * pixels * count * stored) as u64;
             let mut decoder = ViewDecoder::new(&gpu, [height, width], stored, channels, most).expect("a decoder");
             for (sample, coded) in kinds {
-                let what = format!("{height} x {width}, {stored} colours, sample {sample}, {coded}");
+                let what = format!("{height} x {width}, {stored} colors, sample {sample}, {coded}");
                 let bytes = samples(pixels * count * stored, sample, 7 + u64::from(sample));
                 let views = StoredViews { grid: GRID, sample, coded };
                 decoder.upload(&bytes).expect("room");
@@ -91,7 +91,7 @@ fn views_are_decoded_as_the_twins_and_the_host_do() {
                     assert_eq!((found.scale, found.count), (light.brightest, count));
                     for (at, (found, wanted)) in found.levels.iter().zip(&wanted.levels).enumerate() {
                         let (most, share) = apart(&found.views, &wanted.views);
-                        // Rounded twice: ties of a half, a quarter, an eighth may go either way.
+                        // These are rounded twice, so ties of a half, a quarter or an eighth may round either way.
                         assert!(most <= 1 && share < 0.3, "{what}, level {at}: {most}, {share}");
                     }
                     let mut twin = vec![0; pixels * count];
@@ -147,7 +147,7 @@ fn what_is_no_light_is_found() {
         assert!(found.to_bits() == value.to_bits() || found.is_nan() && value.is_nan(), "{found} {value}");
     }
     assert!(found(F32, at, 0x8000_0000).is_ok() && found(F16, at, 0x8000).is_ok(), "zero is light, with any sign");
-    // What is asked for beyond the samples.
+    // These requests are beyond the samples.
     let all = StoredViews { grid: [3, 3], sample: F32, coded: false };
     assert!(matches!(decoder.measure(&all), Err(EngineError::Mismatch { .. })));
     assert!(decoder.upload(&vec![0; 4 * pixels * count * stored + 4]).is_err() && decoder.upload(&[0; 5]).is_err());
@@ -155,7 +155,8 @@ fn what_is_no_light_is_found() {
     silent(gpu);
 }
 
-/// A refinement follows views that never came to the host as it follows the same from there, and uploads nothing for it.
+/// A refinement follows views that were never on the host in the same way as views from the host, and uploads nothing
+/// for them.
 #[test]
 fn engines_look_at_views_where_they_are() {
     let gpu = gpu();
@@ -189,7 +190,7 @@ fn engines_look_at_views_where_they_are() {
         one.follow(problem.clone(), 0.4).expect("followed");
         let followed = gpu.counts().since(before);
         assert_eq!((followed.uploaded, followed.read_back, followed.blocks), (0, 0, 0));
-        // The frame itself; back: sums, and the middle view at most.
+        // The upload is the frame itself. The host reads back sums, and at most the middle view.
         assert_eq!(decoded.uploaded, (pixels * count) as u64);
         assert!(decoded.read_back < (2 * pixels + 4096) as u64, "{decoded:?}");
         made.push(decoded.blocks);
@@ -199,7 +200,7 @@ fn engines_look_at_views_where_they_are() {
         let (a, b) = (one.step().expect("a step"), other.step().expect("a step"));
         assert!(a.is_finite() && a == b, "{a} {b}");
     }
-    // One set of views is looked at while the next is made; after that, the same two again.
+    // One set of views is in use while the next is made. After that, the same two sets are used again.
     assert_eq!(made[2..], [0; 4], "{made:?}");
     let _ = Arc::clone(&first.pyramid);
     drop((one, other, decoder));

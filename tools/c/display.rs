@@ -1,4 +1,4 @@
-//! Displays.
+//! The functions for displays.
 
 use crate::arrays::{given, hand_over, text};
 use crate::failure::{Failure, answer, free};
@@ -7,10 +7,10 @@ use eyebox::optics::{Color, Display};
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
 
-/// A display: the SLM, its optics and how it takes its phases. It never changes.
+/// A display, with its SLM, its optics and its encoding of phases. It never changes.
 pub struct EyeboxDisplay(pub(crate) Display);
 
-/// The bit of a colour.
+/// Returns the bit of a color for C.
 pub(crate) fn bit(color: Color) -> u32 {
     match color {
         Color::Red => EYEBOX_RED,
@@ -19,7 +19,7 @@ pub(crate) fn bit(color: Color) -> u32 {
     }
 }
 
-/// Colours of a display by their bits; none for all that it has.
+/// Returns the colors of a display for a set of bits. Without any bit it returns all colors of the display.
 pub(crate) fn colors(display: &Display, bits: u32) -> Result<Vec<Color>, Failure> {
     if bits > 7 {
         return Err(Failure::argument("colors", bits, "EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE, or 0 for all"));
@@ -32,17 +32,20 @@ pub(crate) fn colors(display: &Display, bits: u32) -> Result<Vec<Color>, Failure
     asked.map(|color| Ok(display.optics(color).map(|_| color)?)).collect()
 }
 
-/// A display by the name of a preset, such as "paper", "small" or "planes8", or from a TOML file.
+/// Makes a display from the name of a preset, such as "paper", "small" or "planes8", or from the path of a display file
+/// (TOML, docs/displays.md). Free it with `eyebox_display_free`. Fails with EYEBOX_STATUS_DISPLAY if there is no such
+/// preset or file, or if the file is wrong.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_display_load(
     name: *const c_char,
     display: Option<&mut MaybeUninit<*mut EyeboxDisplay>>,
 ) -> EyeboxStatus {
-    // SAFETY: the header asks callers for texts that end with zero.
+    // SAFETY: The header requires texts that end with a zero byte.
     answer(|| hand_over(display, || Ok(EyeboxDisplay(Display::load(unsafe { text(name, "name") }?)?))))
 }
 
-/// A display from the text of a display file (docs/displays.md). Files that it names lie in the working folder.
+/// Makes a display from the text of a display file (TOML, docs/displays.md). Paths in the text are relative to the
+/// working folder. Free it with `eyebox_display_free`. Fails with EYEBOX_STATUS_DISPLAY if the text is wrong.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_display_from_toml(
     toml: *const c_char,
@@ -50,13 +53,14 @@ pub unsafe extern "C" fn eyebox_display_from_toml(
 ) -> EyeboxStatus {
     answer(|| {
         hand_over(display, || {
-            // SAFETY: the header asks callers for texts that end with zero.
+            // SAFETY: The header requires texts that end with a zero byte.
             Ok(EyeboxDisplay(Display::from_toml(unsafe { text(toml, "toml") }?, "display")?))
         })
     })
 }
 
-/// The same display with so many rows and columns of pixels.
+/// Makes a copy of a display with another number of rows and columns (pixels). Free it with `eyebox_display_free`.
+/// Fails with EYEBOX_STATUS_DISPLAY if a color of the display cannot have this size.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_display_resized(
     display: Option<&EyeboxDisplay>,
@@ -67,14 +71,14 @@ pub extern "C" fn eyebox_display_resized(
     answer(|| {
         hand_over(resized, || {
             let display = Display { height: rows, width: columns, ..given(display, "display")?.0.clone() };
-            // Every colour has the optics of that size, or none can be.
+            // This refuses a size that the optics of any color cannot have.
             colors(&display, 0)?.into_iter().try_for_each(|color| display.optics(color).map(drop))?;
             Ok(EyeboxDisplay(display))
         })
     })
 }
 
-/// Frees a display; null is nothing to free.
+/// Frees a display. Null is allowed and has no effect.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_display_free(display: Option<Box<EyeboxDisplay>>) {
     free(display);

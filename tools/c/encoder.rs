@@ -1,4 +1,4 @@
-//! What the SLM receives.
+//! The functions that encode holograms as the video frames of an SLM.
 
 use crate::arrays::{given, hand_over, put, room};
 use crate::display::colors;
@@ -8,27 +8,34 @@ use eyebox::encode::{Encoder, PhaseSet};
 use std::ffi::c_void;
 use std::mem::MaybeUninit;
 
-/// An encoder: phases of one shape to the video frames of one display. It never changes.
+/// An encoder. It turns phases of one shape into the video frames of one display. It never changes.
 pub struct EyeboxEncoder(Encoder);
 
-/// The video frames of a hologram: (frame, row, column, channel), 8 bits each, in the order in which they are shown.
+/// The shape of the video frames of a hologram. Their bytes are an array (frame, row, column, channel) of 8-bit values.
+/// The frames are in the order in which the display shows them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EyeboxVideo {
-    /// How many.
+    /// Number of video frames.
     pub frames: usize,
-    /// Rows of a frame.
+    /// Rows of each video frame (pixels).
     pub rows: usize,
-    /// Columns.
+    /// Columns of each video frame (pixels).
     pub columns: usize,
-    /// 1 (grey) or 3 (red, green, blue).
+    /// Number of channels, which is 1 (gray) or 3 (red, green, blue).
     pub channels: usize,
-    /// Bytes of all of them.
+    /// Size of the memory that a call fills, in bytes. It holds all video frames for `eyebox_encode`, and one video
+    /// frame for `eyebox_session_tick`.
     pub bytes: usize,
 }
 
-/// An encoder for a display, for holograms of these colours (a sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE; 0 for all of the
-/// display's) and so many sub-frames. The display's calibration is read now, once.
+/// Makes an encoder for a display and for holograms with the given colors and number of sub-frames. Set `colors` to a
+/// sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE, or to 0 for all colors of the display. Set `frames` to the number
+/// of sub-frames per color, 1 to 4096. This function reads the calibration files of the display, and later calls do
+/// not. Free the encoder with `eyebox_encoder_free`.
+///
+/// Fails with EYEBOX_STATUS_DISPLAY if the display lacks a color. Fails with EYEBOX_STATUS_ENCODE if the display cannot
+/// show these colors and sub-frames, or if its calibration is wrong.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_encoder_new(
     display: Option<&EyeboxDisplay>,
@@ -47,7 +54,7 @@ pub extern "C" fn eyebox_encoder_new(
     })
 }
 
-/// The sizes of what `eyebox_encode` writes.
+/// Writes the shape and size of the video frames of `eyebox_encode` into `video`.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_encoder_video(
     encoder: Option<&EyeboxEncoder>,
@@ -62,7 +69,9 @@ pub extern "C" fn eyebox_encoder_video(
     })
 }
 
-/// Encodes a hologram into memory of the caller's, of as many bytes as `eyebox_encoder_video` says.
+/// Encodes a hologram into `video`, which is memory of the caller with the number of `bytes` from
+/// `eyebox_encoder_video`. Fails with EYEBOX_STATUS_ARGUMENT if the hologram has other colors or another size than the
+/// encoder, or if `bytes` differs. Fails with EYEBOX_STATUS_ENCODE if the number of sub-frames differs.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_encode(
     encoder: Option<&EyeboxEncoder>,
@@ -73,25 +82,25 @@ pub unsafe extern "C" fn eyebox_encode(
     answer(|| {
         let (encoder, hologram) = (&given(encoder, "encoder")?.0, &given(hologram, "hologram")?.hologram);
         if hologram.named_colors() != encoder.colors() {
-            let right = format!("those of the encoder, {:?}", encoder.colors());
-            return Err(Failure::argument("the hologram's colours", format!("{:?}", hologram.named_colors()), right));
+            let right = format!("the colors of the encoder, {:?}", encoder.colors());
+            return Err(Failure::argument("the hologram's colors", format!("{:?}", hologram.named_colors()), right));
         }
         let size = [hologram.height, hologram.width];
         if size != encoder.hologram_size() {
             let right = format!("{:?}, as the display takes them", encoder.hologram_size());
             return Err(Failure::argument("the hologram's rows and columns", format!("{size:?}"), right));
         }
-        // SAFETY: the header asks callers for as much memory as they say.
+        // SAFETY: The header requires memory of the stated size.
         let video = unsafe { room(video.cast::<u8>(), bytes, encoder.bytes(), "video") }?;
         video.fill(MaybeUninit::new(0));
-        // SAFETY: every byte was just written.
+        // SAFETY: The line above wrote every byte.
         let video = unsafe { &mut *(std::ptr::from_mut(video) as *mut [u8]) };
         let phases: Vec<&[f32]> = hologram.colors.iter().map(|c| &c.phases[..]).collect();
         Ok(encoder.encode_bytes(&PhaseSet::new(&phases, size)?, video)?)
     })
 }
 
-/// Frees an encoder.
+/// Frees an encoder. Null is allowed and has no effect.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_encoder_free(encoder: Option<Box<EyeboxEncoder>>) {
     free(encoder);

@@ -1,4 +1,4 @@
-//! Engines.
+//! The functions for engines.
 
 use crate::EyeboxStatus;
 use crate::arrays::{given, hand_over, put, text};
@@ -9,7 +9,7 @@ use std::ffi::{CString, c_char};
 use std::mem::MaybeUninit;
 use std::sync::Mutex;
 
-/// Where is computed: on the CPU, or on a Vulkan device. Calls with one engine wait for each other.
+/// An engine, which computes on the CPU or on a Vulkan device. Calls with one engine wait for each other.
 pub struct EyeboxEngine {
     pub(crate) backend: Backend,
     pub(crate) engine: Mutex<Box<dyn Engine>>,
@@ -24,8 +24,10 @@ impl EyeboxEngine {
     }
 }
 
-/// Opens an engine: "cpu"; "vulkan", a device in software included; or "auto": a real GPU where there is one that computes as it
-/// should, else the CPU.
+/// Opens an engine. "cpu" computes on the CPU. "vulkan" computes on a Vulkan device, which may be a device in software.
+/// "auto" chooses a real GPU if one computes correctly, and otherwise the CPU. Free the engine with
+/// `eyebox_engine_free`. Fails with EYEBOX_STATUS_ARGUMENT if `choice` is another text. Fails with EYEBOX_STATUS_ENGINE
+/// if there is no usable device.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_engine_open(
     choice: *const c_char,
@@ -34,7 +36,7 @@ pub unsafe extern "C" fn eyebox_engine_open(
     answer(|| {
         starts_threads();
         hand_over(engine, || {
-            // SAFETY: the header asks callers for texts that end with zero.
+            // SAFETY: The header requires texts that end with a zero byte.
             let choice = match unsafe { text(choice, "choice") }? {
                 "auto" => Choice::Auto,
                 "cpu" => Choice::Cpu,
@@ -46,7 +48,8 @@ pub unsafe extern "C" fn eyebox_engine_open(
     })
 }
 
-/// What computes, and why that and nothing else, in a sentence that stands as long as the engine.
+/// Writes a pointer to a sentence into `reason`. The sentence names the device of the engine and the reason for this
+/// choice. The engine owns it, and it stays valid until the engine is freed.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_engine_reason(
     engine: Option<&EyeboxEngine>,
@@ -55,7 +58,7 @@ pub extern "C" fn eyebox_engine_reason(
     answer(|| put(reason, || Ok(given(engine, "engine")?.reason.as_ptr())))
 }
 
-/// Frees an engine; refiners that were made with it go on.
+/// Frees an engine. Refiners and sessions that were made with it continue to work. Null is allowed and has no effect.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_engine_free(engine: Option<Box<EyeboxEngine>>) {
     free(engine);

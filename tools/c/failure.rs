@@ -1,4 +1,4 @@
-//! What can go wrong, as codes and sentences.
+//! Turns failures into statuses, codes and sentences.
 
 use eyebox::error::ErrorData;
 use eyebox::hologram::HologramError;
@@ -14,31 +14,32 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::thread::LocalKey;
 
-/// What a function answers. `eyebox_last_error` says the rest.
+/// The result of a function. If it is not EYEBOX_STATUS_OK, `eyebox_last_error` returns the cause.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EyeboxStatus {
-    /// It did what was asked.
+    /// The call succeeded without an error.
     Ok = 0,
-    /// A pointer that has to lead somewhere is null, or misaligned.
+    /// A pointer is null although the function requires it, or is misaligned.
     Pointer = 1,
-    /// A number, a text or the length of an array is not one that the function takes.
+    /// A number, a text or the length of an array is outside the range of the function.
     Argument = 2,
-    /// The display, or a pupil before it.
+    /// The error is about the display, or about a pupil in front of it.
     Display = 3,
-    /// The scene, its file or its views.
+    /// The error is about the scene, its file or its views.
     Scene = 4,
-    /// The settings, or the solve or refinement that they ask for.
+    /// The error is about the settings, or about the solve or refinement that they describe.
     Solve = 5,
-    /// The hologram, or its file.
+    /// The error is about the hologram, its file, or the scene or display that it names.
     Hologram = 6,
-    /// The encoding, or what is to be encoded.
+    /// The error is about the encoding, or about the phases to encode.
     Encode = 7,
-    /// The engine or its device.
+    /// The error is about the engine or its device, or the process was forked.
     Engine = 8,
-    /// A fault of eyebox itself, please report it. Handles that the call was given may be freed, and no more.
+    /// The error is a fault of eyebox itself. Please report it. The program may free the handles of the failed call,
+    /// but must not use them for anything else.
     Internal = 9,
-    /// The session, or what it shows on.
+    /// The error is about the session, or about the display on which it shows.
     Session = 10,
 }
 
@@ -58,7 +59,8 @@ pub(crate) enum Failure {
     #[error("a fault of eyebox itself: {0}")]
     Panic(String),
     #[error(
-        "this process was forked after eyebox had started threads, which exist in its parent alone: call it before fork, or after exec"
+        "this process was forked after eyebox had started threads, which exist in its parent alone: call it before \
+         fork, or after exec"
     )]
     Forked,
     #[error("an earlier call with this handle met a fault of eyebox: free it")]
@@ -91,7 +93,8 @@ impl Failure {
 /// Returns the status of an error of the library.
 fn status_of(error: &Error) -> EyeboxStatus {
     match error {
-        // A hologram that lacks its scene or its display had this status before `ErrorKind` existed. Statuses stay.
+        // A hologram that lacks its scene or its display had this status before `ErrorKind` existed. Programs compare
+        // statuses, so it stays.
         Error::Session(SessionError::Hologram(_)) => return EyeboxStatus::Hologram,
         Error::Hologram(of) | Error::Reconstruction(ReconstructionError::Hologram(of))
             if !matches!(of, HologramError::Optics(_) | HologramError::Scene(_)) =>
@@ -112,26 +115,27 @@ fn status_of(error: &Error) -> EyeboxStatus {
 }
 
 thread_local! {
-    /// The text of the last failure.
+    /// The sentence of the last failure.
     static LAST: RefCell<CString> = RefCell::default();
-    /// Code of the last failure.
+    /// The code of the last failure.
     static LAST_CODE: RefCell<CString> = RefCell::default();
-    /// The text that the caller has: nothing but `eyebox_last_error` replaces it.
+    /// The sentence that the caller has a pointer to. Only `eyebox_last_error` replaces it.
     static GIVEN: RefCell<CString> = RefCell::default();
-    /// Code that the caller holds. Only `eyebox_last_error_code` replaces it.
+    /// The code that the caller has a pointer to. Only `eyebox_last_error_code` replaces it.
     static GIVEN_CODE: RefCell<CString> = RefCell::default();
 }
 
-/// Returns why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first failure. The text stays
-/// valid and unchanged, whatever else fails, until the same thread calls `eyebox_last_error` after another failure, or ends.
+/// Returns the cause of the last failed call of this thread, as one sentence in UTF-8. It is empty before the first
+/// failure. eyebox owns the text. It stays valid and unchanged until the same thread ends, or calls `eyebox_last_error`
+/// after another failure.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_last_error() -> *const c_char {
     give(&LAST, &GIVEN)
 }
 
-/// Returns the code of the last failed call of this thread, such as `scene/missing-view`. The code of an error never changes, its
-/// sentence may. The code is empty before the first failure. The text stays valid until the same thread calls
-/// `eyebox_last_error_code` after another failure, or ends.
+/// Returns the code of the last failed call of this thread, such as `scene/missing-view`. It is empty before the first
+/// failure. The code of an error never changes, but its sentence may change. eyebox owns the text. It stays valid until
+/// the same thread ends, or calls `eyebox_last_error_code` after another failure.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_last_error_code() -> *const c_char {
     give(&LAST_CODE, &GIVEN_CODE)
@@ -142,7 +146,7 @@ type Text = LocalKey<RefCell<CString>>;
 fn give(last: &'static Text, given: &'static Text) -> *const c_char {
     let give = |given: &RefCell<CString>| {
         let mut given = given.borrow_mut();
-        // The same text stays where it is: one expression may ask for it twice.
+        // The same text keeps its place, because one expression may call this function twice.
         last.with_borrow(|last| {
             if *last != *given {
                 given.clone_from(last)
@@ -153,34 +157,34 @@ fn give(last: &'static Text, given: &'static Text) -> *const c_char {
     given.try_with(give).unwrap_or(c"".as_ptr())
 }
 
-/// The process that started threads first; 0 before.
+/// The id of the process that first started threads, or 0 if none has.
 static THREADED: AtomicU32 = AtomicU32::new(0);
 
-/// To be called before anything that starts threads.
+/// Records that this process starts threads. Functions that start threads call it first.
 pub(crate) fn starts_threads() {
     let _ = THREADED.compare_exchange(0, std::process::id(), Ordering::SeqCst, Ordering::SeqCst);
 }
 
-/// Runs a call, and makes a code and a sentence of its failure or panic.
+/// Runs a call, and turns its failure or panic into a status, a code and a sentence.
 pub(crate) fn answer(call: impl FnOnce() -> Result<(), Failure>) -> EyeboxStatus {
     let answered = if [0, std::process::id()].contains(&THREADED.load(Ordering::SeqCst)) {
         catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(Failure::Panic(in_words(&*panic))))
     } else {
-        // What it holds, a handle that is to be freed, has threads or a device of the parent's.
+        // The call may own a handle to free, whose threads or device exist only in the parent process.
         std::mem::forget(call);
         Err(Failure::Forked)
     };
     let Err(failure) = answered else { return EyeboxStatus::Ok };
     let text = failure.to_string().replace('\0', " ");
-    // A thread that is ending has no place for it any more.
     let code = ErrorData::of(&failure).code;
+    // A thread that is ending has no place for the texts, so a failed access is ignored.
     for (place, text) in [(&LAST, text), (&LAST_CODE, code)] {
         let _ = place.try_with(|last| *last.borrow_mut() = CString::new(text).unwrap_or_default());
     }
     failure.status()
 }
 
-/// Takes a handle back.
+/// Takes a handle back from the caller and frees it.
 pub(crate) fn free<T>(handle: Option<Box<T>>) {
     answer(|| {
         drop(handle);
@@ -193,7 +197,7 @@ fn in_words(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".into())
 }
 
-/// What calls of several threads take in turn.
+/// Locks a value that calls of several threads share. It is unusable after a panic during an earlier call.
 pub(crate) fn lock<T: ?Sized>(shared: &Mutex<T>) -> Result<MutexGuard<'_, T>, Failure> {
     shared.lock().map_err(|_| Failure::Broken)
 }
@@ -210,7 +214,7 @@ mod tests {
     use eyebox::solve::SolveError;
     use std::ffi::CStr;
 
-    /// Programs compare statuses and log codes, so both stay.
+    /// Programs compare statuses and log codes, so neither may change.
     #[test]
     fn errors_of_the_library_have_a_status_and_a_code() {
         let optics = || OpticsError::Size { height: 0, width: 0 };
@@ -260,12 +264,12 @@ mod tests {
             panic!("on purpose")
         });
         assert_eq!(status, EyeboxStatus::Internal);
-        // SAFETY: it is what the function says.
+        // SAFETY: The function returns a text that ends with a zero byte.
         let said = unsafe { CStr::from_ptr(eyebox_last_error()) };
         assert_eq!(said.to_str().unwrap(), "a fault of eyebox itself: on purpose");
         assert_eq!(answer(|| lock(&shared).map(drop)), EyeboxStatus::Internal);
         let other = std::thread::spawn(|| {
-            // SAFETY: it is what the function says.
+            // SAFETY: The function returns a text that ends with a zero byte.
             unsafe { CStr::from_ptr(eyebox_last_error()) }.to_owned()
         });
         assert_eq!(other.join().unwrap(), CString::default());

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds eyebox for C and installs the header, both libraries and what pkg-config reads: tools/c/install.sh PREFIX [PROFILE], where
-# PREFIX is /usr/local, or a folder of one's own, and PROFILE is `release`, or another.
+# Usage: tools/c/install.sh PREFIX [PROFILE]. Builds eyebox for C and installs the header, both libraries and eyebox.pc.
+# PREFIX is /usr/local or a folder of your own. PROFILE is a Cargo profile, by default release.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 [[ ${1:-} ]] || { sed -n '2,3s/^# //p' "$0" >&2; exit 2; }
@@ -10,7 +10,7 @@ profile=${2:-release}
 cargo build --quiet --manifest-path "$here/../../Cargo.toml" --profile "$profile" --package eyebox-c --lib
 built=$(cargo metadata --format-version 1 --no-deps --manifest-path "$here/Cargo.toml" |
     sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
-# Cargo calls the folder of the profile `dev` debug.
+# The folder of the profile dev is named debug by Cargo.
 [[ $profile != dev ]] || profile=debug
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$here/../../Cargo.toml" | head -n 1)
 mkdir -p "$prefix/include" "$prefix/lib/pkgconfig"

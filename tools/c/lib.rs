@@ -1,13 +1,14 @@
-//! eyebox for C and C++: `eyebox.h` is what this crate looks like from there, docs/c.md how it is used.
+//! eyebox for C and C++. `eyebox.h` is the interface of this crate, and docs/c.md describes its use.
 //!
-//! It converts and passes on; what it can do is the crate `eyebox`'s. Handles are boxes that the caller owns and lends: a
-//! function takes `Option<&Handle>`, which is a pointer that may be null, and `free` takes the box back. A failure is a code and a
-//! sentence that the thread keeps ([`eyebox_last_error`]): signatures stay short, nothing is to be freed, and threads do not
-//! disturb each other. No panic crosses: each function runs in `failure::answer`, which makes a code of it.
+//! This crate converts arguments and results. The crate `eyebox` does the work. A handle is a box that the caller owns
+//! and lends. A function takes it as `Option<&Handle>`, which is a pointer that may be null, and `free` takes the box
+//! back. A failure is a status, and a sentence that the thread stores ([`eyebox_last_error`]). This keeps signatures
+//! short, the caller frees no error, and threads do not disturb each other. No panic crosses into the caller, because
+//! each function runs in `failure::answer`, which turns a panic into a status.
 
-// C's names are exported unmangled, and what pointers lead to is what the caller says it is.
+// The names for C are exported unmangled, and the types behind pointers are what the caller states.
 #![allow(unsafe_code)]
-#![allow(clippy::missing_safety_doc, reason = "the head of the header says it for all: cbindgen.toml")]
+#![allow(clippy::missing_safety_doc, reason = "the head of the header states it for all functions (cbindgen.toml)")]
 
 mod arrays;
 mod display;

@@ -1,4 +1,4 @@
-//! Holograms that are refined for where the eye is.
+//! The functions that refine a hologram for the tracked pupil.
 
 use crate::arrays::{given, hand_over, put, text};
 use crate::failure::{Failure, answer, free, lock};
@@ -12,18 +12,24 @@ use std::ffi::c_char;
 use std::mem::MaybeUninit;
 use std::sync::Mutex;
 
-/// A hologram under refinement, on engines of its own. Calls with one refiner wait for each other.
+/// A hologram under refinement, with its own engines. Calls with one refiner wait for each other.
 pub struct EyeboxRefiner {
     refinement: Mutex<Refinement>,
-    /// What it began with, for its optics.
+    /// The first hologram without its phases. Its optics check each pupil.
     about: Hologram,
 }
 
-/// Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
-/// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
-/// then. `settings` is TOML, or null for the defaults: the fields of
-/// eyebox::solve::RefineSettings by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
-/// beside it.
+/// Makes a refiner, which refines a copy of a hologram for the position of the pupil. The scene must be loaded for the
+/// hologram's display and have its colors. If `scene` is null, eyebox loads the scene from which the hologram was
+/// solved, with the settings of the solve. Hologram and scene may be freed after this call. The refiner computes on the
+/// device of `engine`, with engines of its own. Free it with `eyebox_refiner_free`.
+///
+/// Set `settings` to a TOML text, or to null for the defaults. The keys are the fields of eyebox::solve::RefineSettings
+/// (docs/settings.md), such as "pupils = 2", "elsewhere = 0.5" or "seed = 1".
+///
+/// Fails with EYEBOX_STATUS_SOLVE if the settings are wrong. Fails with EYEBOX_STATUS_HOLOGRAM if the scene is not
+/// found, is not the scene of the hologram, or has another size. Fails with EYEBOX_STATUS_DISPLAY if the scene lacks a
+/// color of the hologram.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_refiner_new(
     hologram: Option<&EyeboxHologram>,
@@ -35,7 +41,7 @@ pub unsafe extern "C" fn eyebox_refiner_new(
     answer(|| {
         hand_over(refiner, || {
             let hologram = given(hologram, "hologram")?;
-            // SAFETY: the header asks callers for texts that end with zero.
+            // SAFETY: The header requires texts that end with a zero byte.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             let steering = RefineSettings::from_toml(settings)?;
             let backend = given(engine, "engine")?.backend.clone();
@@ -53,7 +59,9 @@ pub unsafe extern "C" fn eyebox_refiner_new(
     })
 }
 
-/// The pupil is there from now on, its centre known to within `spread_m` (a standard deviation along each axis, metres).
+/// Sets the pupil for which the next steps refine. The uncertainty of its center is `spread_m`, which is a standard
+/// deviation along each axis (0 to 0.1 m). Fails with EYEBOX_STATUS_DISPLAY if the light does not reach the pupil, or
+/// if no eye has such a pupil.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_aim(
     refiner: Option<&EyeboxRefiner>,
@@ -70,8 +78,9 @@ pub extern "C" fn eyebox_refiner_aim(
     })
 }
 
-/// Takes so many steps of every colour. `loss` is that of the last, the mean squared difference in linear light over its pupils; it may be
-/// null. A loss that is no finite number is an error: the step was not taken.
+/// Takes `steps` steps (1 to 1000000) of every color. If `loss` is not null, it receives the loss of the last step. The
+/// loss is the mean squared difference in linear light over the pupils of the step. Fails with EYEBOX_STATUS_SOLVE if a
+/// loss is not finite, and then this step was not taken.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_step(
     refiner: Option<&EyeboxRefiner>,
@@ -88,15 +97,16 @@ pub extern "C" fn eyebox_refiner_step(
         for step in 1..=steps {
             last = refinement.step()?;
             if !last.is_finite() {
-                return Err(Failure::NotFinite { color: "a colour".into(), step });
+                return Err(Failure::NotFinite { color: "a color".into(), step });
             }
         }
         loss.map_or(Ok(()), |loss| put(Some(loss), || Ok(last)))
     })
 }
 
-/// Takes at most so many steps as `eyebox_refiner_step` does and hands over the hologram in the best state that they reached, as a
-/// new one. The state after each step is judged at the pupil that was aimed at, as a score is: more steps are never worse there.
+/// Takes `steps` steps (1 to 1000000) like `eyebox_refiner_step`, and makes a new hologram from the best state. The
+/// state after each step is scored at the pupil of `eyebox_refiner_aim`, so more steps never lower the score there.
+/// Free the hologram with `eyebox_hologram_free`. Fails with EYEBOX_STATUS_SOLVE if a loss is not finite.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_best(
     refiner: Option<&EyeboxRefiner>,
@@ -111,14 +121,15 @@ pub extern "C" fn eyebox_refiner_best(
             let mut refinement = lock(&given(refiner, "refiner")?.refinement)?;
             let (_, taken) = refinement.refine(steps, &mut |_| Flow::Continue)?;
             if taken < steps {
-                return Err(Failure::NotFinite { color: "a colour".into(), step: taken + 1 });
+                return Err(Failure::NotFinite { color: "a color".into(), step: taken + 1 });
             }
             Ok(refinement.best()?.clone().into())
         })
     })
 }
 
-/// The hologram as it is now, as a new one: to be looked at, encoded or saved while the refiner goes on.
+/// Makes a new hologram from the current state of a refiner. The program may render, encode or save it while the
+/// refiner continues. Free it with `eyebox_hologram_free`.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_hologram(
     refiner: Option<&EyeboxRefiner>,
@@ -132,7 +143,7 @@ pub extern "C" fn eyebox_refiner_hologram(
     })
 }
 
-/// Frees a refiner.
+/// Frees a refiner. Null is allowed and has no effect.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_refiner_free(refiner: Option<Box<EyeboxRefiner>>) {
     free(refiner);

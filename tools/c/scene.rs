@@ -1,4 +1,4 @@
-//! Scenes: light fields of files, built in, or of the caller's own views.
+//! The functions for scenes, which are light fields from files, built in, or from views of the caller.
 
 use crate::arrays::{array, given, hand_over, text};
 use crate::display::colors;
@@ -14,19 +14,21 @@ use std::borrow::Cow;
 use std::ffi::c_char;
 use std::mem::MaybeUninit;
 
-/// A scene as a light field: views from a grid of places in the pupil plane, of a display's size. It never changes.
+/// A scene as a light field. Its views are from a grid of positions in the pupil plane, and have the size of the
+/// display's pictures. It never changes.
 pub struct EyeboxScene {
     pub(crate) field: LightField,
-    /// By which name holograms know it.
+    /// The name that holograms store for it.
     pub(crate) name: String,
-    /// What identifies it.
+    /// The record that identifies it.
     pub(crate) record: SceneRecord,
-    /// Whether it is taken for any hologram, though that was solved from another scene.
+    /// True if it is accepted for holograms that were solved from another scene.
     other: bool,
 }
 
 impl EyeboxScene {
-    /// Refuses a scene that is not a hologram's own, unless another was asked for, or that has another size.
+    /// Refuses a scene of another size than the hologram's picture. It also refuses a scene other than the hologram's
+    /// own, unless the caller accepted another one.
     pub(crate) fn check(&self, hologram: &Hologram) -> Result<(), Failure> {
         match self.other {
             true => Ok(hologram.check_size(&self.field)?),
@@ -34,7 +36,7 @@ impl EyeboxScene {
         }
     }
 
-    /// The scene of a hologram, read as it was when that was solved.
+    /// Reads the scene of a hologram with the settings of its solve.
     pub(crate) fn of(hologram: &Hologram, named: Option<String>, other: bool) -> Result<Self, Failure> {
         let options = InputOptions { scene: named, other_scene: other, ..InputOptions::default() };
         let input = SolveInput::open(hologram, &options)?;
@@ -44,7 +46,7 @@ impl EyeboxScene {
     }
 }
 
-/// The scene that is given, or else the one that a hologram was solved from.
+/// Returns the light field of the given scene, or otherwise of the scene from which the hologram was solved.
 pub(crate) fn scene_of<'a>(
     scene: Option<&'a EyeboxScene>,
     hologram: &Hologram,
@@ -58,39 +60,45 @@ pub(crate) fn scene_of<'a>(
     }
 }
 
-/// A light field of the caller's own. Each colour is an array (view row, view column, row, column) without gaps, of linear light
-/// in float32, finite and not negative, with 1 as full scale. View (r, c) looks from x = (c - (view_columns - 1) / 2)
-/// view_pitch_m, y = (r - (view_rows - 1) / 2) view_pitch_m: columns of views go to the right, rows down.
+/// A light field of the caller. Each color is an array (view row, view column, row, column) of float32 without gaps.
+/// The values are linear light, finite and not negative, with 1 as full scale. View (r, c) is the view from
+/// x = (c - (view_columns - 1) / 2) * view_pitch_m, y = (r - (view_rows - 1) / 2) * view_pitch_m in the pupil plane.
+/// Columns of views go to the right, and rows of views go down.
 #[repr(C)]
 pub struct EyeboxViews {
-    /// What holograms of it remember as their scene; null for nothing.
+    /// The name that holograms store as their scene, or null for no name.
     pub name: *const c_char,
-    /// Rows of views, 1 to 64.
+    /// Number of rows of views, 1 to 64.
     pub view_rows: usize,
-    /// Columns of views, 1 to 64.
+    /// Number of columns of views, 1 to 64.
     pub view_columns: usize,
-    /// Rows of each view. Views of another size than the display's pictures are scaled to fit whole.
+    /// Rows of each view (pixels). Views of another size than the display's pictures are scaled to fit completely.
     pub rows: usize,
-    /// Columns of each view.
+    /// Columns of each view (pixels).
     pub columns: usize,
-    /// Metres between neighbouring views in the pupil plane; 0 spreads them over the display's eyebox.
+    /// Distance of neighboring views in the pupil plane (m). 0 spreads the views over the display's eyebox.
     pub view_pitch_m: f64,
-    /// Red; null where there is none. So for the others; at least one is there.
+    /// The values of red, or null without red. At least one of the three colors must not be null.
     pub red: *const f32,
-    /// Green.
+    /// The values of green, or null without green.
     pub green: *const f32,
-    /// Blue.
+    /// The values of blue, or null without blue.
     pub blue: *const f32,
-    /// Values of each of these arrays: view_rows view_columns rows columns.
+    /// Number of values of each of these arrays, which is view_rows * view_columns * rows * columns.
     pub count: usize,
-    /// How views stand that do not stand as the arrays have them: "transpose", "flip-rows", "flip-columns", with commas between;
-    /// "as-named" takes them as a grid whatever their pictures show. Null for none of it.
+    /// The true order of the views, if it differs from the order of the arrays. It is one or several of "transpose",
+    /// "flip-rows" and "flip-columns" with commas between them. The order "as-named" states that the views are a grid
+    /// in the order of the arrays, for any content of their pictures. Null states no order.
     pub order: *const c_char,
 }
 
-/// Loads a scene for a display: "builtin:NAME", a folder of views, or a picture (docs/scenes.md), in the `colors` that are asked for
-/// (a sum of EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 for all of the display's). `views` are the views per axis of scenes that are
-/// rendered, 1 to 64; 0 for as many as the command takes.
+/// Loads a scene for a display. The `source` is "builtin:NAME", a folder of views, or a picture (docs/scenes.md). Set
+/// `colors` to a sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE, or to 0 for all colors of the display. Set `views` to
+/// the number of views per axis of rendered scenes, 1 to 64, or to 0 for the default of the command. Free the scene
+/// with `eyebox_scene_free`.
+///
+/// Fails with EYEBOX_STATUS_SCENE if the scene cannot be read, and with EYEBOX_STATUS_DISPLAY if the display lacks a
+/// color.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_scene_load(
     source: *const c_char,
@@ -102,12 +110,12 @@ pub unsafe extern "C" fn eyebox_scene_load(
     answer(|| {
         starts_threads();
         hand_over(scene, || {
-            // SAFETY: the header asks callers for texts that end with zero.
+            // SAFETY: The header requires texts that end with a zero byte.
             let name = unsafe { text(source, "source") }?.to_owned();
             let display = &given(display, "display")?.0;
             let colors = self::colors(display, colors)?;
             let views = Some(views).filter(|views| *views != 0);
-            // As the command loads it.
+            // The command loads a scene with the same job.
             let reading = SceneReading { views, ..SceneReading::default() };
             let job = SceneJob { colors, reading, ..SceneJob::new(&name, display) };
             let (field, record) = (job.load(0)?, job.record(0)?);
@@ -116,12 +124,17 @@ pub unsafe extern "C" fn eyebox_scene_load(
     })
 }
 
-/// The order in which views stand, by its name.
+/// Reads the order of views from its text.
 fn order(name: &str) -> Result<Order, Failure> {
     name.parse().map_err(|right: Reason| Failure::argument("views.order", format!("{name:?}"), right))
 }
 
-/// Takes over a light field of the caller's own for a display. The views are copied.
+/// Makes a scene for a display from a light field of the caller. eyebox copies the views. Free the scene with
+/// `eyebox_scene_free`.
+///
+/// Fails with EYEBOX_STATUS_ARGUMENT if `count` does not match the sizes or `order` is unknown. Fails with
+/// EYEBOX_STATUS_SCENE if the views are wrong, such as values that are not finite or views that are not a grid. Fails
+/// with EYEBOX_STATUS_DISPLAY if the display lacks a color.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_scene_from_views(
     views: Option<&EyeboxViews>,
@@ -134,12 +147,12 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
             let (views, display) = (given(views, "views")?, &given(display, "display")?.0);
             let name = match views.name.is_null() {
                 true => String::new(),
-                // SAFETY: the header asks callers for texts that end with zero.
+                // SAFETY: The header requires texts that end with a zero byte.
                 false => unsafe { text(views.name, "views.name") }?.to_owned(),
             };
             let order = match views.order.is_null() {
                 true => None,
-                // SAFETY: the header asks callers for texts that end with zero.
+                // SAFETY: The header requires texts that end with a zero byte.
                 false => Some(order(unsafe { text(views.order, "views.order") }?)?),
             };
             let sizes = [views.view_rows, views.view_columns, views.rows, views.columns];
@@ -148,7 +161,7 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
             let wanted = wanted.ok_or_else(|| Failure::argument("the views' shape", format!("{sizes:?}"), right))?;
             let pixels = views.rows * views.columns;
             let of_color = |(color, at): (Color, *const f32)| {
-                // SAFETY: the header asks callers for arrays as long as they say.
+                // SAFETY: The header requires arrays of the stated length.
                 let values = unsafe { array(at, views.count, Some(wanted), "an array of views") }?;
                 Ok((color, values.chunks_exact(pixels).map(<[f32]>::to_vec).collect()))
             };
@@ -170,14 +183,14 @@ pub unsafe extern "C" fn eyebox_scene_from_views(
             let field = field.admit(order)?;
             field.colors.iter().try_for_each(|color| display.optics(*color).map(drop))?;
             let (rows, columns) = display.picture_size();
-            // What is given identifies it, whatever becomes of it on a display.
+            // The views as given identify the scene. Fitting them to a display does not change the record.
             let record = SceneRecord::of_views(&name, &field);
             Ok(EyeboxScene { field: field.fit(rows, columns, Fit::Contain), name, record, other: false })
         })
     })
 }
 
-/// Frees a scene.
+/// Frees a scene. Null is allowed and has no effect.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_scene_free(scene: Option<Box<EyeboxScene>>) {
     free(scene);

@@ -1,4 +1,4 @@
-//! Sessions: what is shown, video frame by video frame, at the caller's own pace.
+//! The functions for sessions, which give the caller one video frame at each of its ticks.
 
 use crate::arrays::{given, hand_over, put, room, text};
 use crate::encoder::EyeboxVideo;
@@ -18,13 +18,14 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// Farthest position of a pupil's center along an axis, metres: beyond any eyebox.
+/// The largest distance of a pupil's center from 0 along an axis (m). It is outside of any eyebox.
 const FARTHEST_M: f64 = 0.1;
-/// Widest pupil, metres: twice the widest that eyes have.
+/// The largest diameter of a pupil (m), which is twice the largest diameter of an eye's pupil.
 const WIDEST_M: f64 = 0.02;
 
-/// A hologram on a display that the caller drives: each tick gives the video frame that is next. What is refined is refined
-/// meanwhile, on threads of its own.
+/// A session, which shows a hologram on a display that the caller drives. Each tick gives the next video frame.
+/// Refinement runs on threads of the session. Calls with one session wait for each other, except for
+/// `eyebox_session_look` and `eyebox_session_look_moving`.
 pub struct EyeboxSession {
     session: Mutex<TickedSession>,
     eye: Option<SampleSender>,
@@ -35,55 +36,57 @@ pub struct EyeboxSession {
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EyeboxSample {
-    /// Where the pupil's centre was, metres to the right; NaN where the eye is closed.
+    /// Center of the pupil along the columns (m, -0.1 to 0.1). Positive values are to the right. NaN states that the
+    /// eye is closed.
     pub x_m: f64,
-    /// Down.
+    /// Center of the pupil along the rows (m, -0.1 to 0.1). Positive values are down. NaN states that the eye is
+    /// closed.
     pub y_m: f64,
-    /// Its diameter, metres; 0 or NaN if the tracker does not measure it.
+    /// Diameter of the pupil (m, 0 to 0.02). Set it to 0 or NaN if the tracker does not measure it.
     pub diameter_m: f64,
-    /// Seconds since it was there: what the tracker and its way here take, 0 to 10.
+    /// Age of the sample (s, 0 to 10), which is the latency of the tracker and of the connection to it.
     pub age_s: f64,
 }
 
-/// What a tick gave.
+/// The description of the video frame that a tick gave.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EyeboxFrame {
-    /// Whether there is one: 0 once what is shown has ended, and then nothing was written.
+    /// 1 if there is a video frame. It is 0 after the end of the content, and then the tick wrote no picture.
     pub shown: i32,
-    /// Whether a set begins with it; `set` says whether it is another one.
+    /// 1 if a multiplex set begins with this video frame, otherwise 0. If `set` is unchanged, the same set repeats.
     pub begins: i32,
-    /// Which video frame of its set, from 0.
+    /// Index of the video frame in its multiplex set, from 0.
     pub part: u64,
-    /// Which video frame of the display, from 0; those that no tick came for are counted.
+    /// Number of the video frame of the display, from 0. Video frames without a tick count too.
     pub number: u64,
-    /// The number of the refined set, or of the hologram; -1 for the picture that is shown before there is any.
+    /// Number of the refined set, or of the hologram. It is -1 for the idle picture that is shown before the first set.
     pub set: i64,
 }
 
-/// What a session did so far. Of what is not refined, the counts from `steps` on are 0 and the times NaN.
+/// The statistics of a session. Without refinement, the counts from `steps` on are 0 and the times are NaN.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EyeboxAccount {
-    /// Video frames of the display, taken or missed.
+    /// Number of video frames of the display, taken or missed.
     pub video_frames: u64,
-    /// Of them, those that no tick came for in time.
+    /// Number of these video frames for which no tick came in time.
     pub missed: u64,
-    /// Sets begun.
+    /// Number of multiplex sets that began.
     pub sets: u64,
-    /// Of them, those of the picture that is shown before there is any.
+    /// Number of these sets that show the idle picture, which precedes the first content.
     pub idle_sets: u64,
-    /// Steps of refinement, of all colours.
+    /// Number of refinement steps over all colors.
     pub steps: u64,
-    /// Sets that were new,
+    /// Number of sets that were new.
     pub sets_new: u64,
-    /// and that were shown again.
+    /// Number of sets that were shown again.
     pub sets_repeated: u64,
-    /// How often refinement began again, after a jump of the eye.
+    /// Number of restarts of the refinement after a jump of the eye.
     pub restarts: u64,
-    /// From a sample to its first light, the median, milliseconds.
+    /// Median time from a sample to its first light (ms).
     pub sample_to_light_ms: f64,
-    /// How old the newest sample was at the newest light, milliseconds.
+    /// Age of the newest sample at the newest light (ms).
     pub sample_age_ms: f64,
 }
 
@@ -98,7 +101,11 @@ fn options(rate_hz: f64) -> Result<SessionOptions, Failure> {
     Ok(options)
 }
 
-/// Shows a hologram as it was solved, on a display of so many video frames a second.
+/// Starts a session that shows a hologram as it was solved. The display shows `rate_hz` video frames per second (0.001
+/// to 100000). The hologram and the display may be freed after this call. Free the session with `eyebox_session_free`.
+///
+/// Fails with EYEBOX_STATUS_SESSION if the rate is outside its range, or if the hologram has another size than the
+/// display. Fails with EYEBOX_STATUS_ENCODE if the display cannot show the colors and sub-frames of the hologram.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_play(
     hologram: Option<&EyeboxHologram>,
@@ -119,10 +126,18 @@ pub extern "C" fn eyebox_session_play(
     })
 }
 
-/// Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
-/// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
-/// then. `display` is what is encoded for. `settings` is TOML, or null for the
-/// defaults: the fields of eyebox::solve::RefineSettings, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
+/// Starts a session that shows a hologram and refines it for the pupil of `eyebox_session_look`. The scene must be
+/// loaded for the hologram's display and have its colors. If `scene` is null, eyebox loads the scene from which the
+/// hologram was solved, with the settings of the solve. The video frames are encoded for `display`, which shows
+/// `rate_hz` video frames per second (0.001 to 100000). The session computes on the device of `engine`, with engines of
+/// its own. All handles may be freed after this call. Free the session with `eyebox_session_free`.
+///
+/// Set `settings` to a TOML text, or to null for the defaults. The keys are the same as for `eyebox_refiner_new`.
+///
+/// Fails with EYEBOX_STATUS_SOLVE if the settings are wrong. Fails with EYEBOX_STATUS_HOLOGRAM if the scene is not
+/// found, is not the scene of the hologram, or has another size. Fails with EYEBOX_STATUS_ENCODE if the display cannot
+/// show the colors and sub-frames of the hologram. Fails with EYEBOX_STATUS_SESSION if the rate is outside its range,
+/// if the hologram has another size than the display, or if the scene lacks a color of the hologram.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_session_follow(
     hologram: Option<&EyeboxHologram>,
@@ -137,7 +152,7 @@ pub unsafe extern "C" fn eyebox_session_follow(
         hand_over(session, || {
             let hologram = &given(hologram, "hologram")?.hologram;
             let (display, engine) = (&given(display, "display")?.0, given(engine, "engine")?);
-            // SAFETY: the header asks callers for texts that end with zero.
+            // SAFETY: The header requires texts that end with a zero byte.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             let steering = RefineSettings::from_toml(settings)?;
             let field = scene_of(scene, hologram)?;
@@ -155,7 +170,8 @@ pub unsafe extern "C" fn eyebox_session_follow(
     })
 }
 
-/// The sizes of what ticks give: `frames` video frames a set, and `bytes` of one of them.
+/// Writes the shape of the pictures of `eyebox_session_tick` into `video`. The field `frames` is the number of video
+/// frames per multiplex set, and `bytes` is the size of one of them.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_video(
     session: Option<&EyeboxSession>,
@@ -164,13 +180,16 @@ pub extern "C" fn eyebox_session_video(
     answer(|| put(video, || Ok(given(session, "session")?.video)))
 }
 
-/// Gives a sample of the caller's eye tracker. It waits for nothing, a tick least of all.
+/// Gives a sample of the caller's eye tracker to a session that follows the eye. It never waits, and any thread may
+/// call it while another thread ticks. Fails with EYEBOX_STATUS_ARGUMENT if a value is outside its range, or if
+/// `eyebox_session_play` started the session.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_look(session: Option<&EyeboxSession>, sample: Option<&EyeboxSample>) -> EyeboxStatus {
     answer(|| look(session, sample, None))
 }
 
-/// The same of a tracker that tells how fast the pupil moves, metres a second: to the right, and down. NaN where it does not know.
+/// Gives a sample like `eyebox_session_look`, with the velocity of the pupil from the tracker. The velocity is `x_m_s`
+/// to the right and `y_m_s` down (m/s). Set it to NaN if it is unknown.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_look_moving(
     session: Option<&EyeboxSession>,
@@ -193,7 +212,8 @@ fn look(
     if !(0.0..=10.0).contains(&age_s) {
         return Err(Failure::argument("sample.age_s", age_s, "0 to 10 s"));
     }
-    // Millimetres for metres would be a pupil that is nowhere; what is not finite is a closed eye.
+    // A position in millimeters instead of meters is outside of any eyebox. A position that is not finite is a closed
+    // eye.
     if let Some(far) = [x_m, y_m].into_iter().find(|at| at.is_finite() && at.abs() > FARTHEST_M) {
         return Err(Failure::argument("sample.x_m or y_m", far, "-0.1 to 0.1 m, or NaN for a closed eye"));
     }
@@ -209,7 +229,8 @@ fn look(
     Ok(())
 }
 
-/// Whether a session that follows an eye does: 0 shows the hologram for the whole eyebox, anything else follows.
+/// Turns refinement for the tracked pupil on or off. If `steered` is 0, the session shows the hologram for the whole
+/// eyebox. Any other value turns refinement on.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_steer(session: Option<&EyeboxSession>, steered: i32) -> EyeboxStatus {
     answer(|| {
@@ -218,9 +239,12 @@ pub extern "C" fn eyebox_session_steer(session: Option<&EyeboxSession>, steered:
     })
 }
 
-/// The video frame that is next, into memory of the caller's: (row, column, channel), 8 bits each, of as many bytes as
-/// `eyebox_session_video` says. It lights up in `lit_in_s` seconds, 0 to 1: what refinement aims at. Call it once for every video frame of
-/// the display, in any thread; it waits for no step, and for no encoding.
+/// Writes the next video frame into `picture`, and its description into `frame`. The picture is an array (row, column,
+/// channel) of 8-bit values in memory of the caller, and `bytes` must be the size from `eyebox_session_video`. Set
+/// `lit_in_s` to the time until the frame lights up (s, 0 to 1). Refinement predicts the pupil for this time. Call this
+/// function once for every video frame of the display, on any thread. It waits neither for a step nor for an encoding.
+///
+/// Fails with EYEBOX_STATUS_ARGUMENT if `bytes` differs or `lit_in_s` is outside its range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_session_tick(
     session: Option<&EyeboxSession>,
@@ -235,7 +259,7 @@ pub unsafe extern "C" fn eyebox_session_tick(
             if !(0.0..=1.0).contains(&lit_in_s) {
                 return Err(Failure::argument("lit_in_s", lit_in_s, "0 to 1 s"));
             }
-            // SAFETY: the header asks callers for as much memory as they say.
+            // SAFETY: The header requires memory of the stated size.
             let picture = unsafe { room(picture.cast::<u8>(), bytes, session.video.bytes, "picture") }?;
             let mut session = lock(&session.session)?;
             let lit_ns = now_ns().saturating_add((lit_in_s * 1e9) as u64);
@@ -252,7 +276,7 @@ pub unsafe extern "C" fn eyebox_session_tick(
     })
 }
 
-/// What a session did so far, as of its last tick.
+/// Writes the statistics of a session, as of its last tick, into `account`.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_account(
     session: Option<&EyeboxSession>,
@@ -278,7 +302,7 @@ pub extern "C" fn eyebox_session_account(
     })
 }
 
-/// Ends a session, and its threads with it.
+/// Ends a session with its threads, and frees it. Null is allowed and has no effect.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_session_free(session: Option<Box<EyeboxSession>>) {
     free(session);

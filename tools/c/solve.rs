@@ -1,4 +1,4 @@
-//! From a scene to a hologram.
+//! The function that solves a scene for a hologram.
 
 use crate::arrays::{given, hand_over, text};
 use crate::display::bit;
@@ -9,25 +9,28 @@ use eyebox::solve::{Flow, Progress};
 use std::ffi::{c_char, c_void};
 use std::mem::MaybeUninit;
 
-/// How far a solve is. Colours are solved one after the other.
+/// The progress of a solve. Colors are solved one after the other.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct EyeboxStep {
-    /// The colour: EYEBOX_RED, EYEBOX_GREEN or EYEBOX_BLUE.
+    /// The present color, which is EYEBOX_RED, EYEBOX_GREEN or EYEBOX_BLUE.
     pub color: u32,
-    /// Steps taken of this colour.
+    /// Number of steps taken for this color.
     pub step: usize,
-    /// Steps asked for.
+    /// Number of requested steps per color.
     pub steps: usize,
-    /// Steps of the short solves that choose the exposure, taken and in all, while they run before the first step; else 0.
+    /// Number of steps taken by the short solves that choose the exposure. These run before the first step. It is 0
+    /// while they do not run.
     pub pilot_step: usize,
-    /// All of them.
+    /// Total number of steps of these short solves. It is 0 while they do not run.
     pub pilot_steps: usize,
-    /// Seconds since this colour began.
+    /// Time since the start of this color (s).
     pub seconds: f64,
-    /// Mean squared difference from the photographs over this step's pupils, in linear light.
+    /// Mean squared difference from the target images over the pupils of this step, in linear light. It is NaN before
+    /// any step, including the steps of the short solves.
     pub loss: f64,
-    /// Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one, and for a black scene.
+    /// Mean PSNR of the best state until now over validation pupils (dB). It is NaN before the first validation, and
+    /// for a black scene.
     pub psnr_db: f64,
 }
 
@@ -40,16 +43,23 @@ impl EyeboxStep {
     }
 }
 
-/// Called after every step, on the thread that called `eyebox_solve`, with the pointer that was given there. What it answers: 0 to
-/// go on; anything else ends the solve with the best so far, colours that are left get one step each. It must not throw, nor
-/// call eyebox with the engine of the solve.
+/// A function of the caller that `eyebox_solve` calls after every step, on the thread that called `eyebox_solve`. The
+/// argument `step` is valid during the call, and `user` is the pointer that `eyebox_solve` received. Return 0 to
+/// continue. Any other value ends the solve with the best result until then, and each remaining color gets one step.
+/// The function must not throw, and must not call eyebox with the engine of the solve.
 pub type EyeboxProgress = Option<extern "C" fn(step: *const EyeboxStep, user: *mut c_void) -> i32>;
 
-/// Solves a scene for a display: one hologram, in all of the scene's colours. `settings` is TOML, or null for the defaults: the fields
-/// of eyebox::solve::Settings by their names, such as "steps = 60", "pupils = 16", "frames = 8", "seed = 1", "seconds = 2.5",
-/// "psnr = 30.0", depths and diameters in metres ("depth = [-1e-3, 2e-3]"), and "quality" ("fast", "balanced", "accurate"),
-/// "contrast" and "force" as in the command. A key that is not known is refused. The same scene, display, settings and seed give the same
-/// phases as the command, bit for bit on the CPU engine. `progress` may be null.
+/// Solves a scene for a display as one hologram with all colors of the scene. Free the hologram with
+/// `eyebox_hologram_free`. The argument `progress` may be null, and so may `user`.
+///
+/// Set `settings` to a TOML text, or to null for the defaults. The keys are the fields of eyebox::solve::Settings
+/// (docs/settings.md), such as "steps = 60", "pupils = 16", "frames = 8", "seed = 1", "seconds = 2.5" or "psnr = 30.0".
+/// Depths and diameters are in meters, as in "depth = [-1e-3, 2e-3]". The keys "quality" ("fast", "balanced",
+/// "accurate"), "contrast" and "force" have the same meaning as in the command.
+///
+/// The same scene, display, settings and seed give the same phases as the command, bit for bit on the CPU engine.
+///
+/// Fails with EYEBOX_STATUS_SOLVE if a key is unknown, if a value is wrong, or if a loss is not finite.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eyebox_solve(
     scene: Option<&EyeboxScene>,
@@ -66,7 +76,7 @@ pub unsafe extern "C" fn eyebox_solve(
             let mut engine = lock(&given(engine, "engine")?.engine)?;
             let (colors, record) = (scene.field.colors.clone(), Some(scene.record.clone()));
             let mut job = SceneJob { colors, record, ..SceneJob::new(&scene.name, display) };
-            // SAFETY: the header asks callers for texts that end with zero.
+            // SAFETY: The header requires texts that end with a zero byte.
             let settings = if settings.is_null() { "" } else { unsafe { text(settings, "settings") }? };
             job.take_settings(settings, engine.as_ref())?;
             let mut observe = |event: &SceneEvent| match (event, progress) {

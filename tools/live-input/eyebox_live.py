@@ -108,7 +108,7 @@ class Live:
         self.close()
 
     def close(self):
-        """Ends the connection."""
+        """Closes the connection to the display."""
         self.socket.close()
         self._map.close()
 
@@ -143,7 +143,7 @@ class Live:
                     raise Gone("the display is gone")
             except BlockingIOError:
                 pass
-            except ConnectionError: # The display ended with unread bytes from here.
+            except ConnectionError: # The display ended before it had read all bytes from here.
                 raise Gone("the display is gone") from None
             except OSError as error:
                 raise Gone(f"the display is gone: {error}") from None

@@ -1,4 +1,4 @@
-//! Arrays, there and back.
+//! The conversion of arrays between NumPy and Rust.
 
 use crate::failure::{Answer, Failure};
 use eyebox::reconstruction::Plane;
@@ -6,7 +6,8 @@ use eyebox::scene::srgb_to_linear;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
-/// Linear light of each level of an sRGB picture with so many levels (IEC 61966-2-1): float32, 0 to 1.
+/// Returns the linear light of each level of an sRGB picture with `levels` levels (IEC 61966-2-1), as float32 from 0 to
+/// 1.
 #[pyfunction]
 pub(crate) fn linear_light(py: Python<'_>, levels: usize) -> PyResult<Bound<'_, PyArray1<f32>>> {
     if !(2..=65536).contains(&levels) {
@@ -17,7 +18,7 @@ pub(crate) fn linear_light(py: Python<'_>, levels: usize) -> PyResult<Bound<'_, 
     Ok(table.into_pyarray(py))
 }
 
-/// The values of an array of so many axes, and its shape. Python's side has made it contiguous and float32.
+/// Returns the shape and the values of an array with `AXES` axes. The Python side has made it contiguous and float32.
 pub(crate) fn values<'a, const AXES: usize>(
     array: &'a PyReadonlyArrayDyn<'_, f32>,
     what: &str,
@@ -30,12 +31,12 @@ pub(crate) fn values<'a, const AXES: usize>(
     Ok((axes, values))
 }
 
-/// Bytes as an array (row, column, channel), which takes their memory.
+/// Makes an array (row, column, channel) from bytes. The array takes over their memory.
 pub(crate) fn bytes(py: Python<'_>, bytes: Vec<u8>, shape: [usize; 3]) -> PyResult<Bound<'_, PyArray3<u8>>> {
     bytes.into_pyarray(py).reshape(shape)
 }
 
-/// What an eye sees as (row, column, colour).
+/// Makes an image (row, column, color) from one plane per color.
 pub(crate) fn picture<'py>(py: Python<'py>, planes: &[Plane]) -> PyResult<Bound<'py, PyArray3<f32>>> {
     let (rows, columns) = planes.first().map_or((0, 0), |plane| (plane.rows, plane.columns));
     let at = |pixel: usize| planes.iter().map(move |plane| plane.values[pixel]);

@@ -1,4 +1,4 @@
-//! A model of the display as it is, fitted from pictures.
+//! The calibration of a display, which fits a model of the real device to pictures.
 
 use crate::call::{Caller, run};
 use crate::display::{Display, colors};
@@ -9,8 +9,9 @@ use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Fits the model of one colour to what a camera's command gives, or to a folder of pictures; the calibrated display, and its report
-/// as JSON. `told` is called with (what is being done, share of all) and with lines of the bench (line, none).
+/// Fits the model of one color to pictures from the command of a camera, or to a folder of pictures. Returns the
+/// calibrated display and its report as JSON. `told` receives each activity (text, share of all work) and each line of
+/// the bench (line, None).
 #[pyfunction]
 pub(crate) fn calibrate(
     py: Python<'_>,
@@ -43,7 +44,8 @@ pub(crate) fn calibrate(
     })
 }
 
-/// Calls the callback. A calibration whose caller is gone ends here: the fit asks nobody whether to go on.
+/// Calls the callback. If the caller is gone, it unwinds the stack, because the fit itself has no check for an early
+/// end.
 fn tell(caller: &Caller, told: Option<Arc<Py<PyAny>>>, event: Event) {
     let (line, share) = match event {
         Event::At(what, share) => (what.to_string(), Some(share)),

@@ -1,5 +1,6 @@
-//! Calls that take long. The work runs on a thread of its own; the thread that called waits for it, runs callbacks, and asks Python
-//! for signals. So ctrl-C ends any call at once: work that cannot be interrupted is abandoned and ends by itself.
+//! Calls that take long. The work runs on its own thread. The thread that called waits for it, runs callbacks and
+//! checks Python for signals, so ctrl-C ends any call at once. Work that cannot be interrupted is abandoned and ends by
+//! itself.
 
 use crate::failure::Answer;
 use crate::forked;
@@ -12,32 +13,33 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-/// The period of the checks for signals: people notice delays above 100 ms.
+/// The period of the checks for signals. People notice delays above 100 ms.
 const PERIOD: Duration = Duration::from_millis(50);
-/// Stack of the work's thread, bytes: as large as the main thread's.
+/// The stack of the work's thread in bytes, as large as the stack of the main thread.
 const STACK: usize = 8 << 20;
-/// Longest time that the exit of the process waits for abandoned work on a Vulkan device, whose driver must not be unloaded under it.
+/// The longest time that the exit of the process waits for abandoned work on a Vulkan device. The driver must not be
+/// unloaded while such work runs.
 const EXIT_LIMIT: Duration = Duration::from_secs(5);
 
-/// Abandoned calls that use a Vulkan device: alive as long as their work runs.
+/// Abandoned calls that use a Vulkan device. Each entry is alive as long as its work runs.
 static ABANDONED: Mutex<Vec<Weak<()>>> = Mutex::new(Vec::new());
 
 type Question = Box<dyn FnOnce(Python<'_>) -> PyResult<()> + Send>;
 
-/// The thread that called, as the work sees it.
+/// The connection from the work to the thread that called.
 pub(crate) struct Caller {
     questions: Sender<Question>,
     gone: Arc<AtomicBool>,
 }
 
 impl Caller {
-    /// Whether the caller does not wait for the result: the work should end early.
+    /// Returns whether the caller no longer waits for the result. If so, the work should end early.
     pub(crate) fn is_gone(&self) -> bool {
         self.gone.load(Ordering::Relaxed)
     }
 
-    /// Runs `question` on the caller's thread and returns its answer; none if the caller is gone or the question raised, which
-    /// ends the call.
+    /// Runs `question` on the caller's thread and returns its answer. Returns `None` if the caller is gone. The
+    /// question may also raise an exception, which ends the call and returns `None`.
     pub(crate) fn ask<R: Send + 'static>(
         &self,
         question: impl FnOnce(Python<'_>) -> PyResult<R> + Send + 'static,
@@ -52,11 +54,11 @@ impl Caller {
     }
 }
 
-/// Work whose caller is gone.
+/// The running work of a call whose caller is gone.
 pub(crate) struct Rest<T>(JoinHandle<Answer<T>>);
 
 impl<T> Rest<T> {
-    /// Waits for the end of the work, which was told to end early.
+    /// Waits for the end of the work. The caller has already requested an early end.
     pub(crate) fn finish(self, py: Python<'_>) -> PyResult<T> {
         while !self.0.is_finished() {
             py.detach(|| sleep(PERIOD / 10));
@@ -66,14 +68,15 @@ impl<T> Rest<T> {
     }
 }
 
-/// The end of a call.
+/// The way in which a call ended.
 pub(crate) enum Outcome<T> {
     Done(T),
-    /// A signal handler or a callback raised.
+    /// A signal handler or a callback raised an exception, and the work may still run.
     Raised(PyErr, Rest<T>),
 }
 
-/// Runs work to its end, or until a signal handler or a callback raises; `on_device` if it uses a Vulkan device.
+/// Runs work until its end, or until a signal handler or a callback raises an exception. `on_device` is true for work
+/// that uses a Vulkan device.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     on_device: bool,
@@ -85,7 +88,7 @@ pub(crate) fn run<T: Send + 'static>(
     }
 }
 
-/// Starts work, and waits for its end, or until a signal handler or a callback raises.
+/// Starts work and waits until it ends, or until a signal handler or a callback raises an exception.
 pub(crate) fn start<T: Send + 'static>(
     py: Python<'_>,
     on_device: bool,
@@ -114,7 +117,7 @@ pub(crate) fn start<T: Send + 'static>(
     }
 }
 
-/// Answers the work's questions until its end.
+/// Answers the questions of the work until the work ends.
 fn listen(py: Python<'_>, mut asked: Receiver<Question>) -> PyResult<()> {
     loop {
         let question;
@@ -132,7 +135,7 @@ fn listen(py: Python<'_>, mut asked: Receiver<Question>) -> PyResult<()> {
     }
 }
 
-/// Called when the process exits: abandoned work on Vulkan devices ends first, and no drafts of files stay.
+/// Runs when the process exits. It waits for abandoned work on Vulkan devices and removes temporary files.
 #[pyfunction]
 pub(crate) fn leave(py: Python<'_>) {
     let begun = Instant::now();

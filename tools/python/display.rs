@@ -1,21 +1,21 @@
-//! Displays.
+//! The class `Display`, made from presets, display files and their keys.
 
 use crate::failure::{Answer, Failure};
 use eyebox::optics::{Color, Geometry, PRESETS};
 use pyo3::prelude::*;
 use toml::{Table, Value};
 
-/// A display: the SLM, its optics and how it takes its phases. It never changes.
+/// A display with its SLM, its optics and the encoding of its phases. It never changes.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Display(pub(crate) eyebox::optics::Display);
 
-/// The names of the built-in displays.
+/// Returns the names of the built-in displays.
 #[pyfunction]
 pub(crate) fn presets() -> Vec<&'static str> {
     PRESETS.to_vec()
 }
 
-/// Colours of a display by their names.
+/// Finds colors of a display by their names.
 pub(crate) fn colors(display: &eyebox::optics::Display, names: &[String]) -> Answer<Vec<Color>> {
     let one = |name: &String| {
         let known = [Color::Red, Color::Green, Color::Blue].into_iter().find(|color| color.to_string() == *name);
@@ -27,7 +27,7 @@ pub(crate) fn colors(display: &eyebox::optics::Display, names: &[String]) -> Ans
     names.iter().map(one).collect()
 }
 
-/// Puts the keys of one table over those of another, table by table.
+/// Merges `over` into `base`, table by table. A key of `over` replaces the same key of `base`.
 fn lay_over(base: &mut Table, over: Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
@@ -41,7 +41,8 @@ fn lay_over(base: &mut Table, over: Table) {
 
 #[pymethods]
 impl Display {
-    /// The display `name`, a preset or a file, with what the TOML `fields` say over it; without a name, of the fields alone.
+    /// Reads the display `name`, a preset or a file, and replaces the keys that the TOML text `fields` has. Without a
+    /// name, the fields describe the whole display.
     #[new]
     fn new(py: Python<'_>, name: Option<&str>, fields: &str) -> PyResult<Self> {
         let make = || -> Answer<Self> {
@@ -64,7 +65,7 @@ impl Display {
         Ok(py.detach(make)?)
     }
 
-    /// Of the text of a display file, and which file that was.
+    /// Makes a display from the text of a display file. `file` is the record of that file as JSON.
     #[staticmethod]
     #[pyo3(signature = (text, file=None))]
     fn of_toml(text: &str, file: Option<&str>) -> PyResult<Self> {
@@ -73,14 +74,14 @@ impl Display {
         Ok(Self(eyebox::optics::Display { file, ..display }))
     }
 
-    /// Which file it was read from: JSON; none for a preset.
+    /// The record of the file of the display as JSON, or `None` for a preset.
     #[getter]
     fn file(&self) -> PyResult<Option<String>> {
         let text = self.0.file.as_ref().map(serde_json::to_string).transpose();
         Ok(text.map_err(|e| Failure::Argument(e.to_string()))?)
     }
 
-    /// The text of its display file.
+    /// Returns the text of the display file.
     fn to_toml(&self) -> String {
         self.0.to_toml()
     }
@@ -90,31 +91,31 @@ impl Display {
         &self.0.name
     }
 
-    /// Rows and columns of the SLM.
+    /// The rows and columns of the SLM.
     #[getter]
     fn resolution(&self) -> (usize, usize) {
         (self.0.height, self.0.width)
     }
 
-    /// Rows and columns of its pictures.
+    /// The rows and columns of the pictures that it shows.
     #[getter]
     fn picture_size(&self) -> (usize, usize) {
         self.0.picture_size()
     }
 
-    /// Metres.
+    /// The pixel pitch in meters.
     #[getter]
     fn pitch(&self) -> f64 {
         self.0.pitch
     }
 
-    /// Metres.
+    /// The focal length of the relay in meters.
     #[getter]
     fn focal_length(&self) -> f64 {
         self.0.focal_length
     }
 
-    /// Side of the eyebox that all its colours serve, metres.
+    /// The side of the eyebox that all colors serve, in meters.
     #[getter]
     fn eyebox(&self) -> f64 {
         self.0.eyebox_min()
@@ -125,7 +126,7 @@ impl Display {
         if self.0.geometry == Geometry::Relay { "relay" } else { "far-field" }
     }
 
-    /// Colours and their wavelengths, metres.
+    /// The colors and their wavelengths in meters.
     #[getter]
     fn wavelengths(&self) -> Vec<(String, f64)> {
         self.0.wavelengths.iter().map(|w| (w.color.to_string(), w.wavelength)).collect()

@@ -1,4 +1,4 @@
-//! Engines.
+//! The class `Engine`, which computes on the CPU or on a Vulkan device.
 
 use crate::call::run;
 use crate::failure::{Answer, Failure};
@@ -10,8 +10,8 @@ use std::sync::{Mutex, PoisonError};
 
 const USE_CPU: &str = "Use engine=\"cpu\" in this process";
 
-/// Where is computed, and the engines there that nobody uses at the moment: each call takes one, so that threads compute side by
-/// side and repeated calls find their buffers.
+/// A backend and its idle engines. Each call takes one engine, so threads compute in parallel and repeated calls reuse
+/// the buffers of an engine.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Engine {
     own: OfProcess<Own>,
@@ -25,7 +25,7 @@ struct Own {
 }
 
 impl Engine {
-    /// Where it computes. In a forked child the CPU is there, a device is not.
+    /// Returns the backend. A forked child can use the CPU, but no device of its parent.
     pub(crate) fn backend(&self) -> Answer<Backend> {
         match self.own.get() {
             Ok(own) => Ok(own.backend.clone()),
@@ -34,7 +34,7 @@ impl Engine {
         }
     }
 
-    /// Runs something on an engine, which is kept for the next call unless it panics.
+    /// Runs a function on an engine, and keeps the engine for the next call unless the function panics.
     pub(crate) fn lend<T>(&self, run: impl FnOnce(&mut dyn eyebox::engine::Engine) -> Answer<T>) -> Answer<T> {
         let idle = || self.own.get().map(|own| own.idle.lock().unwrap_or_else(PoisonError::into_inner));
         let kept = idle().ok().and_then(|mut idle| idle.pop());
@@ -79,7 +79,7 @@ impl Engine {
         })
     }
 
-    /// What computes, and why that and nothing else.
+    /// The engine that computes and the reason for this choice, in a sentence.
     #[getter]
     fn reason(&self) -> &str {
         &self.reason

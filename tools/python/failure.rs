@@ -1,4 +1,4 @@
-//! The library's errors as Python's exceptions: its sentences, by the room that said them.
+//! Errors of the library as exceptions of Python. Each kind of error has its own class, and the messages stay the same.
 
 use crate::quantity::QuantityError;
 use eyebox::ErrorKind;
@@ -12,23 +12,28 @@ create_exception!(
     eyebox,
     EyeboxError,
     PyValueError,
-    "What eyebox refuses, or could not do. All of its own exceptions are this one."
+    "eyebox refused a request or could not complete it. All exceptions of eyebox derive from this class."
 );
-create_exception!(eyebox, DisplayError, EyeboxError, "The display, or a pupil before it.");
-create_exception!(eyebox, SceneError, EyeboxError, "The scene, its file or its views.");
-create_exception!(eyebox, SolveError, EyeboxError, "The settings, or the solve or refinement that they ask for.");
-create_exception!(eyebox, HologramError, EyeboxError, "The hologram, or its file.");
-create_exception!(eyebox, EncodeError, EyeboxError, "The encoding, or what is to be encoded.");
-create_exception!(eyebox, CalibrateError, EyeboxError, "The bench, its pictures, or what they do not tell.");
+create_exception!(eyebox, DisplayError, EyeboxError, "An error of the display, or of a pupil in front of it.");
+create_exception!(eyebox, SceneError, EyeboxError, "An error of the scene, its file or its views.");
+create_exception!(eyebox, SolveError, EyeboxError, "An error of the settings, the solve or the refinement.");
+create_exception!(eyebox, HologramError, EyeboxError, "An error of the hologram or its file.");
+create_exception!(eyebox, EncodeError, EyeboxError, "An error of the encoding or its input.");
+create_exception!(
+    eyebox,
+    CalibrateError,
+    EyeboxError,
+    "An error of the bench or its pictures, or of a model that the pictures do not determine."
+);
 create_exception!(
     eyebox,
     SessionError,
     EyeboxError,
-    "What is shown, the display that it is shown on, or the eye tracker."
+    "An error of the content of a session, its display or its eye tracker."
 );
-create_exception!(eyebox, EngineError, EyeboxError, "The engine or its device.");
+create_exception!(eyebox, EngineError, EyeboxError, "An error of the engine or its device.");
 
-/// What went wrong, on its way to Python.
+/// An error that becomes an exception of Python.
 #[derive(Debug, thiserror::Error, Serialize)]
 #[serde(tag = "code", content = "fields", rename_all = "kebab-case")]
 pub(crate) enum Failure {
@@ -59,7 +64,7 @@ impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
-        // A text without a unit is no number to Python.
+        // Python code expects a number here, and a text without a unit is of the wrong type.
         let no_unit =
             matches!(failure, Failure::Quantity(QuantityError::NotANumber { .. } | QuantityError::NoUnit { .. }));
         let kind = match failure {
@@ -80,7 +85,7 @@ impl From<Failure> for PyErr {
             Some(ErrorKind::Session) => SessionError::new_err(said),
             Some(ErrorKind::Engine) => EngineError::new_err(said),
         };
-        // An exception without these attributes still has its sentence.
+        // An exception without these attributes still has its message.
         Python::attach(|py| {
             let exception = error.value(py);
             let _ = exception.setattr("code", data.code);
@@ -94,5 +99,5 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// What the library answers.
+/// The result of a call of the library.
 pub(crate) type Answer<T> = Result<T, Failure>;

@@ -1,4 +1,4 @@
-//! Far fields in tiles, whose regions other machines may solve.
+//! Far fields in tiles. Several machines can solve their regions.
 
 use crate::call::run;
 use crate::display::{Display, colors};
@@ -11,10 +11,11 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-/// Visits that are done; of each the visits that it waits for; how many follow each other in the longest chain.
+/// For each visit, whether it is done and for which visits it waits. The number is the length of the longest chain of
+/// visits.
 type Graph = (Vec<bool>, Vec<Vec<usize>>, usize);
 
-/// A scene for a far-field display in tiles, at a path. What was loaded of it is kept from visit to visit.
+/// A scene for a far-field display in tiles, and the path of its file. Loaded data stays in memory from visit to visit.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct FarField {
     scene: String,
@@ -34,7 +35,7 @@ impl FarField {
             ..SceneJob::new(&self.scene, &display.0)
         };
         job.take_settings(&self.settings, engine)?;
-        // As the command has it for regions, whatever the engine prefers.
+        // The command stores regions as float32 too, with every engine.
         job.settings.storage = Storage::F32;
         Ok(job)
     }
@@ -44,7 +45,7 @@ impl FarField {
             Some(pieces) => Ok(pieces),
             None => {
                 let pieces = TilePieces::new(&self.job(display, engine)?, &self.request, &self.out, engine)?;
-                // Whoever was faster made the same.
+                // If another thread was faster, its pieces are the same.
                 Ok(self.pieces.get_or_init(|| pieces))
             }
         }
@@ -53,7 +54,8 @@ impl FarField {
 
 #[pymethods]
 impl FarField {
-    /// `request`: passes, bytes of memory, pixels along each axis of the scene's views.
+    /// Stores the job. `request` is the passes, the bytes of memory and the pixels along each axis of the scene's
+    /// views.
     #[new]
     fn new(
         scene: String,
@@ -68,7 +70,7 @@ impl FarField {
         Self { scene, display, color_names, settings, request, out, pieces: OnceLock::new() }
     }
 
-    /// Begins the file, unless it is there; what is to be done.
+    /// Begins the file unless it exists, and returns the graph of its visits.
     fn begin(slf: Py<Self>, py: Python<'_>, engine: Py<Engine>) -> PyResult<Graph> {
         run(py, engine.get().on_device, move |_| {
             let far_field = slf.get();
@@ -83,7 +85,7 @@ impl FarField {
         })
     }
 
-    /// Takes a visit; whether it was not done yet.
+    /// Takes a visit. Returns `false` if it was done before.
     fn visit(slf: Py<Self>, py: Python<'_>, visit: usize, engine: Py<Engine>) -> PyResult<bool> {
         run(py, engine.get().on_device, move |_| {
             let far_field = slf.get();
@@ -94,7 +96,7 @@ impl FarField {
         })
     }
 
-    /// Says that all visits to the far field at a path are done.
+    /// Marks the far field at a path as finished. All visits must be done.
     #[staticmethod]
     fn finish(py: Python<'_>, out: PathBuf) -> PyResult<()> {
         run(py, false, move |_| Ok(TilePieces::finish(&out)?))

@@ -1,26 +1,26 @@
-//! Video frames on their way to Python: copied once, from the session's memory, which goes on to the next, into memory that becomes
-//! NumPy's.
+//! Video frames on their way to Python. The session reuses its memory for the next frame, so each frame is copied once,
+//! into memory that becomes NumPy's.
 
 use eyebox::session::PresentedFrame;
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A video frame that was shown.
+/// A video frame that the display has shown.
 pub(crate) struct DisplayedFrame {
-    /// (row, column, channel).
+    /// The bytes of the frame (row, column, channel).
     pub(crate) pixels: Vec<u8>,
-    /// Which video frame of the display.
+    /// The number of the video frame on the display.
     pub(crate) number: u64,
-    /// When it lights up, on the display's clock.
+    /// The time at which it lights up, in ns of the display's clock.
     pub(crate) lit_ns: i64,
-    /// Which hologram of the content; none for the idle picture.
+    /// The number of its hologram in the content, or `None` for the idle picture.
     pub(crate) hologram: Option<u64>,
-    /// Which video frame of its set.
+    /// The number of the video frame in its set.
     pub(crate) part: u64,
-    /// Whether the set is new.
+    /// True if the set is new.
     pub(crate) new: bool,
-    /// Why not, or why late.
+    /// The reason why the set is not new, or why it is late.
     pub(crate) late: Option<&'static str>,
 }
 
@@ -28,18 +28,19 @@ pub(crate) struct DisplayedFrame {
 struct Waiting {
     frames: VecDeque<DisplayedFrame>,
     left_out: u64,
-    /// No more will come.
+    /// True if no more frames will come.
     over: bool,
-    /// Nobody will take any.
+    /// True if no reader will take a frame any more.
     given_up: bool,
 }
 
-/// Python's end.
+/// The end of the queue that Python reads.
 #[derive(Clone)]
 pub(crate) struct Frames {
     shared: Arc<(Mutex<Waiting>, Condvar)>,
     most: usize,
-    /// Whether the display waits for Python, as one whose time is simulated does; else the oldest are given up.
+    /// True if the display waits for Python, as a display with simulated time does. Otherwise the oldest frames are
+    /// dropped.
     waits: bool,
 }
 
@@ -52,12 +53,12 @@ impl Frames {
         self.shared.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The session's end: when it is dropped no more will come.
+    /// Returns the sender for the session. Once it is dropped, no more frames will come.
     pub(crate) fn sender(&self) -> Sender {
         Sender(self.clone())
     }
 
-    /// The oldest that waits, or none where no more will come; fails where nothing came in time.
+    /// Takes the oldest frame that waits, or `None` if no more will come. Fails if no frame came in time.
     pub(crate) fn take(&self, patience: Duration) -> Result<Option<DisplayedFrame>, ()> {
         let empty = |w: &mut Waiting| w.frames.is_empty() && !w.over && !w.given_up && self.most > 0;
         let waited = self.shared.1.wait_timeout_while(self.lock(), patience, empty);
@@ -71,23 +72,23 @@ impl Frames {
         Ok(shown)
     }
 
-    /// How many were given up.
+    /// Returns the number of dropped frames.
     pub(crate) fn left_out(&self) -> u64 {
         self.lock().left_out
     }
 
-    /// Nobody will take any more.
+    /// Ends the reading, so the session no longer waits for Python.
     pub(crate) fn give_up(&self) {
         self.lock().given_up = true;
         self.shared.1.notify_all();
     }
 }
 
-/// The session's end.
+/// The end of the queue that the session fills.
 pub(crate) struct Sender(Frames);
 
 impl Sender {
-    /// Takes in what is shown.
+    /// Adds a copy of a frame that is shown.
     pub(crate) fn put(&mut self, frame: &PresentedFrame<'_>) {
         let frames = &self.0;
         let full = |waiting: &mut Waiting| waiting.frames.len() >= frames.most;
@@ -99,7 +100,7 @@ impl Sender {
         if waiting.given_up {
             return;
         }
-        // The memory of one that is given up is of use for the next.
+        // The new frame reuses the memory of a dropped one.
         let spare = if full(&mut waiting) { waiting.frames.pop_front() } else { None };
         waiting.left_out += u64::from(spare.is_some());
         drop(waiting);

@@ -1,4 +1,4 @@
-//! Holograms: their files, their phases, and what is seen of them.
+//! Holograms with their files, phases and reconstructions.
 
 use crate::arrays::{picture, values};
 use crate::call::{Caller, run};
@@ -15,10 +15,10 @@ use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonl
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// PSNR and the most that there can be (dB), SSIM, PSNR against a clear pupil (dB).
+/// The PSNR and its ceiling (dB), the SSIM, and the PSNR against a clear pupil (dB).
 type Score = (Option<f64>, Option<f64>, Option<f64>, Option<f64>);
 
-/// Phases, and what they were made for and by. It never changes.
+/// Phases with their display, scene and settings. A hologram never changes.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Hologram(pub(crate) eyebox::hologram::Hologram);
 
@@ -28,7 +28,7 @@ impl Hologram {
     }
 }
 
-/// The hologram as an eye sees it past an obstruction that has this name, or with a clear pupil if there is none.
+/// Returns the phases for a pupil with the obstruction of this name, or for a clear pupil without a name.
 fn seen_past<'a>(hologram: &'a eyebox::hologram::Hologram, obstructed: Option<&str>) -> Answer<PhaseSource<'a>> {
     let source = PhaseSource::from(hologram);
     Ok(match obstructed {
@@ -37,7 +37,8 @@ fn seen_past<'a>(hologram: &'a eyebox::hologram::Hologram, obstructed: Option<&s
     })
 }
 
-/// Refuses a scene that is not a hologram's own, unless another is asked for, or has another size.
+/// Refuses a scene that differs from the scene of the hologram. With `other_scene` it refuses only a scene of another
+/// size.
 pub(crate) fn check_scene(hologram: &eyebox::hologram::Hologram, scene: &Scene, other_scene: bool) -> Answer<()> {
     match other_scene {
         true => Ok(hologram.check_size(&scene.field)?),
@@ -47,15 +48,15 @@ pub(crate) fn check_scene(hologram: &eyebox::hologram::Hologram, scene: &Scene, 
 
 #[pymethods]
 impl Hologram {
-    /// A hologram that the command or `save` made.
+    /// Opens a hologram that the command or `save` made, or hologram `at` of a sequence.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, at: Option<u64>) -> PyResult<Self> {
         let opening = Opening { at, ..Opening::default() };
         run(py, false, move |_| Ok(Self(opening.hologram(&path)?)))
     }
 
-    /// Of arrays (sub-frame, row, column) of radians, one for each colour, made by somebody else for a display of their size;
-    /// its exposures are what is given, or those that fit the scene best, where one is given.
+    /// Makes a hologram from arrays (sub-frame, row, column) of radians, one per color, for a display of their size.
+    /// Its exposures are the given one, or the best fit to the scene if there is a scene.
     #[staticmethod]
     fn of_phases(
         py: Python<'_>,
@@ -107,12 +108,12 @@ impl Hologram {
         })
     }
 
-    /// Saves it by the ending of its name.
+    /// Saves the hologram in the format of the file extension.
     fn save(slf: Py<Self>, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         run(py, false, move |_| Ok(slf.get().0.save(&path)?))
     }
 
-    /// A copy of the phases of a colour, (sub-frame, row, column), radians.
+    /// Returns a copy of the phases of a color (sub-frame, row, column), in radians.
     fn phases<'py>(&self, py: Python<'py>, color: usize) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let hologram = &self.0;
         let of = hologram.colors.get(color);
@@ -120,19 +121,19 @@ impl Hologram {
         PyArray1::from_slice(py, &of.phases).reshape([hologram.frames, hologram.height, hologram.width])
     }
 
-    /// The names of its colours, or their numbers.
+    /// The name of each color, or its number if it has no name.
     #[getter]
     fn colors(&self) -> Vec<String> {
         (0..self.0.colors.len()).map(|color| self.name(color)).collect()
     }
 
-    /// Sub-frames, rows and columns.
+    /// The numbers of sub-frames, rows and columns.
     #[getter]
     fn shape(&self) -> [usize; 3] {
         [self.0.frames, self.0.height, self.0.width]
     }
 
-    /// Per colour, as long as it is known.
+    /// The exposure of each color, or `None` if the exposures are unknown.
     #[getter]
     fn exposures(&self) -> Option<Vec<f64>> {
         let known = !self.0.metadata.exposure_assumed;
@@ -144,19 +145,20 @@ impl Hologram {
         &self.0.scene
     }
 
-    /// How it was made: JSON, as its file has it.
+    /// The metadata of the hologram as JSON, with the keys of its file.
     #[getter]
     fn metadata(&self) -> PyResult<String> {
         serde_json::to_string(&self.0.metadata).map_err(|e| Failure::Argument(e.to_string()).into())
     }
 
-    /// The display that it was made for: its optics, without its encoding.
+    /// The display for which the hologram was made, with its optics but without its encoding.
     #[getter]
     fn display(&self) -> PyResult<Display> {
         Ok(Display(self.0.made_for().map_err(Failure::from)?))
     }
 
-    /// What an eye sees: (row, column, colour), linear light, 1 = the scene's full scale.
+    /// Computes the reconstruction through a pupil (row, column, color), in linear light. 1 is the full scale of the
+    /// scene.
     fn view<'py>(
         slf: Py<Self>,
         py: Python<'py>,
@@ -174,7 +176,7 @@ impl Hologram {
         picture(py, &run(py, on_device, look)?)
     }
 
-    /// The same as a PNG, where a colour that it has not is dark.
+    /// Computes the reconstruction as a PNG. A color that the hologram does not have is dark.
     fn picture(slf: Py<Self>, py: Python<'_>, at: Numbers, engine: Py<Engine>) -> PyResult<Vec<u8>> {
         run(py, engine.get().on_device, move |_| {
             let hologram = &slf.get().0;
@@ -197,7 +199,8 @@ impl Hologram {
         })
     }
 
-    /// What pupils see, compared with what they should see of the scene, with one exposure per colour for all of them.
+    /// Compares reconstructions through pupils with the target images of the scene. All pupils share one exposure per
+    /// color.
     fn score(
         slf: Py<Self>,
         py: Python<'_>,
@@ -219,23 +222,23 @@ impl Hologram {
         })
     }
 
-    /// Its scene, read as it was when it was solved: the one that is named, or its own.
+    /// Reads the named scene, or the scene of the hologram, with the options of the solve.
     fn scene_as_solved(slf: Py<Self>, py: Python<'_>, named: Option<String>, other_scene: bool) -> PyResult<Scene> {
         run(py, false, move |_| Scene::of(&slf.get().0, named, other_scene))
     }
 
-    /// The display that a name or file says, or that it was solved for, cut to its size.
+    /// Returns the display of a name or a file, or the display of the solve, cropped to the size of the hologram.
     fn shown_on(slf: Py<Self>, py: Python<'_>, named: Option<String>) -> PyResult<Display> {
         run(py, false, move |_| Ok(Display(slf.get().0.shown_on(named.as_deref())?)))
     }
 
-    /// The same for the file of a hologram or a sequence.
+    /// Returns the same display for the file of a hologram or a sequence.
     #[staticmethod]
     fn file_shown_on(py: Python<'_>, file: PathBuf, named: Option<String>) -> PyResult<Display> {
         run(py, false, move |_| Ok(Display(Opening::default().sequence(&file)?.about().shown_on(named.as_deref())?)))
     }
 
-    /// How many holograms the file of a sequence has; none for a single hologram.
+    /// Returns the number of holograms in the file of a sequence, or `None` for a single hologram.
     #[staticmethod]
     fn count(py: Python<'_>, file: PathBuf) -> PyResult<Option<u64>> {
         run(py, false, move |_| {
@@ -244,7 +247,7 @@ impl Hologram {
         })
     }
 
-    /// Its video frames on a display: (frame, row, column, channel), bytes.
+    /// Encodes the hologram as video frames of a display (frame, row, column, channel), in bytes.
     fn encode(slf: Py<Self>, py: Python<'_>, display: Py<Display>) -> PyResult<Bound<'_, PyArray4<u8>>> {
         let encode = move |_: &Caller| -> Answer<_> { Ok(slf.get().0.encode(&display.get().0)?) };
         let frames = run(py, false, encode)?;

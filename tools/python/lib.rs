@@ -1,11 +1,10 @@
-//! The extension module under the Python package `eyebox`: docs/python.md is how it is used, `eyebox/__init__.py` what people
-//! call.
+//! The extension module under the Python package `eyebox`. docs/python.md describes its use, and `eyebox/__init__.py`
+//! has the public names.
 //!
-//! Arguments are made plain in Python (`eyebox/_arguments.py`: arrays of any order and kind, names, settings), results are made
-//! comfortable there; this crate converts and passes on, what it can do is the crate `eyebox`'s. The interpreter's lock is
-//! released while anything is computed, and taken back for callbacks and signals alone.
+//! `eyebox/_arguments.py` converts arguments, such as arrays of any order and kind, names and settings. The package
+//! wraps results in Python classes. This crate converts values and calls the crate `eyebox`, which does the work. A
+//! computation releases the lock of the interpreter. Only callbacks and checks for signals take it back.
 
-// Phases are lent to NumPy where they lie: hologram.rs.
 #![deny(unsafe_op_in_unsafe_fn)]
 
 mod arrays;
@@ -30,7 +29,7 @@ mod warn;
 
 use pyo3::prelude::*;
 
-/// The extension module.
+/// The extension module, which the package `eyebox` imports.
 #[pymodule]
 mod _eyebox {
     #[pymodule_export]
@@ -71,7 +70,7 @@ mod _eyebox {
     #[pymodule_init]
     fn about(module: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::warn::listen();
-        // The package's own Python code raises these exceptions too.
+        // Python code of the package raises these exceptions too, so the class has defaults of the attributes.
         let base = module.py().get_type::<EyeboxError>();
         base.setattr("code", "")?;
         base.setattr("fields", pyo3::types::PyDict::new(module.py()))?;

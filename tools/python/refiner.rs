@@ -1,4 +1,4 @@
-//! Holograms that are refined for where the eye is.
+//! Holograms that are refined for the tracked pupil.
 
 use crate::call::run;
 use crate::engine::Engine;
@@ -15,12 +15,12 @@ use eyebox::solve::{Flow, RefineSettings};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// A hologram under refinement, on engines of its own. Calls with one refiner wait for each other.
+/// A hologram under refinement, on its own engines. Calls with one refiner wait for each other.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Refiner {
     refinement: OfProcess<Mutex<Refinement>>,
     on_device: bool,
-    /// What it began with, for its optics: without phases.
+    /// The first hologram without its phases, which describes the optics.
     about: eyebox::hologram::Hologram,
 }
 
@@ -70,7 +70,7 @@ impl Refiner {
         })
     }
 
-    /// The pupil is there from now on, its centre known to within `spread` metres (a standard deviation along each axis).
+    /// Sets the pupil of the next steps. `spread` is the standard deviation of its center along each axis, in meters.
     fn aim(slf: Py<Self>, py: Python<'_>, at: Numbers, spread: f64) -> PyResult<()> {
         let on_device = slf.get().on_device;
         run(py, on_device, move |_| {
@@ -83,7 +83,8 @@ impl Refiner {
         })
     }
 
-    /// Takes so many steps of every colour, fewer if the callback ends it; the loss of the last, and how many.
+    /// Takes `steps` steps of every color, or fewer if the callback ends the work. Returns the loss of the last step
+    /// and the number of steps.
     fn step(slf: Py<Self>, py: Python<'_>, steps: usize, callback: Option<Py<PyAny>>) -> PyResult<(f64, usize)> {
         let on_device = slf.get().on_device;
         let callback = callback.map(Arc::new);
@@ -105,7 +106,8 @@ impl Refiner {
         })
     }
 
-    /// Takes as many steps as `step` does and judges each at the pupil; `best` has the best state. The loss of the last, and how many.
+    /// Takes steps as `step` does and measures each state at the pupil, so that `best` can return the best one. Returns
+    /// the loss of the last step and the number of steps.
     fn refine(slf: Py<Self>, py: Python<'_>, steps: usize, callback: Option<Py<PyAny>>) -> PyResult<(f64, usize)> {
         let on_device = slf.get().on_device;
         let callback = callback.map(Arc::new);
@@ -126,13 +128,13 @@ impl Refiner {
         })
     }
 
-    /// The hologram in the best state that `refine` found for the pupil.
+    /// Returns the hologram in the best state that `refine` found for the pupil.
     fn best(slf: Py<Self>, py: Python<'_>) -> PyResult<Hologram> {
         let on_device = slf.get().on_device;
         run(py, on_device, move |_| Ok(Hologram(slf.get().lock()?.best()?.clone())))
     }
 
-    /// The hologram as it is now.
+    /// Returns the hologram in its current state.
     fn hologram(slf: Py<Self>, py: Python<'_>) -> PyResult<Hologram> {
         let on_device = slf.get().on_device;
         run(py, on_device, move |_| Ok(Hologram(slf.get().lock()?.hologram()?.clone())))

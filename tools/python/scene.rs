@@ -1,4 +1,4 @@
-//! Scenes: light fields of files, built in, or of arrays.
+//! Scenes, which are light fields from files, built-in names or arrays.
 
 use crate::arrays::{picture, values};
 use crate::call::{Caller, run};
@@ -15,19 +15,20 @@ use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// A scene as a light field that has the size of a display's pictures. It never changes.
+/// A scene as a light field with the size of a display's pictures. It never changes.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Scene {
     pub(crate) field: LightField,
-    /// By which name holograms know it.
+    /// The name of the scene in holograms.
     pub(crate) source: String,
-    /// What identifies it.
+    /// The record that identifies the scene.
     pub(crate) record: SceneRecord,
-    /// How it was asked for, which holograms of it remember.
+    /// The options with which the scene was read. Holograms of the scene store them.
     asked: SceneOptions,
 }
 
-/// Views per axis, metres between them, a depth map, metres that its ends mean, which of its values are near, the order of the views.
+/// The views per axis, their pitch in meters, a depth map, the depths of its ends in meters, the name of its near
+/// values, and the order of the views.
 type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>);
 
 #[derive(Default)]
@@ -40,12 +41,12 @@ struct SceneOptions {
     order: Option<Order>,
 }
 
-/// The order in which views stand, by its name.
+/// Finds an order of views by its name.
 fn order_of(name: &str) -> Answer<Order> {
     name.parse().map_err(|must| Failure::Argument(format!("order is {name:?}: {must}")))
 }
 
-/// Which values of a depth map are near, by its name.
+/// Finds the near values of a depth map by their name.
 fn near_of(name: &str) -> Answer<Near> {
     Ok(match name {
         "small" => Near::Small,
@@ -57,7 +58,7 @@ fn near_of(name: &str) -> Answer<Near> {
 }
 
 impl Scene {
-    /// The scene of a hologram, read as it was when that was solved: the one that is named, or its own.
+    /// Reads the named scene, or the scene of the hologram, with the options of the solve.
     pub(crate) fn of(hologram: &Hologram, named: Option<String>, other_scene: bool) -> Answer<Self> {
         let options = InputOptions { scene: named, other_scene, ..InputOptions::default() };
         let input = SolveInput::open(hologram, &options)?;
@@ -66,7 +67,7 @@ impl Scene {
         Ok(Self { field, source, record, asked: SceneOptions::default() })
     }
 
-    /// A job of its colours that remembers how it was loaded.
+    /// Makes a job for the colors of the scene, with the options with which it was read.
     pub(crate) fn job<'a>(&self, display: &'a eyebox::optics::Display) -> SceneJob<'a> {
         let job = job(&self.source, display, self.field.colors.clone(), &self.asked);
         SceneJob { record: Some(self.record.clone()), ..job }
@@ -117,7 +118,7 @@ impl Scene {
         })
     }
 
-    /// Of arrays (view row, view column, row, column) of linear light, one for each colour.
+    /// Makes a scene from arrays (view row, view column, row, column) of linear light, one per color.
     #[staticmethod]
     fn of_views(
         py: Python<'_>,
@@ -140,7 +141,7 @@ impl Scene {
             }
             shape = own;
             let size = own[2] * own[3];
-            // Signal handlers run Python, which may write into the array: it is looked at anew for each view.
+            // Signal handlers run Python code, which may write into the array. Each view therefore borrows it again.
             let copy = |view: usize| -> PyResult<Vec<f32>> {
                 py.check_signals()?;
                 let (_, light) = values::<4>(array, "views")?;
@@ -164,7 +165,7 @@ impl Scene {
         let (rows, columns) = display.0.picture_size();
         run(py, false, move |_| {
             let field = field.admit(order)?;
-            // What is given identifies it, whatever becomes of it on a display.
+            // The given views identify the scene, not the views that are scaled for a display.
             let record = SceneRecord::of_views(&source, &field);
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
@@ -177,7 +178,7 @@ impl Scene {
         &self.source
     }
 
-    /// Rows and columns of views, and of their pixels.
+    /// The rows and columns of views, then the rows and columns of pixels.
     #[getter]
     fn shape(&self) -> [usize; 4] {
         let LightField { grid: [rows, columns], height, width, .. } = self.field;
@@ -189,24 +190,24 @@ impl Scene {
         self.field.colors.iter().map(Color::to_string).collect()
     }
 
-    /// Farthest and nearest depth before a display, metres; none where it is not known.
+    /// Returns the farthest and the nearest depth in front of a display in meters, or `None` if they are unknown.
     fn depth_range(&self, display: &Display) -> Option<[f64; 2]> {
         self.field.depth_range(&display.0)
     }
 
-    /// Metres between neighbouring views in the pupil plane before a display.
+    /// Returns the distance between neighboring views in the pupil plane of a display, in meters.
     fn view_pitch(&self, display: &Display) -> f64 {
         self.field.cell(&display.0)
     }
 
-    /// One colour's views, one after the other: a copy.
+    /// Returns a copy of the views of one color, one after the other.
     fn views<'py>(&self, py: Python<'py>, color: usize) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let views = self.field.planes.get(color);
         let views = views.ok_or_else(|| Failure::Argument(format!("color is {color}: there are fewer")))?;
         Ok(views.concat().into_pyarray(py))
     }
 
-    /// The photograph through a pupil: (row, column, colour).
+    /// Computes the target image through a pupil (row, column, color).
     fn photograph(
         slf: Py<Self>,
         py: Python<'_>,

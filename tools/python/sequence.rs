@@ -1,4 +1,4 @@
-//! Sequences in pieces, which other machines may solve.
+//! Sequences in pieces, which several machines can solve.
 
 use crate::call::run;
 use crate::display::{Display, colors};
@@ -11,7 +11,8 @@ use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-/// A sequence of scenes whose holograms begin cold, at a path. What its first scene decides is kept from piece to piece.
+/// A sequence of scenes, and the path of its file. Its holograms begin cold. The results of its first scene stay in
+/// memory from piece to piece.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Sequence {
     scenes: Vec<String>,
@@ -40,7 +41,7 @@ impl Sequence {
             Some(pieces) => Ok(pieces),
             None => {
                 let pieces = SequencePieces::new(job, &self.out)?;
-                // Whoever was faster made the same.
+                // If another thread was faster, its pieces are the same.
                 Ok(self.pieces.get_or_init(|| pieces))
             }
         }
@@ -61,7 +62,8 @@ impl Sequence {
         Self { scenes, display, color_names, settings, rate, out, pieces: OnceLock::new() }
     }
 
-    /// Solves one hologram of it into its place: whether it was not there yet; none if it was ended.
+    /// Solves one hologram into its place in the file. Returns `false` if it was there before, and `None` if the solve
+    /// was ended early.
     fn piece(slf: Py<Self>, py: Python<'_>, index: usize, engine: Py<Engine>) -> PyResult<Option<bool>> {
         run(py, engine.get().on_device, move |caller| {
             let sequence = slf.get();
@@ -74,7 +76,7 @@ impl Sequence {
         })
     }
 
-    /// How many holograms of the sequence at a path are there.
+    /// Returns the number of holograms that exist in the sequence at a path.
     #[staticmethod]
     fn there(py: Python<'_>, out: PathBuf) -> PyResult<u64> {
         run(py, false, move |_| {
@@ -83,7 +85,7 @@ impl Sequence {
         })
     }
 
-    /// Says that all holograms of the sequence at a path are there.
+    /// Marks the sequence at a path as complete. All holograms must be there.
     #[staticmethod]
     fn finish(py: Python<'_>, out: PathBuf) -> PyResult<()> {
         run(py, false, move |_| Ok(SequenceParts::open(&out)?.finish()?))

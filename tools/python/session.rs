@@ -1,4 +1,4 @@
-//! Sessions: holograms on a display, and the video frames that it is given.
+//! Sessions, which show holograms on a display, and their video frames.
 
 use crate::call::run;
 use crate::display::{Display, colors};
@@ -23,10 +23,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Signals are looked for so often while Python waits for a video frame.
+/// The period of the checks for signals while Python waits for a video frame.
 const OFTEN: Duration = Duration::from_millis(50);
 
-/// Where and how long is shown; its fields are those of `eyebox.show`.
+/// The output and the duration of a session. `eyebox.show` describes the fields.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Where {
@@ -38,35 +38,35 @@ pub(crate) struct Where {
     queue: usize,
 }
 
-/// Who is followed, and how; metres, seconds.
+/// The eye tracker and the options of refinement, in meters and seconds.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct EyeOptions {
-    /// "own" for samples that the program gives, another tracker by its name, or nobody.
+    /// The text "own" for samples of the program, the name of another tracker, or `None`.
     eye: Option<String>,
     focus: f64,
-    /// What a step and encoding take on a simulated clock.
+    /// The time of a step on a simulated clock. `encode_time` is the time of encoding a set.
     step_time: Option<f64>,
     encode_time: f64,
     display_latency: f64,
     whole_sets: bool,
-    /// Whether each sub-frame is refined for its own moment.
+    /// True if each sub-frame is refined for its own time.
     moments: bool,
     restart: f64,
-    /// Fields of `solve::RefineSettings`, TOML.
+    /// The fields of `solve::RefineSettings` as TOML.
     steering: String,
 }
 
-/// Content on a display, on threads of its own.
+/// Content on a display, shown by threads of the session.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Session {
     running: OfProcess<StartedSession>,
-    /// Rows, columns and channels of a video frame.
+    /// The rows, columns and channels of a video frame.
     shape: [usize; 3],
     about: About,
 }
 
-/// What exists in the process that began it alone.
+/// The parts of a session that exist only in the process that started it.
 struct StartedSession {
     session: Mutex<Option<eyebox::session::Session>>,
     eye: Option<SampleSender>,
@@ -75,17 +75,18 @@ struct StartedSession {
 
 impl Drop for StartedSession {
     fn drop(&mut self) {
-        // A simulated display that waits for Python would never end.
+        // Otherwise a simulated display that waits for Python would never end.
         self.frames.give_up();
     }
 }
 
-/// What it shows on, video frames a second, video frames and sub-frames of a set, whether sets roll.
+/// The presenter, the video frames per second, the video frames and sub-frames of a set, and whether updates roll.
 type About = (String, f64, u64, u64, bool);
-/// Pixels, number of the video frame, seconds, hologram, its place in the set, whether the set is new, why it is late.
+/// The pixels, number, seconds and hologram of a video frame, its place in the set, whether the set is new, and the
+/// cause of a delay.
 type Frame<'py> = (Bound<'py, PyArray3<u8>>, u64, f64, Option<u64>, u64, bool, Option<&'static str>);
 
-/// Seconds of the caller's.
+/// Converts the caller's seconds to a duration.
 fn time(seconds: f64, what: &str) -> Answer<Duration> {
     if (0.0..=1e9).contains(&seconds) {
         return Ok(Duration::from_secs_f64(seconds));
@@ -94,7 +95,7 @@ fn time(seconds: f64, what: &str) -> Answer<Duration> {
 }
 
 impl Where {
-    /// Starts to show; `endless`: content that does not end by itself.
+    /// Starts the session. `endless` is true for content that does not end by itself.
     fn start(self, content: Content, eye: Option<SampleSender>, shape: [usize; 3], endless: bool) -> Answer<Session> {
         refuse_after_computing("a session", "Show it in the parent")?;
         let mut options = SessionOptions::default();
@@ -123,7 +124,7 @@ impl Where {
 }
 
 impl EyeOptions {
-    /// Whose eye is followed, and where the program's samples go.
+    /// Opens the tracker. For "own" it also returns the sender for the samples of the program.
     fn tracking(&self, simulated: bool, eyepiece: Eyepiece) -> Answer<(Option<SampleSender>, Option<Tracking>)> {
         let Some(name) = &self.eye else { return Ok((None, None)) };
         let focus = [self.focus; 2];
@@ -138,7 +139,7 @@ impl EyeOptions {
         Ok((None, Some(Tracking::open(&spec, &options, estimator)?)))
     }
 
-    /// What work takes on a simulated clock.
+    /// Returns the time that work takes, which is fixed on a simulated clock and measured on a real one.
     fn cost(&self, simulated: bool) -> Answer<Cost> {
         match (simulated, self.step_time) {
             (true, Some(step)) => {
@@ -161,7 +162,7 @@ impl EyeOptions {
     }
 }
 
-/// Rows, columns and channels of its video frames.
+/// Returns the rows, columns and channels of the video frames of an encoder.
 fn shape(encoder: &Encoder) -> [usize; 3] {
     let [_, rows, columns, channels] = encoder.video_shape();
     [rows, columns, channels]
@@ -197,7 +198,7 @@ impl Session {
         })
     }
 
-    /// Shows a file of a hologram or a sequence, so many times as fast.
+    /// Shows a file of a hologram or a sequence at `speed` times its own speed.
     #[staticmethod]
     fn play_file(
         py: Python<'_>,
@@ -210,7 +211,7 @@ impl Session {
         run(py, false, move |_| Self::played(Opening::default().sequence(&file)?, display.get(), speed, looped, shown))
     }
 
-    /// Shows a hologram of a scene, refined for where the eye is.
+    /// Shows a hologram of a scene, refined for the tracked pupil.
     #[staticmethod]
     #[allow(clippy::too_many_arguments, reason = "Python names them; `_show.py` is the interface")]
     fn follow(
@@ -240,8 +241,8 @@ impl Session {
         })
     }
 
-    /// Shows what another process gives as live:NAME, in these colours of a display, in so many sub-frames; `ask` says what it is
-    /// asked for, `views` how many along an axis at most.
+    /// Shows frames that another process sends as live:NAME. `content` is the colors of the display, the sub-frames,
+    /// the kind of frames, and the most views along an axis.
     #[cfg(target_os = "linux")]
     #[staticmethod]
     fn live(
@@ -274,7 +275,7 @@ impl Session {
             following.set(&mut live, shown.simulated)?;
             live.whole.focus = [following.focus; 2];
             let mut input = LiveInput::open(&name, display, &colors, views, kind)?;
-            // What a device cannot decode the host does.
+            // The host decodes frames that a device cannot decode.
             input.decode_with(&backend)?;
             live.scenes = Some(Box::new(input));
             let live = live.with_start_tables(&mut |_| true)?;
@@ -282,7 +283,8 @@ impl Session {
         })
     }
 
-    /// The next video frame that was shown, waiting so many seconds for it, or as long as something is shown.
+    /// Returns the next video frame that was shown. Waits up to `within` seconds, or as long as the session shows
+    /// content.
     fn frame<'py>(&self, py: Python<'py>, within: Option<f64>) -> PyResult<Option<Frame<'py>>> {
         let mut left = within.map(|within| time(within, "timeout")).transpose()?.unwrap_or(Duration::MAX);
         let shown = loop {
@@ -302,7 +304,7 @@ impl Session {
         Ok(Some((pixels, number, lit_ns as f64 * 1e-9, hologram, part, new, late)))
     }
 
-    /// The pupil was there so many seconds ago, and moves so fast; a place that is no number is a closed eye.
+    /// Adds a sample of the pupil with its velocity, `age` seconds old. A NaN position is a closed eye.
     fn look(&self, x: f64, y: f64, diameter: Option<f64>, velocity: Option<(f64, f64)>, age: f64) -> PyResult<()> {
         let eye = self.running.get()?.eye.as_ref();
         let eye =
@@ -318,23 +320,23 @@ impl Session {
         Ok(())
     }
 
-    /// Whether the hologram follows the eye.
+    /// Turns refinement for the tracked pupil on or off.
     fn steer(&self, steered: bool) -> PyResult<()> {
         self.lock()?.iter().for_each(|session| session.steer(steered));
         Ok(())
     }
 
-    /// Stands still, or goes on.
+    /// Pauses or resumes the content.
     fn pause(&self, paused: bool) -> PyResult<()> {
         self.command(Command::Pause(paused))
     }
 
-    /// Goes so many holograms further.
+    /// Moves forward by this number of holograms.
     fn seek(&self, holograms: i64) -> PyResult<()> {
         self.command(Command::Seek(holograms))
     }
 
-    /// Whether something is still shown.
+    /// Returns whether the session still shows content.
     fn is_running(&self) -> PyResult<bool> {
         Ok(self.lock()?.as_ref().is_some_and(eyebox::session::Session::is_running))
     }
@@ -344,13 +346,13 @@ impl Session {
         self.about.clone()
     }
 
-    /// Video frames that were not taken in time, and given up.
+    /// The number of video frames that were dropped because Python did not take them in time.
     #[getter]
     fn left_out(&self) -> PyResult<u64> {
         Ok(self.running.get()?.frames.left_out())
     }
 
-    /// How it is doing, JSON; none after it was stopped.
+    /// Returns the state of the session as JSON, or `None` after its end.
     fn status(&self) -> PyResult<Option<String>> {
         let session = self.lock()?;
         let Some(session) = session.as_ref() else { return Ok(None) };
@@ -368,7 +370,7 @@ impl Session {
         Ok(Some(all.to_string()))
     }
 
-    /// What happened since this was asked, in lines.
+    /// Returns the notes since the last call, one line each.
     fn notes(&self) -> PyResult<Vec<String>> {
         let session = self.lock()?;
         let next = || match session.as_ref()?.event(Duration::ZERO)? {
@@ -378,7 +380,7 @@ impl Session {
         Ok(std::iter::from_fn(next).collect())
     }
 
-    /// Stops it: what was shown, JSON, and what went wrong; none if it was stopped before.
+    /// Stops the session. Returns its statistics as JSON and its error, or `None` if it was stopped before.
     fn stop(&self, py: Python<'_>) -> PyResult<Option<(String, Option<Py<PyBaseException>>)>> {
         let Some(session) = self.lock()?.take() else { return Ok(None) };
         self.running.get()?.frames.give_up();

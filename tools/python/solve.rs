@@ -1,4 +1,4 @@
-//! From a scene to a hologram.
+//! The solve of a scene, which makes a hologram.
 
 use crate::call::{Caller, Outcome, Rest, start};
 use crate::display::Display;
@@ -13,7 +13,7 @@ use pyo3::exceptions::PyBaseException;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Colour, step, steps, [pilot step, steps], seconds, loss, PSNR (dB).
+/// The color, step, steps, pilot step and pilot steps, seconds, loss and PSNR (dB).
 type Step = (String, usize, usize, Option<[usize; 2]>, f64, f64, Option<f64>);
 
 fn step(color: eyebox::optics::Color, progress: &Progress) -> Step {
@@ -29,13 +29,13 @@ fn step(color: eyebox::optics::Color, progress: &Progress) -> Step {
     )
 }
 
-/// A hologram and why its solve ended: "steps", "seconds", "quality", "callback" or "interrupt".
+/// A hologram and the cause that ended its solve, which is "steps", "seconds", "quality", "callback" or "interrupt".
 type Solved = (Hologram, &'static str);
 
-/// A solve that a signal handler or a callback ended by an exception.
+/// A solve that ended because a signal handler or a callback raised an exception.
 #[pyclass(frozen, module = "eyebox._eyebox")]
 pub(crate) struct Unfinished {
-    /// The exception.
+    /// The exception that ended the solve.
     #[pyo3(get)]
     error: Py<PyBaseException>,
     rest: Mutex<Option<Rest<Solved>>>,
@@ -43,14 +43,14 @@ pub(crate) struct Unfinished {
 
 #[pymethods]
 impl Unfinished {
-    /// Waits for the step under way, and returns the best hologram; none if it was asked for before.
+    /// Waits for the current step and returns the best hologram, or `None` if an earlier call returned it.
     fn finish(&self, py: Python<'_>) -> PyResult<Option<Solved>> {
         let rest = self.rest.lock().unwrap_or_else(PoisonError::into_inner).take();
         rest.map(|rest| rest.finish(py)).transpose()
     }
 }
 
-/// Solves a scene for a display with the settings that a TOML text says.
+/// Solves a scene for a display with settings from a TOML text.
 #[pyfunction]
 pub(crate) fn solve(
     py: Python<'_>,

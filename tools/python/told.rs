@@ -1,14 +1,14 @@
-//! Callbacks: what they are called with, and their answers.
+//! Callbacks with their arguments and answers.
 
 use crate::call::Caller;
 use eyebox::solve::Flow;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
-/// A callback, or none, called after steps.
+/// An optional callback, which runs after each step.
 pub(crate) struct Told {
     callback: Option<Arc<Py<PyAny>>>,
-    /// Whether the callback ended it.
+    /// True if the callback ended the work.
     pub(crate) stopped: bool,
 }
 
@@ -17,8 +17,8 @@ impl Told {
         Self { callback, stopped: false }
     }
 
-    /// After a step: calls the callback with `arguments` on the caller's thread. An answer that is false in Python ends the work, None
-    /// does not.
+    /// Calls the callback with `arguments` after a step, on the caller's thread. An answer that is false in Python ends
+    /// the work, except `None`.
     pub(crate) fn step<A>(&mut self, caller: &Caller, arguments: impl FnOnce() -> A) -> Flow
     where
         A: for<'py> pyo3::call::PyCallArgs<'py> + Send + 'static,

@@ -1,4 +1,5 @@
-//! Warnings of the library as Python's: they are collected here, and `eyebox/_arguments.py` issues them when a call returns.
+//! Warnings of the library as warnings of Python. This module collects them, and `eyebox/_arguments.py` issues them
+//! when a call returns.
 
 use pyo3::prelude::*;
 use std::fmt::{Debug, Write};
@@ -6,14 +7,14 @@ use std::sync::{Mutex, PoisonError};
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Metadata, Subscriber, span};
 
-/// The number of warnings that are kept until Python takes them.
+/// The highest number of warnings that are kept until Python takes them.
 const MOST: usize = 100;
 
 static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// Begins to collect warnings, unless another subscriber does.
 pub(crate) fn listen() {
-    // Another module of the process may have set one: its program receives the warnings then.
+    // Another module of the process may have set a subscriber. The warnings then go to that subscriber.
     let _ = tracing::subscriber::set_global_default(Collector);
 }
 
@@ -32,7 +33,7 @@ struct Message(String);
 impl Visit for Message {
     fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
         if field.name() == "message" {
-            // A text takes all that is written.
+            // A write to a `String` never fails.
             let _ = write!(self.0, "{value:?}");
         }
     }

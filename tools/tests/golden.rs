@@ -1,9 +1,9 @@
-//! What must not change: digests of what the command computes on the CPU engine with fixed seeds. The order of sums is part
-//! of the contract, so solves, views and encodings stay byte for byte; where one has to change, the commit says why and by
-//! how much.
+//! Digests of results that must not change. The command computes these results on the CPU engine with fixed seeds. The
+//! order of sums is part of the contract, so solves, views and encodings stay byte-identical. If one has to change, the
+//! commit states the reason and the size of the change.
 //!
-//! Digested are values (phases, intensities, pixels), not files, whose metadata may grow. `EYEBOX_GOLDEN=write` writes the
-//! digests anew; `EYEBOX_BINARY=FILE` takes another build's command.
+//! The digests cover values (phases, intensities, pixels) and not files, because the metadata of files may grow.
+//! `EYEBOX_GOLDEN=write` writes the digests again. `EYEBOX_BINARY=FILE` uses the command of another build.
 
 #[path = "command/common/mod.rs"]
 mod common;
@@ -16,11 +16,11 @@ use std::process::Command;
 
 const DIGESTS: &str = include_str!("golden/digests.txt");
 
-/// A far field small enough to be solved in a second, in tiles as well.
+/// A far field that is small enough to solve in a second, also in tiles.
 const FAR: &str = "name = \"far\"\nresolution = [192, 192]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
                    wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
 
-/// Runs lines of the command in one folder and digests what they leave.
+/// Runs lines of the command in one folder and digests their results.
 struct Golden {
     temp: tempfile::TempDir,
     binary: PathBuf,
@@ -44,13 +44,13 @@ impl Golden {
         assert!(answer.status.success(), "eyebox {line}: {}", String::from_utf8_lossy(&answer.stderr));
     }
 
-    /// Runs the command, which writes to `out`, and keeps the digest of that under the name `out`.
+    /// Runs the command with the output `out` and stores the digest of this output under the name `out`.
     fn keep(&mut self, line: &str, out: &str) {
         self.run(&format!("{line} -o {out}"));
         self.digest(out);
     }
 
-    /// The same of a hologram's phases.
+    /// Converts a hologram to its phases and stores their digest.
     fn convert(&mut self, hologram: &str, out: &str, more: &str) {
         self.run(&format!("convert {hologram} {out} {more}"));
         self.digest(out);
@@ -61,14 +61,15 @@ impl Golden {
         self.found.insert(out.to_owned(), digest);
     }
 
-    /// Solves to a hologram and keeps the digest of its phases.
+    /// Solves a hologram and stores the digest of its phases.
     fn solve(&mut self, name: &str, line: &str) {
         self.run(&format!("solve {line} --engine cpu -o {name}.zarr"));
         self.convert(&format!("{name}.zarr"), &format!("{name}.npy"), "");
     }
 }
 
-/// Of an array's bytes, of a picture's pixels, or of all the files of a folder in the order of their names.
+/// Returns the digest of an array's bytes, of a picture's pixels, or of all files of a folder in the order of their
+/// names.
 fn digest(path: &Path) -> String {
     let mut hash = Sha256::new();
     add(path, &mut hash);
@@ -89,7 +90,7 @@ fn add(path: &Path, hash: &mut Sha256) {
             hash.update(picture.as_bytes());
         }
         Some("npy" | "raw") => hash.update(std::fs::read(path).unwrap()),
-        // What frames are is told in words beside them.
+        // The other files only describe the frames.
         _ => {}
     }
 }
@@ -182,7 +183,8 @@ fn encodings(g: &mut Golden) {
     g.digest("shown");
 }
 
-/// Vector instructions decide how sums are split: the digests are those of AVX2 with FMA.
+/// Returns whether this processor can reproduce the digests. The vector instructions determine how sums are split, and
+/// the digests come from AVX2 with FMA.
 fn comparable() -> bool {
     #[cfg(target_arch = "x86_64")]
     return is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");

@@ -3,32 +3,32 @@
 use eyebox_lab::report::{Axis, Plot};
 use std::fmt::Write;
 
-/// One line: what was measured.
+/// One measured line of the plot.
 struct Line {
     name: String,
-    /// Drawn dashed: not what eyebox does, but what it could do.
+    /// The line is dashed, because it shows another possible computation instead of eyebox.
     beside: bool,
-    /// (x, error power over signal power).
+    /// Pairs of x and error power over signal power.
     points: Vec<[f64; 2]>,
 }
 
 /// Errors along one axis.
 pub struct Errors {
     title: String,
-    /// What is along x, with its unit.
+    /// The name of the axis x.
     axis: &'static str,
-    /// Marks along x, and what is written at them.
+    /// Marks along x, and their labels.
     marks: Vec<(f64, String)>,
     lines: Vec<Line>,
 }
 
 impl Errors {
-    /// Nothing measured yet.
+    /// Makes a plot without any measurement.
     pub fn new(title: &str, axis: &'static str, marks: impl IntoIterator<Item = (f64, String)>) -> Self {
         Self { title: title.into(), axis, marks: marks.into_iter().collect(), lines: Vec::new() }
     }
 
-    /// Adds a point to the line of this name, which is begun if it is new.
+    /// Adds a point to the line of this name. A new name begins a line.
     pub fn add(&mut self, name: &str, beside: bool, x: f64, error: f64) {
         let at = self.lines.iter().position(|l| l.name == name).unwrap_or_else(|| {
             self.lines.push(Line { name: name.into(), beside, points: Vec::new() });
@@ -37,7 +37,7 @@ impl Errors {
         self.lines[at].points.push([x, error]);
     }
 
-    /// A table in Markdown, a row for each x.
+    /// Returns a table in Markdown with a row for each x.
     pub fn table(&self) -> String {
         let mut text = format!("{}\n\n| {} |", self.title, self.axis);
         self.lines.iter().for_each(|l| {
@@ -58,7 +58,7 @@ impl Errors {
         text
     }
 
-    /// The drawing, a file by itself.
+    /// Returns the plot as the text of a complete file.
     pub fn draw(&self) -> String {
         let x = Axis::log(self.axis).ticks(self.marks.clone());
         let mut plot = Plot::new(&self.title, x, Axis::log("error power / signal power")).sized(640.0, 260.0);

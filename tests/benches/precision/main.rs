@@ -1,5 +1,5 @@
-//! Where the error of float32 arithmetic, and of fields stored as halves, comes from: measured against float64, as error
-//! power over signal power, and drawn. `docs/precision.md` says what the numbers mean.
+//! Measures the errors of float32 arithmetic and of fields stored as halves, by their origin. The reference is float64,
+//! and the measure is error power over signal power. `docs/precision.md` explains the numbers.
 
 mod errors;
 mod reference;
@@ -12,26 +12,26 @@ use eyebox::low_level::engine::{Choice, Engine, open};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Measures the error of every stage against float64, on the CPU and on Vulkan, stored as float32 and as halves; prints
+/// Measures the error of every stage against float64, on the CPU and on Vulkan, stored as float32 and as halves. Prints
 /// tables and draws plots.
 #[derive(Parser)]
 #[command(after_help = "Example: cargo bench -p eyebox-tests --bench precision -- --out docs/precision")]
 struct Arguments {
-    /// Given by cargo.
+    /// Cargo adds this argument.
     #[arg(long, hide = true)]
     bench: bool,
-    /// Folder for the plots (SVG); nothing is drawn without it.
+    /// Folder for the plots (SVG). Without it, no plots are drawn.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Largest size of transforms, points along each axis.
+    /// Largest size of transforms, in points along each axis.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u64).range(64..=8192))]
     largest: u64,
-    /// Measure these only: transfer, transforms, views, frames, pupils, losses, adam.
+    /// Measure only some of transfer, transforms, views, frames, pupils, losses and adam.
     #[arg(long, value_delimiter = ',')]
     only: Vec<String>,
 }
 
-/// The engines that are compared, by name.
+/// The engines that are compared, with their names.
 pub type Engines = Vec<(&'static str, Box<dyn Engine>)>;
 
 type Failure = Box<dyn std::error::Error>;
@@ -64,7 +64,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     ];
     if let Some(unknown) = arguments.only.iter().find(|o| !all.iter().any(|(name, _)| name == o)) {
         let names: Vec<&str> = all.iter().map(|a| a.0).collect();
-        return Err(format!("'{unknown}' is not measured; {} are", names.join(", ")).into());
+        return Err(format!("'{unknown}' is no measurement. These exist: {}", names.join(", ")).into());
     }
     for (name, measure) in all {
         if !arguments.only.is_empty() && !arguments.only.iter().any(|o| o == name) {

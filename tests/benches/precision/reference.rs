@@ -1,11 +1,11 @@
-//! The same in float64, as plainly as it can be said, and how far something lies from it.
+//! The same computations in float64 with the plainest code, and the errors of results relative to them.
 
 use eyebox::low_level::optics::{Optics, Pupil, transfer};
 use eyebox::low_level::solve::SplitMix;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
-/// Error power over signal power.
+/// Returns the error power over the signal power.
 pub fn error(got: impl IntoIterator<Item = f64>, want: impl IntoIterator<Item = f64>) -> f64 {
     let (mut error, mut power) = (0.0, 0.0);
     for (got, want) in got.into_iter().zip(want) {
@@ -15,30 +15,30 @@ pub fn error(got: impl IntoIterator<Item = f64>, want: impl IntoIterator<Item = 
     error / power
 }
 
-/// The same of numbers as engines give them.
+/// Returns the error power over the signal power for float32 values of an engine.
 pub fn error_of(got: &[f32], want: &[f64]) -> f64 {
     assert_eq!(got.len(), want.len());
     error(got.iter().map(|v| f64::from(*v)), want.iter().copied())
 }
 
-/// Real and imaginary parts in turn, as engines give them.
+/// Returns real and imaginary parts in turn, as engines return them.
 pub fn parts(values: &[Complex64]) -> Vec<f64> {
     values.iter().flat_map(|z| [z.re, z.im]).collect()
 }
 
-/// Numbers in -1 .. 1, the same on every machine.
+/// Returns numbers from -1 to 1, which are the same on every machine.
 pub fn noise(count: usize, seed: u64) -> Vec<f64> {
     let mut random = SplitMix(seed);
     (0..count).map(|_| 2.0 * random.unit() - 1.0).collect()
 }
 
-/// Unnormalised transform of a frame.
+/// Transforms a frame in place, without normalization.
 pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) {
     let mut planner = FftPlanner::new();
     let mut plan = |n| if inverse { planner.plan_fft_inverse(n) } else { planner.plan_fft_forward(n) };
     plan(width).process(data);
     let down = plan(height);
-    // Sixteen columns at a time: a cache line is four values.
+    // Sixteen columns at a time fill cache lines, which hold four values each.
     let mut block = vec![Complex64::default(); 16 * height];
     for x in (0..width).step_by(16) {
         let n = 16.min(width - x);
@@ -52,7 +52,7 @@ pub fn fft2(data: &mut [Complex64], height: usize, width: usize, inverse: bool) 
     }
 }
 
-/// K on all bins: in the order of the DFT.
+/// Returns K on all bins, in the order of the DFT.
 pub fn kernel(optics: &Optics, pupil: &Pupil) -> Vec<Complex64> {
     let (h, w) = (optics.height as i64, optics.width as i64);
     let bin = |k: i64, n: i64| if k < n - n / 2 { k } else { k - n };
@@ -63,7 +63,7 @@ pub fn kernel(optics: &Optics, pupil: &Pupil) -> Vec<Complex64> {
     (0..h).flat_map(|y| (0..w).map(move |x| (y, x))).map(|(y, x)| at(y, x)).collect()
 }
 
-/// What the eye sees of one sub-frame.
+/// Returns the image that the eye sees of one sub-frame.
 pub fn view(optics: &Optics, phases: &[f64], pupil: &Pupil) -> Vec<f64> {
     let mut field: Vec<_> = phases.iter().map(|p| Complex64::from_polar(1.0, *p)).collect();
     fft2(&mut field, optics.height, optics.width, false);

@@ -1,4 +1,4 @@
-//! Long sums: sub-frames into an image, pupils into a change, pixels into a loss, steps into Adam's state.
+//! Long sums of sub-frames to an image, of pupils to a change, of pixels to a loss, and of steps to Adam's state.
 
 use crate::errors::Errors;
 use crate::reference::{error, error_of, noise};
@@ -17,14 +17,14 @@ fn marks(counts: &[usize]) -> Vec<(f64, String)> {
     counts.iter().map(|n| (*n as f64, n.to_string())).collect()
 }
 
-/// A list with one kernel of a step.
+/// Returns the step with this kernel only.
 fn only(mut step: Step, kernel: Kernel) -> Step {
     let pupil_passes = step.list.iter().find(|d| d.kernel == kernel).map_or(0..0, |d| d.pupil_passes.clone());
     step.list = vec![Dispatch { kernel, pupil_passes }];
     step
 }
 
-/// Intensities of sub-frames, added up as the kernel does it, and in other ways.
+/// Measures sums of the intensities of sub-frames, as the kernel adds them and in other ways.
 pub fn frames(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
     let counts = powers(64);
     let mut plot = Errors::new("Mean intensity of F sub-frames", "F", marks(&counts));
@@ -36,7 +36,7 @@ pub fn frames(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
             let step =
                 only(planner.view_step(vec![planner.pupil_pass(&pupil, &Comparison::default())]), Kernel::Intensity);
             let values = step.pupil_passes[0].count();
-            // Of the size that halves hold them in.
+            // The values have the size that fields have in halves.
             let field: Vec<f32> = noise(2 * count * values, 3).iter().map(|v| *v as f32 * 16.0).collect();
             let gain = f64::from(step.pupil_passes[0].intensity.gain);
             let power = |f: usize, i: usize| {
@@ -78,7 +78,7 @@ fn pairwise(terms: &[f32]) -> f32 {
     }
 }
 
-/// Kahan's sum.
+/// Returns the sum by Kahan's algorithm.
 fn compensated(terms: &[f32]) -> f32 {
     let (mut sum, mut lost) = (0.0f32, 0.0f32);
     for term in terms {
@@ -90,7 +90,8 @@ fn compensated(terms: &[f32]) -> f32 {
     sum
 }
 
-/// Changes that pupils ask for, added up one after the other where they overlap; as halves, each time rounded.
+/// Measures the sum of the changes of pupils that overlap, added one after the other. With halves, every addition is
+/// rounded.
 pub fn pupils(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
     let counts = powers(64);
     let mut plot = Errors::new("Change of the spectrum, added up over B pupils that all overlap", "B", marks(&counts));
@@ -106,7 +107,7 @@ pub fn pupils(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
                 .collect();
             let step =
                 only(planner.project_step(vec![pupil_pass; count], usize::MAX, 1.0, 1.0, 0.0), Kernel::PupilAdjoint);
-            // K is 1 inside the pupil, and the grid's bins are the window's.
+            // K is 1 inside the pupil, and the grid has the bins of the window.
             let ones: Vec<f32> = (0..2 * values).map(|i| if i % 2 == 0 { 1.0 } else { 0.0 }).collect();
             let mut want = vec![0.0f64; 2 * values];
             step.pupil_passes[0].back.pieces(&step.pupil_passes[0].spans, |grid, at, length| {
@@ -126,7 +127,7 @@ pub fn pupils(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
                 plot.add(&name, false, count as f64, error_of(&engine.read(Buffer::Change)?, &want));
             }
             if storage == Storage::F16 {
-                // Once at the end.
+                // This sum is rounded once, at its end.
                 let mut sum = vec![ZERO; values];
                 let transfer = vec![Complex32::new(1.0, 0.0); values];
                 for window in &windows {
@@ -148,7 +149,8 @@ fn pairs_of(numbers: &[f32]) -> Vec<Complex32> {
     numbers.chunks_exact(2).map(|z| Complex32::new(z[0], z[1])).collect()
 }
 
-/// Sums over all pixels of an image: the loss, and a patch of the spectrum's light over 8 sub-frames.
+/// Measures sums over all pixels of an image, which are the loss and the light of a patch of the spectrum over the
+/// sub-frames.
 pub fn losses(engines: &mut Engines, largest: usize) -> Result<Errors, Failure> {
     let sizes: Vec<usize> = (6..).map(|k| 1 << k).take_while(|n| *n <= largest.min(2048)).collect();
     let mut plot = Errors::new("Sums over N x N values, squared relative error", "N", marks(&sizes));
@@ -186,7 +188,8 @@ pub fn losses(engines: &mut Engines, largest: usize) -> Result<Errors, Failure> 
     Ok(plot)
 }
 
-/// Phases and moments of Adam over its steps, the gradients given: noise around a mean that differs from pixel to pixel.
+/// Measures the phases and moments of Adam over its steps. The gradients are noise around a mean that differs from
+/// pixel to pixel.
 pub fn adam(_: &mut Engines, _: usize) -> Result<Errors, Failure> {
     let steps: Vec<usize> = (0..=8).map(|k| 1 << (2 * k)).collect();
     let mut plot = Errors::new("Adam after so many steps", "steps", marks(&steps));
@@ -203,7 +206,7 @@ pub fn adam(_: &mut Engines, _: usize) -> Result<Errors, Failure> {
         let mut exact: Vec<[f64; 3]> = phases.iter().map(|p| [f64::from(*p), 0.0, 0.0]).collect();
         for t in 1..=*steps.last().unwrap_or(&1) {
             let correct = |beta: f64| 1.0 / (1.0 - beta.powi(t as i32));
-            // Rate and decays as float32 has them: what is measured is what steps add to that.
+            // The rate and the decays have the values of float32, so that only the errors of the steps count.
             let [rate, beta1, beta2] = [0.1f32, 0.9, 0.999].map(f64::from);
             let epsilon = 1e-11;
             let args = adam::Args {
@@ -215,7 +218,7 @@ pub fn adam(_: &mut Engines, _: usize) -> Result<Errors, Failure> {
                 correct2: correct(beta2) as f32,
                 epsilon: epsilon as f32,
             };
-            // With what is shown at zero, the gradient is twice the imaginary part.
+            // If the shown phases are zero, the gradient is twice the imaginary part.
             let noise = noise(PIXELS, 1000 + t as u64);
             let gradient: Vec<f64> = mean.iter().zip(&noise).map(|(m, n)| 0.2 * m + n).collect();
             let mut change: Vec<Complex32> = gradient.iter().map(|g| Complex32::new(0.0, 0.5 * *g as f32)).collect();
@@ -231,7 +234,7 @@ pub fn adam(_: &mut Engines, _: usize) -> Result<Errors, Failure> {
             }
             adam::adam(&args, &change, Some(&zeros), &mut phases, &mut first, &mut second);
             if steps.contains(&t) {
-                // Of the field that the phases make.
+                // This is the error of the field that the phases make.
                 let off = phases.iter().zip(&exact).map(|(p, e)| {
                     let off = f64::from(*p) - e[0];
                     off - TAU * (off / TAU).round()

@@ -1,4 +1,4 @@
-//! Propagation, transforms, and the whole way from phases to what the eye sees.
+//! Errors of propagation, of transforms, and of the complete computation from phases to the image that the eye sees.
 
 use crate::errors::Errors;
 use crate::reference::{error, error_of, fft2, kernel, noise, parts, view};
@@ -17,7 +17,7 @@ use std::f64::consts::{PI, TAU};
 
 const DEPTHS: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0];
 
-/// Metres as a person writes them.
+/// Returns a depth in a unit that suits it.
 fn metres(depth: f64) -> String {
     match depth {
         d if d < 9.9e-4 => format!("{:.0} um", d * 1e6),
@@ -34,12 +34,12 @@ fn sizes(largest: usize) -> Vec<usize> {
     (6..).map(|k| 1 << k).take_while(|n| *n <= largest).collect()
 }
 
-/// The whole eyebox.
+/// Returns a pupil as wide as the eyebox.
 fn everything(optics: &Optics, depth: f64) -> Pupil {
     Pupil { x: 0.0, y: 0.0, diameter: optics.eyebox(), depth }
 }
 
-/// The kernel of propagation against depth, and what plain float32 would make of it.
+/// Measures the propagation kernel over depth, and the same kernel in plain float32.
 pub fn transfer(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
     let mut plot = Errors::new("Propagation kernel, 512 x 512 bins", "depth", DEPTHS.map(|d| (d, metres(d))));
     let optics = Optics::new(512, 512, 8e-6, 520e-9, 0.4)?;
@@ -49,7 +49,7 @@ pub fn transfer(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
         let exact = kernel(&optics, &pupil);
         let pupil_pass = planner.pupil_pass(&pupil, &Comparison::default());
         let window = pupil_pass.window;
-        // In the window's order, as engines hold it.
+        // Engines store the kernel in the order of the window.
         let order = |j: usize, k: usize| {
             let at = |first: i64, i: usize, n: usize| (first + i as i64).rem_euclid(n as i64) as usize;
             at(window.y0, j, 512) * 512 + at(window.x0, k, 512)
@@ -70,7 +70,7 @@ pub fn transfer(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
                 plot.add("if it were halves", true, depth, error_of(&halves, &want));
             }
         }
-        // As the formula is printed, and with its difference rewritten, all in float32.
+        // In float32, one form is the formula as printed, and the other has its difference rewritten.
         for (name, rewritten) in [("float32, as printed", false), ("float32, rewritten", true)] {
             let bin = |k: usize| if k < 256 { k as f32 } else { k as f32 - 512.0 };
             let slope = ((optics.wavelength / (512.0 * optics.pitch)).powi(2)) as f32;
@@ -89,7 +89,7 @@ pub fn transfer(engines: &mut Engines, _: usize) -> Result<Errors, Failure> {
     Ok(plot)
 }
 
-/// Transforms of a field of random phase against their size.
+/// Measures transforms of a field of random phase over their size.
 pub fn transforms(_: &mut Engines, largest: usize) -> Result<Errors, Failure> {
     let sizes = sizes(largest);
     let mut plot = Errors::new("Transform of a field of random phase, N x N", "N", names(&sizes));
@@ -124,7 +124,7 @@ pub fn transforms(_: &mut Engines, largest: usize) -> Result<Errors, Failure> {
     Ok(plot)
 }
 
-/// From phases to the image on the retina, against the size, at a depth of 15 mm; and at all depths for one size.
+/// Measures the image on the retina over the size, at a depth of 15 mm. Also measures it at all depths for one size.
 pub fn views(engines: &mut Engines, largest: usize) -> Result<Errors, Failure> {
     let sizes = sizes(largest.min(2048));
     let mut plot = Errors::new("Image of random phases through a 10 mm pupil, 15 mm deep, N x N", "N", names(&sizes));

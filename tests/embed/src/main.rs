@@ -1,4 +1,4 @@
-//! Solves a scene, saves the hologram, refines it for where the pupil is, and gets the SLM's bytes.
+//! Solves a scene, saves the hologram, refines it for the position of the pupil, and encodes the SLM's bytes.
 
 use eyebox::engine::{self, Choice};
 use eyebox::hologram::Hologram;
@@ -10,13 +10,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::temp_dir().join(format!("embed-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let file = folder.join("still-life.zarr");
-    // Solve and save.
+    // Solve the scene and save the hologram.
     let display = Display { height: 48, width: 64, ..Display::load("planes8")? };
     let settings = Settings { steps: 5, ..Settings::default() };
     let job = SceneJob { settings, ..SceneJob::new("builtin:still-life", &display) };
     let mut engine = engine::open(Choice::Cpu)?;
     solve_scene(&job, Some(&file), engine.as_mut(), &mut |_| Flow::Continue)?;
-    // Refine for a pupil that moves to the right, and show it.
+    // Refine the hologram for a pupil that moves to the right, and encode it for the display.
     let field = job.load(0)?;
     let mut refinement = Hologram::load(&file)?.refine(&field, RefineSettings::default(), || engine::open(Choice::Cpu))?;
     let mut before = Vec::new();

@@ -1,5 +1,5 @@
-// Refines a hologram for a pupil that moves, from C++:
-// c++ -std=c++17 refine.cpp $(pkg-config --cflags --libs eyebox) -o refine && ./refine 256 60
+// Refines a hologram for a moving pupil, in C++. Build and run it with this command.
+//     c++ -std=c++17 refine.cpp $(pkg-config --cflags --libs eyebox) -o refine && ./refine 256 60
 #include "eyebox.h"
 #include <cstdio>
 #include <memory>
@@ -8,7 +8,7 @@
 
 namespace eyebox {
 
-// Handles that free themselves, and failures as exceptions.
+// These types free their handles, and check() turns failures into exceptions.
 template <auto release> struct Release {
     template <class T> void operator()(T *handle) const { release(handle); }
 };
@@ -22,7 +22,8 @@ inline void check(EyeboxStatus status) {
     if (status != EYEBOX_STATUS_OK) throw std::runtime_error(eyebox_last_error());
 }
 
-// make<Scene>(eyebox_scene_load, "builtin:plane", display.get(), 0u, std::size_t{0})
+// Calls a function whose last argument receives a handle, and returns the handle, as in this example.
+//     make<Scene>(eyebox_scene_load, "builtin:plane", display.get(), 0u, std::size_t{0})
 template <class Handle, class Make, class... Given> Handle make(Make function, Given... given) {
     typename Handle::pointer made = nullptr;
     check(function(given..., &made));

@@ -1,5 +1,6 @@
-// A display of one's own: a video frame at each tick, of a hologram that is refined for where the eye is.
-// cc session.c $(pkg-config --cflags --libs eyebox) -lm -o session && ./session 256 60
+// Shows a hologram on a display of the program, with one video frame per tick, and refines it for the tracked pupil.
+// Build and run it with this command.
+//     cc session.c $(pkg-config --cflags --libs eyebox) -lm -o session && ./session 256 60
 #define _POSIX_C_SOURCE 199309L
 #include "eyebox.h"
 #include <math.h>
@@ -40,12 +41,12 @@ int main(int argc, char **argv) {
     EyeboxFrame frame;
     EyeboxAccount account;
     int ticks = 0;
-    do { // Half a minute at most: until an eye that goes round was followed for ten sets.
+    do { // The simulated eye moves in a circle. The loop ends after ten refined sets, or after 30 s.
         EyeboxSample sample = {3e-3 * cos(ticks * 0.05), 3e-3 * sin(ticks * 0.05), 4e-3, 0.0};
         DO(eyebox_session_look(session, &sample));
         DO(eyebox_session_tick(session, 1.0 / rate_hz, picture, video.bytes, &frame));
         if (!frame.shown) break;
-        // The picture goes to the display here; this program has none, and waits for the next video frame.
+        // A real program gives the picture to its display here. This one waits for the next video frame.
         struct timespec period = {0, (long)(1e9 / rate_hz)};
         nanosleep(&period, NULL);
         DO(eyebox_session_account(session, &account));

@@ -1,5 +1,5 @@
-/* Solves a built-in scene, looks at it through a pupil, and makes the SLM's bytes:
-   cc solve.c $(pkg-config --cflags --libs eyebox) -o solve && ./solve 256 60 */
+/* Solves a built-in scene, renders it through a pupil, and encodes it for the SLM. Build and run it with this command.
+       cc solve.c $(pkg-config --cflags --libs eyebox) -o solve && ./solve 256 60 */
 #include "eyebox.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,7 +17,7 @@ static int32_t tell(const EyeboxStep *step, void *user) {
         printf("step %zu of %zu: loss %.2e\n", step->step, step->steps, step->loss);
         ++*told;
     }
-    return 0; /* anything else ends the solve with the best so far */
+    return 0; /* Any other value ends the solve with the best result until now. */
 }
 
 int main(int argc, char **argv) {

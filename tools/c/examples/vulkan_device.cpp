@@ -1,5 +1,6 @@
-// Solves on a Vulkan device that the program opened itself, and keeps:
-// c++ -std=c++17 vulkan_device.cpp $(pkg-config --cflags --libs eyebox vulkan) -o vulkan_device && ./vulkan_device 64 10
+// Solves on a Vulkan device that the program opened and keeps. Build and run it with these commands.
+//     c++ -std=c++17 vulkan_device.cpp $(pkg-config --cflags --libs eyebox vulkan) -o vulkan_device
+//     ./vulkan_device 64 10
 #include "eyebox.h"
 #include <cstdio>
 #include <stdexcept>
@@ -17,7 +18,7 @@ void check(VkResult result, const char *what) {
     if (result != VK_SUCCESS) throw std::runtime_error(std::string(what) + ": " + std::to_string(result));
 }
 
-// The program's own device: the first, with a queue that computes, and the one feature that eyebox needs.
+// The program's own device. It is the first device, with a compute queue and the one feature that eyebox requires.
 struct Own {
     VkInstance instance = VK_NULL_HANDLE;
     VkPhysicalDevice physical = VK_NULL_HANDLE;
@@ -72,7 +73,7 @@ struct Own {
 int main(int argc, char **argv) try {
     const std::size_t size = argc > 1 ? std::stoul(argv[1]) : 64;
     const std::string settings = std::string("frames = 2\nseed = 1\nsteps = ") + (argc > 2 ? argv[2] : "10");
-    Own own; // Before the engine: it goes last.
+    Own own; // The device must exist longer than the engine, so it is made first.
     EyeboxEngine *engine = nullptr;
     EyeboxDisplay *preset = nullptr, *display = nullptr;
     EyeboxScene *scene = nullptr;
@@ -81,7 +82,7 @@ int main(int argc, char **argv) try {
     const char *reason = nullptr;
     check(eyebox_engine_reason(engine, &reason));
     std::printf("%s\n", reason);
-    // What the program does with its queue itself.
+    // The program's own work on the queue.
     const auto own_work = [](void *of) { vkQueueWaitIdle(static_cast<Own *>(of)->queue); };
     check(eyebox_engine_with_queue(engine, own_work, &own));
     check(eyebox_display_load("small", &preset));

@@ -1,9 +1,10 @@
 """eyebox computes phase holograms for near-eye displays. The image stays correct across the whole eyebox and sharpens
 at the tracked pupil.
 
-A light field becomes the phases of a spatial light modulator (SLM) by Stochastic Light Field Holography (Schiffers et al.
-2023, https://arxiv.org/abs/2307.06277). Lengths are metres, phases radians, images linear light with 1 as full scale;
-arrays are (row, column), rows going down, with colours (red, green, blue) last; depths are positive towards the eye.
+The package converts a light field to phases of a spatial light modulator (SLM) by Stochastic Light Field Holography
+(Schiffers et al. 2023, https://arxiv.org/abs/2307.06277). Lengths are meters and phases are radians. Images are linear
+light with 1 as full scale, and depths are positive towards the eye. Arrays are (row, column) with rows going down.
+Colors (red, green, blue) are the last axis.
 
 >>> import eyebox
 >>> display = eyebox.Display("small", size=(64, 64))
@@ -72,7 +73,7 @@ __all__ = [
     "solve",
 ]
 
-# Abandoned work ends before the process does; a forked child has none.
+# The exit of the process waits for abandoned work. A forked child has no such work.
 atexit.register(_eyebox.leave)
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=lambda: atexit.unregister(_eyebox.leave))

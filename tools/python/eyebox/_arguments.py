@@ -1,4 +1,4 @@
-"""What people give, made plain: arrays of any order and kind, settings, numbers. Each refusal names the argument."""
+"""Converts arguments to plain arrays, settings and numbers, from any order and kind. Each error names the argument."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from . import _eyebox
 
 
 class Pupil(NamedTuple):
-    """An eye's pupil in the eyebox, metres.
+    """The pupil of an eye in the eyebox, in meters.
 
     Attributes
     ----------
     x, y : float
-        Its centre: to the right, and down.
+        Center of the pupil, to the right and down.
     diameter : float
-        An eye's is 2e-3 to 8e-3.
+        Diameter of the pupil. The pupil of an eye has 2e-3 to 8e-3.
     depth : float
-        Where it focuses, from the SLM's image; positive is nearer.
+        Depth at which the eye focuses, from the image of the SLM. Positive is nearer.
     """
 
     x: float = 0.0
@@ -34,13 +34,13 @@ class Pupil(NamedTuple):
 
 
 def warn() -> None:
-    """Issues what the library warned of since the last call."""
+    """Issues the warnings of the library since the last call."""
     for text in _eyebox.take_warnings():
         warnings.warn(text, stacklevel=3)
 
 
 def number(value: Any, what: str) -> float:
-    """A real number, by itself or as an array of no axes; a text is none."""
+    """Returns a real number as a float. It may be in an array without axes, but not in a text."""
     try:
         if isinstance(value, (str, bytes, bytearray)):
             raise TypeError
@@ -50,7 +50,7 @@ def number(value: Any, what: str) -> float:
 
 
 def finite(value: Any, what: str) -> float:
-    """A real number that is neither infinite nor NaN."""
+    """Returns a real number that is neither infinite nor NaN."""
     finite = number(value, what)
     if not math.isfinite(finite):
         raise ValueError(f"{what} is {finite}: it must be finite")
@@ -58,7 +58,7 @@ def finite(value: Any, what: str) -> float:
 
 
 def _of_text(read: Callable[..., Any], text: str, against: Any, what: str) -> float:
-    """A text with a unit as a number. An error names the argument."""
+    """Reads a text with a unit as a number. An error names the argument."""
     try:
         return read(text, against)
     except (TypeError, ValueError) as error:
@@ -67,22 +67,26 @@ def _of_text(read: Callable[..., Any], text: str, against: Any, what: str) -> fl
 
 
 def quantity(value: Any, unit: str, what: str) -> float:
-    """A real number in ``unit``, or a text with any unit of its dimension, such as "4mm"."""
+    """Returns a real number in ``unit``. It may be a text with any unit of this dimension, such as "4mm"."""
     return _of_text(_eyebox.quantity, value, unit, what) if isinstance(value, str) else number(value, what)
 
 
 def finite_quantity(value: Any, unit: str, what: str) -> float:
-    """A quantity that is neither infinite nor NaN."""
+    """Returns a quantity that is neither infinite nor NaN."""
     return finite(quantity(value, unit, what), what)
 
 
 def quantities(value: Any, unit: str, what: str, right: str) -> list[float]:
-    """As many quantities as ``right`` names, separated by commas."""
+    """Returns one quantity for each name in ``right``, which separates names by commas."""
     return [quantity(one, unit, what) for one in _each(value, what, right)]
 
 
 def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "depth") -> Any:
-    """Meters, or a text in millimeters, diopters ("0.5D") or meters from the eye ("2m"). Without a focal length the text stays."""
+    """Returns a depth in meters.
+
+    It may be a number, or a text in millimeters, diopters ("0.5D") or meters from the eye ("2m"). Without a focal
+    length a text stays a text.
+    """
     if not isinstance(value, str):
         return number(value, what)
     metres = _of_text(_eyebox.depth, value, 1.0 if focal_length is None else focal_length(), what)
@@ -90,7 +94,7 @@ def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "dep
 
 
 def size(value: Any) -> list[int]:
-    """Rows and columns, or a text such as "1080p"."""
+    """Returns rows and columns from a pair, or from a text such as "1080p"."""
     if isinstance(value, str):
         return _eyebox.size(value)
     try:
@@ -102,7 +106,7 @@ def size(value: Any) -> list[int]:
 
 
 def whole(value: Any, what: str) -> int:
-    """A whole number, of any type that Python indexes with."""
+    """Returns a whole number of any type that Python accepts as an index."""
     try:
         return operator.index(value)
     except TypeError:
@@ -110,7 +114,7 @@ def whole(value: Any, what: str) -> int:
 
 
 def count(value: Any, what: str, most: int = 1_000_000, *, least: int = 1) -> int:
-    """A whole number from ``least`` to ``most``."""
+    """Returns a whole number from ``least`` to ``most``."""
     number = whole(value, what)
     if not least <= number <= most:
         raise ValueError(f"{what} is {number}: it must be {least} to {most}")
@@ -128,23 +132,23 @@ def _each(value: Any, what: str, right: str) -> list[Any]:
 
 
 def ends(value: Any, what: str) -> list[Any]:
-    """Both ends of a range, as they are."""
+    """Returns both ends of a range without conversion."""
     return _each(value, what, "one end, the other")
 
 
 def numbers(value: Any, what: str, right: str) -> list[float]:
-    """As many numbers as ``right`` names, separated by commas."""
+    """Returns one number for each name in ``right``, which separates names by commas."""
     return [number(one, what) for one in _each(value, what, right)]
 
 
 def pupil(x: Any, y: Any, diameter: Any, focus: Any, focal_length: Callable[[], float] | None) -> tuple[float, float, float, float]:
-    """A pupil's four numbers."""
+    """Returns the four numbers (x, y, diameter, depth) of a pupil."""
     place = quantity(x, "m", "x"), quantity(y, "m", "y"), quantity(diameter, "m", "diameter")
     return *place, depth(focus, focal_length)
 
 
 def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[float, float, float, float]]:
-    """Several pupils, each four numbers: x, y, diameter, depth."""
+    """Returns several pupils, each as four numbers (x, y, diameter, depth)."""
     try:
         each = [tuple(one) for one in value]
     except TypeError:
@@ -155,7 +159,7 @@ def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[f
 
 
 def path(value: Any, what: str) -> str:
-    """A path as text."""
+    """Returns a path as text."""
     try:
         return os.fsdecode(value)
     except TypeError:
@@ -163,24 +167,24 @@ def path(value: Any, what: str) -> str:
 
 
 def name(value: Any, what: str) -> str | None:
-    """One name, or none."""
+    """Returns one name or None."""
     if value is not None and not isinstance(value, str):
         raise TypeError(f"{what} is {_short(value)}: it must be a name")
     return value
 
 
 def is_path(value: Any) -> bool:
-    """Whether it names something rather than being it."""
+    """Returns whether a value is a name or a path and not the object itself."""
     return isinstance(value, (str, os.PathLike))
 
 
 def is_array(value: Any) -> bool:
-    """Whether it may hold numbers."""
+    """Returns whether a value may hold numbers."""
     return isinstance(value, (np.ndarray, list, tuple)) or hasattr(value, "__dlpack__") or hasattr(value, "__array__")
 
 
 def colors(value: Any, has: list[str]) -> list[str]:
-    """Colours by their names; none for all of ``has``."""
+    """Returns the names of colors. None means all colors of ``has``."""
     if value is None:
         return list(has)
     names = [value] if isinstance(value, str) else value
@@ -194,8 +198,11 @@ def colors(value: Any, has: list[str]) -> list[str]:
 
 
 def array(value: Any, what: str, right: str) -> np.ndarray:
-    """An array on the host, not copied where it is there already: NumPy's, what NumPy makes of lists, or, by DLPack, PyTorch's
-    and JAX's. ``right`` says what it should be."""
+    """Returns an array on the host.
+
+    An array that is already there is not copied. NumPy converts lists, and DLPack gives arrays of PyTorch and JAX.
+    ``right`` describes a valid array in errors.
+    """
     try:
         if isinstance(value, np.ndarray):
             plain = value
@@ -203,7 +210,7 @@ def array(value: Any, what: str, right: str) -> np.ndarray:
             plain = np.from_dlpack(value)
         else:
             plain = np.asarray(value)
-    except Exception as error:  # Whatever a foreign library raises.
+    except Exception as error:  # A foreign library may raise any exception.
         raise TypeError(f"{what} is {_short(value)}, of which NumPy makes no array ({error}): it must be {right}") from error
     if plain.size == 0 or plain.ndim == 0:
         raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
@@ -211,13 +218,13 @@ def array(value: Any, what: str, right: str) -> np.ndarray:
 
 
 def _float32(plain: np.ndarray) -> np.ndarray:
-    # A number that float32 does not hold becomes infinite, and is refused with its place.
+    # A number that is too large for float32 becomes infinite. The library then refuses it and names its place.
     with np.errstate(over="ignore", invalid="ignore"):
         return np.ascontiguousarray(plain, dtype=np.float32)
 
 
 def radians(value: Any, what: str) -> np.ndarray:
-    """Phases: floating point, (row, column) or (sub-frame, row, column); as the latter."""
+    """Returns phases (sub-frame, row, column) from floating-point numbers of this shape or of (row, column)."""
     right = "(sub-frame, row, column) or (row, column) of floating-point radians"
     plain = array(value, what, right)
     if plain.dtype.kind != "f":
@@ -228,9 +235,9 @@ def radians(value: Any, what: str) -> np.ndarray:
 
 
 def light_field(value: Any, what: str) -> tuple[list[np.ndarray], int]:
-    """Views as one array (view row, view column, row, column) of linear light a colour, and how many colours there are.
+    """Returns one array (view row, view column, row, column) of linear light per color, and the number of colors.
 
-    Floating point is linear light; 8 and 16 bits are what pictures hold, sRGB.
+    Floating-point values are linear light. Values of 8 and 16 bits are sRGB, as in pictures.
     """
     right = (
         "(view row, view column, row, column[, 3]), or (row, column[, 3]) of one view, "
@@ -255,7 +262,10 @@ def light_field(value: Any, what: str) -> tuple[list[np.ndarray], int]:
 
 
 def _check_full_scale(words: np.ndarray, what: str) -> None:
-    """Refuses 16 bits that hold 14 bits or fewer, or a dark picture; multiples of 257 are 8 bits that were stretched."""
+    """Refuses 16-bit values that may have 14 bits or fewer, or that may be a dark picture.
+
+    Multiples of 257 are accepted, because they are 8-bit values that were stretched.
+    """
     most = int(words.max())
     if 0 < most <= 16383 and (words % 257).any():
         error = _eyebox.SceneError(
@@ -267,7 +277,7 @@ def _check_full_scale(words: np.ndarray, what: str) -> None:
 
 
 def toml(settings: dict[str, Any]) -> str:
-    """Settings as TOML; None is as by default."""
+    """Returns settings as TOML. None leaves the default of a setting."""
     lines = (f"{_key(key)} = {_value(key, value)}" for key, value in settings.items() if value is not None)
     return "\n".join(lines)
 
@@ -277,12 +287,12 @@ def _key(key: Any) -> str:
 
 
 def _text(text: str) -> str:
-    # JSON's strings are TOML's, but for one character.
+    # A string of JSON is a string of TOML, except for the character DEL.
     return json.dumps(text).replace("\x7f", "\\u007f")
 
 
 def plain(value: Any) -> Any:
-    """Numbers of other libraries, and arrays and containers of them, as Python's own."""
+    """Converts numbers of other libraries, and arrays and containers of them, to types of Python."""
     if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
         return bool(value) if isinstance(value, np.bool_) else value
     if isinstance(value, dict):
@@ -316,7 +326,7 @@ def _value(name: str, value: Any) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value in a sentence."""
+    """Returns a value as a short text for a message."""
     text = repr(value)
     text = " ".join(text.split())
     return text if len(text) <= 60 else f"{text[:40]}... ({type(value).__name__})"

@@ -1,4 +1,4 @@
-"""A model of the display as it is, fitted from a camera's pictures."""
+"""Fits a model of the real display to pictures of a camera."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from ._display import Display, display_of
 
 
 class Shot(NamedTuple):
-    """A picture that is asked for.
+    """A picture that the calibration requests from the camera.
 
     Attributes
     ----------
     show : numpy.ndarray or None
-        What the SLM shows: (sub-frame, row, column), grey levels (integers) or phases (float32, radians) as the camera takes
-        them. Several are shown in turn, and exposed as whole sets.
+        Pattern on the SLM (sub-frame, row, column). It has gray levels (integers) or phases (float32, radians), as the
+        camera takes them. Several sub-frames are shown in turn and exposed as whole sets.
     color : str or None
-        The light that is on; None for darkness.
+        Color of the light that is on, or None for darkness.
     wavelength : float or None
-        Its wavelength, metres.
+        Wavelength of the light in meters.
     iris : (float, float, float)
-        Where the iris stands, and how wide it is: x, y, diameter, metres.
+        Position and diameter of the iris (x, y, diameter), in meters.
     focus : float
-        Where the camera focuses, metres.
+        Depth at which the camera focuses, in meters.
     exposure : float or None
-        Seconds; None for what the camera finds best.
+        Exposure time in seconds, or None if the camera chooses the best one.
     average : int
-        So many pictures are added.
+        Number of pictures to add.
     """
 
     show: np.ndarray | None
@@ -50,15 +50,15 @@ class Shot(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """A display that was calibrated.
+    """The result of a calibration.
 
     Attributes
     ----------
     display : Display
-        The display with what was fitted.
+        Display with the fitted model.
     report : dict
-        How sure that is, and what it leaves unexplained: ``parameters``, ``unexplained``, ``noise``, ``calibrated``,
-        ``warnings``, ...
+        Certainty of the fit and the rest that it does not explain. Its keys are ``parameters``, ``unexplained``,
+        ``noise``, ``calibrated``, ``warnings``, ...
     """
 
     display: Display
@@ -78,39 +78,40 @@ def calibrate(
     iris: tuple[float, float, float] | None = None,
     callback: Callable[[str, float | None], Any] | None = None,
 ) -> Calibration:
-    """Fits the model of one colour of a display to pictures of it; the display's own model is where the fit begins.
+    """Fits the model of one color of a display to pictures of it. The fit begins with the model of the display.
 
     Parameters
     ----------
     display : Display, str or path
-        The display.
+        Display to calibrate.
     camera : callable, optional
-        Takes a :class:`Shot` and answers with its picture, (row, column), linear in light and no more than ``full_scale`` times
-        ``average``. An exception ends that picture, and the bench is asked again; KeyboardInterrupt and SystemExit end the
-        calibration. Without a camera, ``captures`` has the pictures.
+        Function that takes a :class:`Shot` and returns its picture (row, column). The picture is linear in light and at
+        most ``full_scale`` times ``average``. An exception ends that picture, and the bench gets another request.
+        KeyboardInterrupt and SystemExit end the calibration. Without a camera, ``captures`` has the pictures.
     color : str, optional
-        Green where none is given, or the display's first.
+        Color to calibrate. The default is green, or the first color of a display without green.
     hello : dict
-        What the bench is, as a camera's command answers it (docs/calibrate.md): ``camera`` with ``resolution`` and ``bits``, and what
-        of ``slm``, ``iris`` and ``focus_mm`` is not as by default. ``protocol``, ``colors`` and ``slm.resolution`` are the display's.
+        Description of the bench, like the answer of a camera's command (docs/calibrate.md). It has ``camera`` with
+        ``resolution`` and ``bits``, and the values of ``slm``, ``iris`` and ``focus_mm`` that differ from the defaults.
+        The display gives ``protocol``, ``colors`` and ``slm.resolution``.
     full_scale : float, optional
-        The value at which a picture saturates; 2 to the power of ``bits`` less 1 where none is given.
+        Value at which a picture saturates. The default is 2 to the power of ``bits``, less 1.
     captures : path, optional
-        Where pictures are kept; those of a calibration that was broken off are not asked for again.
+        Folder that keeps the pictures. After an interrupted calibration, the pictures in it are not taken again.
     most : int
-        Pictures at most, 12 or more.
+        Highest number of pictures, 12 or more.
     quick : bool
-        Four pictures, for what drifts.
+        Take only four pictures, to find drift.
     iris : (float, float, float), optional
-        Where an iris stands that does not move: x, y, diameter, metres.
+        Position and diameter of an iris that does not move (x, y, diameter), in meters.
     callback : callable, optional
-        Called with what is being done and the share of all that is done, and with lines of the bench and None. What it raises
-        ends the calibration at once, as ctrl-C does. Pictures are kept where ``captures`` says.
+        Function that gets each activity with the share of all work that is done, and each line of the bench with None.
+        An exception of the callback ends the calibration at once, as ctrl-C does. ``captures`` keeps the pictures.
 
     Raises
     ------
     CalibrateError
-        The bench, its pictures, or what they do not tell.
+        If the bench or its pictures fail, or if the pictures do not determine the model.
     """
     display = display_of(display)
     if color is None:
@@ -136,7 +137,7 @@ def calibrate(
 
 
 class _Bench:
-    """The library asks a camera's command; this one asks back here (eyebox/_camera.py)."""
+    """Answers the requests of the library, which runs eyebox/_camera.py as the command of a camera."""
 
     def __init__(self, display: Display, camera: Any, hello: Any, full_scale: Any) -> None:
         try:
@@ -155,7 +156,7 @@ class _Bench:
         self.raised: BaseException | None = None
 
     def told(self, callback: Any) -> Callable[[str, float | None], None]:
-        """The callback, which also ends the calibration by what the camera raised."""
+        """Wraps the callback. The wrapper also raises an exception of the camera, which ends the calibration."""
 
         def told(line: str, share: float | None) -> None:
             if self.raised is not None:
@@ -169,7 +170,7 @@ class _Bench:
         key = secrets.token_bytes(32)
         self.listener = Listener(authkey=key)
         self.folder = tempfile.TemporaryDirectory(prefix="eyebox-")
-        # The key goes by a file that nobody else may read: others see a command's words.
+        # The key is in a file of this user alone, because other users can see the arguments of a command.
         secret = os.path.join(self.folder.name, "key")
         with open(os.open(secret, os.O_CREAT | os.O_WRONLY, 0o600), "wb") as file:
             file.write(key)
@@ -190,7 +191,7 @@ class _Bench:
         while True:
             try:
                 connection = self.listener.accept()
-            except Exception:  # It is closed, or somebody without the key called.
+            except Exception:  # The listener is closed, or a client had no key.
                 if getattr(self.listener, "_listener", None) is None:
                     return
                 continue

@@ -1,5 +1,7 @@
-"""The camera's command of a calibration whose camera is a function of another process: it passes lines on, there and back. It imports nothing of
-the package, so that it is there at once."""
+"""Serves as the command of a camera for a calibration whose camera is a function of another process.
+
+It passes lines on in both directions. It does not import the package, so it starts at once.
+"""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Displays and engines."""
+"""Displays, and the engines that compute for them."""
 
 from __future__ import annotations
 
@@ -11,28 +11,29 @@ from . import _arguments, _eyebox
 
 
 def presets() -> list[str]:
-    """The names of the built-in displays."""
+    """Returns the names of the built-in displays."""
     return _eyebox.presets()
 
 
 class Display:
-    """A display: an SLM, its optics and how it takes its phases. It never changes.
+    """A display with its SLM, its optics and the encoding of its phases. It never changes.
 
     Parameters
     ----------
     name : str or path, optional
-        A preset (:func:`presets`) or a display file (TOML, docs/displays.md). Without one, the fields say all.
+        Preset (:func:`presets`) or display file (TOML, docs/displays.md). Without a name, the fields describe the
+        whole display.
     size : (int, int) or str, optional
         Rows and columns of the SLM, or a text such as "1080p".
     **fields
-        Keys of a display file, over those of ``name``: ``pitch_um``, ``focal_length_mm``, ``wavelengths_nm`` (a dict of
-        colours), ``levels``, ``rate_hz``, ``geometry`` ("relay" or "far-field"), ``portrait``, and ``encoding``,
-        ``model``, ``picture`` and ``prescription`` as dicts.
+        Keys of a display file, which replace the keys of ``name``. They include ``pitch_um``, ``focal_length_mm``,
+        ``wavelengths_nm`` (a dict of colors), ``levels``, ``rate_hz``, ``geometry`` ("relay" or "far-field") and
+        ``portrait``. The keys ``encoding``, ``model``, ``picture`` and ``prescription`` are dicts.
 
     Raises
     ------
     DisplayError
-        What cannot be, with the key.
+        If the display is not possible. The message names the key.
 
     Examples
     --------
@@ -64,7 +65,7 @@ class Display:
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the display."""
         return self._native.name
 
     @property
@@ -79,36 +80,36 @@ class Display:
 
     @property
     def pitch(self) -> float:
-        """Pixel pitch, metres."""
+        """Pixel pitch in meters."""
         return self._native.pitch
 
     @property
     def focal_length(self) -> float:
-        """Focal length of the relay, metres."""
+        """Focal length of the relay in meters."""
         return self._native.focal_length
 
     @property
     def eyebox(self) -> float:
-        """Side of the eyebox that all its colours serve, metres."""
+        """Side of the eyebox that all colors serve, in meters."""
         return self._native.eyebox
 
     @property
     def geometry(self) -> str:
-        """Where the SLM stands: "relay" or "far-field"."""
+        """Place of the SLM, either "relay" or "far-field"."""
         return self._native.geometry
 
     @property
     def wavelengths(self) -> dict[str, float]:
-        """Its colours and their wavelengths, metres."""
+        """Wavelength of each color in meters."""
         return dict(self._native.wavelengths)
 
     @property
     def levels(self) -> int:
-        """Phase levels of the SLM."""
+        """Number of phase levels of the SLM."""
         return self._native.levels
 
     def to_toml(self) -> str:
-        """The text of its display file."""
+        """Returns the text of the display file."""
         return self._native.to_toml()
 
     def __eq__(self, other: object) -> bool:
@@ -130,7 +131,7 @@ def _display_of_toml(text: str, file: str | None = None) -> Display:
 
 
 def display_of(value: Any) -> Display:
-    """A display by itself, by name or by file."""
+    """Returns a display that is given as such, by its name or by its file."""
     if isinstance(value, Display):
         return value
     if _arguments.is_path(value):
@@ -139,13 +140,13 @@ def display_of(value: Any) -> Display:
 
 
 class Engine:
-    """Where is computed. Threads may share one: they compute side by side.
+    """The CPU or the device that computes. Threads can share one engine and compute in parallel.
 
     Parameters
     ----------
     choice : {"auto", "cpu", "vulkan"}
-        "auto" is a real GPU where there is one that computes as it should, else the CPU; "vulkan" takes a device in software,
-        too.
+        "auto" uses a real GPU if there is one that computes correctly, and otherwise the CPU. "vulkan" also accepts a
+        device in software.
     """
 
     __slots__ = ("_native",)
@@ -157,7 +158,7 @@ class Engine:
 
     @property
     def reason(self) -> str:
-        """What computes, and why that and nothing else, in a sentence."""
+        """Sentence that names the engine and the reason for this choice."""
         return self._native.reason
 
     def __repr__(self) -> str:
@@ -173,7 +174,7 @@ def _shared(choice: str) -> _eyebox.Engine:
 
 
 def _forked() -> None:
-    """In a forked child: the parent's engines stay the parent's, and nobody holds the lock."""
+    """Prepares a forked child, which must not use engines of the parent or wait for a lock that the parent held."""
     global _opening
     _opening = threading.Lock()
     _shared.cache_clear()
@@ -184,7 +185,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def engine_of(value: Any) -> _eyebox.Engine:
-    """An engine by itself, or the process's own by name."""
+    """Returns a given engine, or the shared engine of the process by its name."""
     if isinstance(value, Engine):
         return value._native
     if isinstance(value, str):

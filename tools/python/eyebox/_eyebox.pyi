@@ -1,4 +1,4 @@
-"""What the extension module gives to the package: plain arguments in, plain results out."""
+"""Types of the extension module, which takes plain arguments and returns plain results."""
 
 from typing import Any, Callable
 

@@ -1,4 +1,4 @@
-"""Arrays in the files of NumPy (.npy, .npz), MATLAB (.mat) and HDF5 (.h5, .hdf5): phases and views."""
+"""Reads phases and views from files of NumPy (.npy, .npz), MATLAB (.mat) and HDF5 (.h5, .hdf5)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ COLORS = ("red", "green", "blue")
 
 
 def is_arrays(path: Any) -> bool:
-    """Whether the name of a file says that it holds arrays that Python reads."""
+    """Returns whether a file has the extension of arrays that Python reads."""
     return _arguments.is_path(path) and os.fsdecode(path).lower().endswith(ENDINGS) and not os.path.isdir(path)
 
 
 class Arrays:
-    """The arrays of a file by their names, each read when it is asked for.
+    """The arrays of a file by their names. Each array is read on demand.
 
     Attributes
     ----------
     matlab : bool
-        Whether the axes are in MATLAB's order: sub-frames and views last.
+        True if the axes are in MATLAB's order, with sub-frames and views last.
     """
 
     def __init__(self, path: Any, what: str) -> None:
@@ -52,7 +52,7 @@ class Arrays:
             raise ValueError(f"{self.path}: damaged, or an array of Python's objects ({error}): save numbers") from error
 
     def _is_hdf5(self) -> bool:
-        # A block of the user's may come before, as in MATLAB's 7.3.
+        # A user block may come first, as in files of MATLAB 7.3.
         with open(self.path, "rb") as file:
             for at in (0, 512, 1024, 2048):
                 file.seek(at)
@@ -91,7 +91,7 @@ class Arrays:
         except ImportError:
             raise ImportError(f"{self.path}: HDF5 files, such as MATLAB's of version 7.3, need h5py: pip install h5py") from None
         self.matlab = self.path.lower().endswith(".mat")
-        # MATLAB writes its axes in reverse.
+        # MATLAB writes its axes in reverse order.
         order = -1 if self.matlab else 1
         self.shapes = {}
 
@@ -112,7 +112,7 @@ class Arrays:
         self.read = read
 
     def choose(self, variable: str | None, axes: tuple[int, ...], right: str) -> str:
-        """The name of the one array of so many axes."""
+        """Returns the name of the only array whose number of axes is in ``axes``, or checks a given name."""
         fit = [name for name, shape in self.shapes.items() if len(shape) in axes and 0 not in shape and max(shape) > 1]
         if variable is None and len(fit) == 1:
             return fit[0]
@@ -129,14 +129,17 @@ class Arrays:
 
 
 def views(path: Any, variable: str | None) -> Any:
-    """A light field's array."""
+    """Reads the array of a light field."""
     arrays = Arrays(path, "scene")
     right = "views, (view row, view column, row, column[, 3])"
     return arrays.read(arrays.choose(variable, (4, 5), right))
 
 
 def phases(path: Any, variable: str | None, size: tuple[int, int]) -> Any:
-    """Phases for a display of this size, (sub-frame, row, column): an array, or a dict by the names of colours."""
+    """Reads phases (sub-frame, row, column) for a display of this size.
+
+    Returns an array, or a dict by the names of colors.
+    """
     arrays = Arrays(path, "phases")
     named = [name for name in COLORS if name in arrays.shapes]
     if variable is None and named:
@@ -146,7 +149,10 @@ def phases(path: Any, variable: str | None, size: tuple[int, int]) -> Any:
 
 
 def _sub_frames_first(arrays: Arrays, name: str, size: tuple[int, int]) -> Any:
-    """MATLAB has sub-frames last; what Python wrote there has them first: the display's size tells."""
+    """Reads an array and moves its sub-frames to the first axis.
+
+    MATLAB writes sub-frames last, and Python writes them first. The size of the display shows the order.
+    """
     array, shape = arrays.read(name), arrays.shapes[name]
     if not arrays.matlab or len(shape) != 3:
         return array

@@ -1,4 +1,4 @@
-"""Holograms: their files, their phases, and what is seen of them."""
+"""Holograms with their files, phases and reconstructions."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from ._scene import Scene, scene_of
 
 
 class Score(NamedTuple):
-    """What a pupil sees, against what it should see.
+    """The quality of a reconstruction through a pupil, compared with its target image.
 
     Attributes
     ----------
     psnr : float or None
-        PSNR over all colors, dB; None if the target is black.
+        PSNR over all colors in dB, or None if the target is black.
     ceiling : float or None
-        The most that any hologram could have there, dB; None where it is not known.
+        Highest PSNR that any hologram can have there in dB, or None if it is unknown.
     ssim : float or None
-        Mean SSIM over the colours; None where the picture is smaller than SSIM's window.
+        Mean SSIM over the colors, or None if the picture is smaller than the window of SSIM.
     against_clear : float or None
-        PSNR of the image past an obstruction against the image that the same hologram shows a clear pupil, dB; None for a clear pupil.
+        PSNR in dB of the image past an obstruction, compared with the image of the same hologram through a clear
+        pupil. It is None for a clear pupil.
     """
 
     psnr: float | None
@@ -39,10 +40,10 @@ class Score(NamedTuple):
 
 
 class Hologram:
-    """Phases, and what they were made for and by. It never changes.
+    """Phases with their display, scene and settings. A hologram never changes.
 
-    Made by :func:`eyebox.solve`, :meth:`load`, :meth:`from_phases` or :meth:`refine`. In a notebook it shows itself as an eye
-    in the middle of the eyebox sees it.
+    :func:`eyebox.solve`, :meth:`load`, :meth:`from_phases` and :meth:`refine` make holograms. A notebook displays one
+    as an eye at the center of the eyebox sees it.
     """
 
     __slots__ = ("_native", "_png", "_scene", "_stopped", "_views")
@@ -59,12 +60,12 @@ class Hologram:
 
     @classmethod
     def load(cls, path: Any, at: int | None = None) -> Hologram:
-        """Opens a hologram that :meth:`save` or the command made: a .zarr folder, or hologram ``at`` of a sequence.
+        """Opens a .zarr folder that :meth:`save` or the command made, or hologram ``at`` of a sequence.
 
         Raises
         ------
         HologramError
-            Nothing that is one, or a damaged one, with its file.
+            If the file is damaged or is no hologram. The message names the file.
         """
         if at is not None:
             at = _arguments.count(at, "at", 1 << 40, least=0)
@@ -82,26 +83,27 @@ class Hologram:
         variable: str | None = None,
         engine: Any = "auto",
     ) -> Hologram:
-        """The hologram that phases of one's own are on a display: to be looked at, scored, refined, encoded and saved.
+        """Makes a hologram from your own phases, to render, score, refine, encode and save it.
 
         Parameters
         ----------
         phases : array, dict of arrays, or path
-            (sub-frame, row, column) or (row, column), radians in floating point, of the display's size; for several colours, a
-            dict by their names. Whatever speaks DLPack (PyTorch, JAX) will do. A file is .npy, .npz, .mat (needs SciPy; version
-            7.3 needs h5py) or .h5 (needs h5py), with one array of such a shape, or with arrays named red, green and blue.
+            Floating-point radians (sub-frame, row, column) or (row, column), of the display's size. Several colors are
+            a dict by their names. Arrays of any library with DLPack (PyTorch, JAX) are accepted. A file is .npy, .npz,
+            .mat (needs SciPy, or h5py for version 7.3) or .h5 (needs h5py). It has one array of such a shape, or arrays
+            named red, green and blue.
         display : Display, str or path
-            The display that they are for.
+            Display for the phases.
         color : str, optional
-            The colour of an array; may be left out where the display has one only.
+            Color of an array. It is optional if the display has only one color.
         scene : Scene, str, path or array, optional
-            The scene that they show: it decides the exposures, without which nothing can be seen.
+            Scene that the phases show. It determines the exposures, which every reconstruction needs.
         exposure : float, optional
-            The exposure of every colour, instead: by what the light is multiplied.
+            Exposure of every color, if there is no scene. The light is multiplied by it.
         variable : str, optional
-            The name of the array in a file that has several.
+            Name of the array in a file with several arrays.
         engine : Engine or str
-            Where exposures are fitted.
+            Engine that fits the exposures.
         """
         display = display_of(display)
         if _arguments.is_path(phases):
@@ -127,21 +129,24 @@ class Hologram:
         return cls._of(native, scene, None)
 
     def save(self, path: Any) -> None:
-        """Saves it by the ending of its name: .zarr is all of it, .npy its phases alone. A hologram that is there is replaced,
-        anything else left alone, and nothing is left half written."""
+        """Saves the hologram in the format of the file extension.
+
+        A .zarr folder has all of it, and a .npy file only its phases. An existing hologram is replaced, but nothing
+        else, and no partial file remains.
+        """
         self._native.save(_arguments.path(path, "path"))
 
     @property
     def phases(self) -> dict[str, np.ndarray]:
-        """The phases of each colour, (sub-frame, row, column), radians in [-pi, pi): copies, which are yours."""
+        """Phases of each color (sub-frame, row, column), in radians in [-pi, pi). They are copies that you own."""
         return {color: self._native.phases(index) for index, color in enumerate(self.colors)}
 
     @property
     def phases_view(self) -> dict[str, np.ndarray]:
-        """The phases as of :attr:`phases`, read-only and without a copy per use: for reading large ones often.
+        """Phases as in :attr:`phases`, but read-only and without a copy per use, to read large arrays often.
 
-        The first use makes one copy for all views. Each array is a private mapping of it: a library that writes into a read-only array
-        nevertheless, as PyTorch's ``from_dlpack`` allows, changes that array alone.
+        The first use makes one copy for all views. Each array is a private mapping of this copy. If a library writes
+        into a read-only array nevertheless, as PyTorch's ``from_dlpack`` allows, only that array changes.
         """
         if self._views is None:
             self._views = {color: _stored(array) for color, array in self.phases.items()}
@@ -154,44 +159,46 @@ class Hologram:
 
     @property
     def colors(self) -> list[str]:
-        """Its colours; a number where one has no name."""
+        """Name of each color, or its number if it has no name."""
         return self._native.colors
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Sub-frames, rows and columns."""
+        """Numbers of sub-frames, rows and columns."""
         return tuple(self._native.shape)
 
     @property
     def frames(self) -> int:
-        """Sub-frames."""
+        """Number of sub-frames."""
         return self.shape[0]
 
     @property
     def exposures(self) -> dict[str, float] | None:
-        """By what the light of each colour is multiplied, once for the whole eyebox; None where that is not known."""
+        """Factor of the light of each color, the same for the whole eyebox, or None if it is unknown."""
         known = self._native.exposures
         return None if known is None else dict(zip(self.colors, known))
 
     @property
     def scene(self) -> str:
-        """The name of the scene that it shows."""
+        """Name of the scene that the hologram shows."""
         return self._native.scene
 
     @property
     def display(self) -> Display:
-        """The display that it was made for: its optics, without its encoding."""
+        """Display for which the hologram was made, with its optics but without its encoding."""
         return Display._of(self._native.display)
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """How it was made, as its file has it (docs/hologram-format.md)."""
+        """Metadata of the hologram, with the keys of its file (docs/hologram-format.md)."""
         return json.loads(self._native.metadata)
 
     @property
     def stopped(self) -> str | None:
-        """Why its solve ended: "steps", "seconds", "quality", "callback", or "interrupt" of what ctrl-C left; None where it was not
-        solved here."""
+        """Cause that ended the solve, which is "steps", "seconds", "quality", "callback", or "interrupt" after ctrl-C.
+
+        It is None if :func:`eyebox.solve` did not return this hologram.
+        """
         return self._stopped
 
     def view(
@@ -204,25 +211,25 @@ class Hologram:
         engine: Any = "auto",
         obstructed: str | None = None,
     ) -> np.ndarray:
-        """What an eye sees through a pupil.
+        """Computes the image that an eye sees through a pupil.
 
         Parameters
         ----------
         x, y : float
-            Its centre, metres: to the right, and down.
+            Center of the pupil in meters, to the right and down.
         diameter : float
-            Its diameter, metres.
+            Diameter of the pupil in meters.
         depth : float
-            Where it focuses, metres from the SLM's image; positive is nearer.
+            Depth at which the eye focuses, in meters from the image of the SLM. Positive is nearer.
         engine : Engine or str
-            Where it is computed.
+            Engine that computes the image.
         obstructed : str, optional
-            Opaque marks in the pupil: "lashes", "floaters", "opacity" or "scratches".
+            Opaque marks in the pupil, either "lashes", "floaters", "opacity" or "scratches".
 
         Returns
         -------
         numpy.ndarray
-            (row, column, colour), float32, linear light with 1 as the scene's full scale.
+            (row, column, color), float32, linear light with 1 as full scale of the scene.
         """
         at, marks = _arguments.pupil(x, y, diameter, depth, self._focal_length), _arguments.name(obstructed, "obstructed")
         return self._native.view(at, marks, engine_of(engine))
@@ -236,28 +243,28 @@ class Hologram:
         other_scene: bool = False,
         obstructed: str | None = None,
     ) -> list[Score]:
-        """Compares what pupils see with what they should see, with one exposure per colour for all of them.
+        """Compares reconstructions through pupils with the target images. All pupils share one exposure per color.
 
         Parameters
         ----------
         scene : Scene, str, path or array, optional
-            Its scene; the one that it was solved from where none is given, read as it was then. A hologram of an array takes
-            that array again.
+            Scene of the hologram. The default is the scene of the solve, read with the same options. If that scene was
+            an array, pass the array again.
         pupils : sequence of (x, y, diameter, depth), optional
-            Metres. Where none are given, five of 4 mm, in the middle of the eyebox and around it.
+            Pupils in meters. The default is five pupils of 4 mm, in the center of the eyebox and around it.
         engine : Engine or str
-            Where it is computed.
+            Engine that computes the scores.
         other_scene : bool
-            Take a scene that is not the one that the hologram was solved from.
+            Accept another scene than the scene of the solve.
         obstructed : str, optional
-            Opaque marks in each pupil: "lashes", "floaters", "opacity" or "scratches".
+            Opaque marks in each pupil, either "lashes", "floaters", "opacity" or "scratches".
 
         Raises
         ------
         HologramError
-            A scene that is another, was changed or is not found.
+            If the scene is another one, has changed or is not found.
         DisplayError
-            An obstruction that is unknown.
+            If the obstruction is unknown.
         """
         marks = _arguments.name(obstructed, "obstructed")
         scene = self._scene_of(scene, other_scene)
@@ -280,16 +287,16 @@ class Hologram:
         other_scene: bool = False,
         **steering: Any,
     ) -> Hologram:
-        """The same hologram, refined for where the pupil is, in the best state that the steps reached.
+        """Refines the hologram for a pupil. Returns a new hologram in the best state that the steps reached.
 
         Parameters
         ----------
         pupil : (x, y, diameter, depth)
-            Where it is, metres; its centre is known to within ``spread``.
+            Pupil in meters. ``spread`` is the standard deviation of its center along each axis, in meters.
         steps : int
-            Steps that are taken at most.
+            Highest number of steps.
         scene, engine, callback, other_scene, **steering
-            As of :class:`eyebox.Refiner` and its ``step``.
+            Arguments of :class:`eyebox.Refiner` and of its ``step``.
         """
         from ._refiner import Refiner
 
@@ -304,17 +311,17 @@ class Hologram:
         return best()
 
     def encode(self, display: Any = None) -> np.ndarray:
-        """The video frames that a display receives.
+        """Encodes the hologram as the video frames that a display receives.
 
         Parameters
         ----------
         display : Display, str or path, optional
-            The display; the one that it was solved for where none is given, cut to the hologram's size.
+            Display of the video frames. The default is the display of the solve, cropped to the size of the hologram.
 
         Returns
         -------
         numpy.ndarray
-            (frame, row, column, channel), uint8, in the order in which they are shown; 1 channel (grey) or 3.
+            (frame, row, column, channel), uint8, in the order in which they are shown, with 1 channel (gray) or 3.
         """
         return self._native.encode(self._shown_on(display)._native)
 
@@ -325,14 +332,14 @@ class Hologram:
         return min(4e-3, self.display.eyebox)
 
     def _shown_on(self, display: Any) -> Display:
-        """The display that is given, or that it was solved for."""
+        """Returns the given display, or the display of the solve."""
         if display is None or _arguments.is_path(display):
             named = None if display is None else _arguments.path(display, "display")
             return Display._of(self._native.shown_on(named))
         return display_of(display)
 
     def _scene_of(self, scene: Any, other_scene: bool = False) -> Scene:
-        """Its scene, read as it was solved, or the one that is given."""
+        """Returns the given scene, or the scene of the solve, read with the options of the solve."""
         if scene is None and self._scene is not None:
             return self._scene
         if isinstance(scene, Scene):
@@ -362,7 +369,7 @@ class Hologram:
 
 
 def _stored(array: np.ndarray) -> Any:
-    """A file without a name, in memory if the system can, that holds an array."""
+    """Writes an array to a file without a name, which is in memory if the system supports it."""
     if hasattr(os, "memfd_create"):
         file = os.fdopen(os.memfd_create("eyebox phases", os.MFD_CLOEXEC), "w+b")
     else:

@@ -1,4 +1,4 @@
-"""Ctrl-C while something is computed."""
+"""The exception of ctrl-C during a computation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C ended a solve or a refinement.
 
-    ``except KeyboardInterrupt`` catches it, too. It is raised at once, while the step that is under way still runs.
+    ``except KeyboardInterrupt`` also catches it. It is raised at once, while the current step still runs.
     """
 
     _best: Callable[[], Hologram | None] | None = None
@@ -19,14 +19,14 @@ class Interrupted(KeyboardInterrupt):
 
     @property
     def hologram(self) -> Hologram | None:
-        """The best hologram so far; None if there is none. The first use waits for the end of the step that is under way."""
+        """Best hologram until ctrl-C, or None if there is none. The first use waits for the end of the current step."""
         if self._best is not None:
             self._hologram, self._best = self._best(), None
         return self._hologram
 
 
 def interrupted(error: KeyboardInterrupt, best: Callable[[], Hologram | None]) -> KeyboardInterrupt:
-    """``error``, with the best hologram on it."""
+    """Returns ``error`` with the best hologram, if it is a plain KeyboardInterrupt."""
     if type(error) is not KeyboardInterrupt:
         return error
     made = Interrupted(*error.args)

@@ -1,4 +1,4 @@
-"""Holograms that are refined for where the eye is."""
+"""Holograms that are refined for the tracked pupil."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from ._interrupted import interrupted
 
 
 class Refiner:
-    """A hologram under refinement, step by step, for loops of one's own. The hologram that it begins with stays as it is.
+    """A hologram under refinement, step by step, for your own loops. The initial hologram does not change.
 
     Parameters
     ----------
     hologram : Hologram
-        What is refined.
+        Hologram to refine.
     scene : Scene, str, path or array, optional
-        Its scene; the one that it was solved from where none is given, read as it was then.
+        Scene of the hologram. The default is the scene of the solve, read with the same options.
     engine : Engine or str
-        Where is computed, on engines of the refiner's own.
+        Engine that computes. The refiner makes its own instances of it.
     other_scene : bool
-        Take a scene that is not the one that the hologram was solved from.
+        Accept another scene than the scene of the solve.
     **steering
-        Fields of the library's ``solve::RefineSettings``: ``pupils``, ``elsewhere``, ``strategy`` (a dict), ``seed``, ...
+        Fields of the library's ``solve::RefineSettings``, such as ``pupils``, ``elsewhere``, ``strategy`` (a dict) and
+        ``seed``.
 
     Examples
     --------
@@ -35,7 +36,7 @@ class Refiner:
     >>> refiner.aim(x=2e-3, diameter=4e-3, depth=1e-3)
     >>> refiner.step() < 1
     True
-    >>> steered = refiner.hologram
+    >>> refined = refiner.hologram
     """
 
     __slots__ = ("_kept_scene", "_native", "_scene")
@@ -52,7 +53,7 @@ class Refiner:
         if not isinstance(hologram, Hologram):
             raise TypeError(f"hologram is {hologram!r}: it must be an eyebox.Hologram")
         self._scene = hologram._scene_of(scene, other_scene)
-        # What comes of it still names the scene that it was solved from.
+        # A result with another scene still names the scene of the solve.
         self._kept_scene = None if other_scene else self._scene
         text = _arguments.toml(steering)
         native, engine = self._scene._native, engine_of(engine)
@@ -61,30 +62,32 @@ class Refiner:
     def aim(
         self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, spread: float = 0.0
     ) -> None:
-        """The pupil is there from now on.
+        """Sets the pupil of the next steps.
 
         Parameters
         ----------
         x, y : float
-            Its centre, metres: to the right, and down.
+            Center of the pupil in meters, to the right and down.
         diameter : float
-            Its diameter, metres.
+            Diameter of the pupil in meters.
         depth : float
-            Where it focuses, metres from the SLM's image; positive is nearer.
+            Depth at which the eye focuses, in meters from the image of the SLM. Positive is nearer.
         spread : float
-            To within what its centre is known: a standard deviation along each axis, metres.
+            Standard deviation of the center along each axis, in meters.
         """
         pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._scene.display.focal_length)
         self._native.aim(pupil, _arguments.quantity(spread, "m", "spread"))
 
     def step(self, steps: int = 1, callback: Callable[[int, float], Any] | None = None) -> float:
-        """Takes steps of every colour. A callback (steps taken, loss) ends it early by an answer that is false; None does not. Ctrl-C
-        raises :class:`Interrupted`, whose ``hologram`` is that of the steps taken.
+        """Takes steps of every color.
+
+        A callback (steps taken, loss) ends the steps early by a false answer other than None. Ctrl-C raises
+        :class:`Interrupted`, whose ``hologram`` is the result of the steps taken.
 
         Returns
         -------
         float
-            The loss of the last: mean squared difference over its pupils, in linear light.
+            Loss of the last step, which is the mean squared difference over its pupils in linear light.
         """
         count = _arguments.count(steps, "steps")
         if callback is not None and not callable(callback):
@@ -96,5 +99,5 @@ class Refiner:
 
     @property
     def hologram(self) -> Hologram:
-        """The hologram as it is now, a copy: the refiner goes on."""
+        """Hologram in the current state. It is a copy, so the refiner can continue."""
         return Hologram._of(self._native.hologram(), self._kept_scene, None)

@@ -1,4 +1,4 @@
-"""Scenes, and photographs of them."""
+"""Scenes and their target images."""
 
 from __future__ import annotations
 
@@ -12,45 +12,48 @@ from ._display import Display, display_of, engine_of
 
 
 class Scene:
-    """A scene as a light field: views from a grid of places in the pupil plane, of the size of a display's pictures.
+    """A scene as a light field, with views from a grid of positions in the pupil plane.
+
+    The views have the size of a display's pictures.
 
     Parameters
     ----------
     source : str, path or array
-        "builtin:NAME", a folder of views or a picture (docs/scenes.md); or a light field of one's own:
-        (view row, view column, row, column) or (view row, view column, row, column, colour) with 3 colours; a single view may
-        leave out its first two axes. A file of such an array is .npy, .npz, .mat (needs SciPy; version 7.3 needs h5py) or .h5
-        (needs h5py). Floating point is linear light, finite and not negative, with 1 as full scale; uint8 and
-        uint16 are sRGB. NumPy arrays in any order, lists, and whatever speaks DLPack (PyTorch, JAX) on the CPU. View (r, c)
-        looks from x = (c - (columns - 1) / 2) view_pitch, y = (r - (rows - 1) / 2) view_pitch. Views of another size than the
-        display's pictures are scaled to fit whole.
+        "builtin:NAME", a folder of views, a picture (docs/scenes.md), or your own light field. A light field is
+        (view row, view column, row, column), or (view row, view column, row, column, color) with 3 colors. A single
+        view may omit the first two axes. A file of such an array is .npy, .npz, .mat (needs SciPy, or h5py for version
+        7.3) or .h5 (needs h5py). Floating-point values are linear light, finite and not negative, with 1 as full scale.
+        Values of uint8 and uint16 are sRGB. NumPy arrays in any order, lists, and CPU arrays of any library with DLPack
+        (PyTorch, JAX) are accepted. View (r, c) is the view from x = (c - (columns - 1) / 2) view_pitch,
+        y = (r - (rows - 1) / 2) view_pitch. Views of another size than the display's pictures are scaled to fit whole.
     display : Display, str or path
-        The display that is to show it.
+        Display that is to show the scene.
     color : str or sequence of str, optional
-        "red", "green", "blue"; all of the display's where none is given. A grey light field is shown in each of them.
+        "red", "green" or "blue", or several of them. The default is all colors of the display. A gray light field is
+        shown in each of them.
     views : int, optional
-        Views per axis of scenes that are rendered, 1 to 64.
+        Views per axis of rendered scenes, 1 to 64.
     view_pitch : float, optional
-        Metres between neighbouring views; arrays are spread over the eyebox where none is given.
+        Distance between neighboring views in meters. By default, arrays are spread over the eyebox.
     depth_map : path, optional
-        The depth map of a picture.
+        Depth map of a picture.
     depth : (float, float), optional
-        What its ends mean, metres.
+        Depths of the two ends of the depth map, in meters.
     near : str, optional
-        Which values of the depth map are near: "small" (distances, 0 is unknown), "large" (disparities), "bright" or "dark" (a
-        picture, 0 is a value). By default the file decides, or the map is refused.
+        Values of the depth map that are near. These are "small" (distances, 0 is unknown), "large" (disparities),
+        "bright" or "dark" (a picture, 0 is a value). By default the file determines them, or the map is refused.
     order : str, optional
-        How views stand that do not stand as their names or axes say: "transpose", "flip-rows", "flip-columns", with commas between;
-        "as-named" takes them as a grid whatever their pictures show.
+        Order of the views if it differs from their names or axes. It is one or more of "transpose", "flip-rows" and
+        "flip-columns", separated by commas. "as-named" accepts the views as a grid, whatever their pictures show.
     name : str, optional
-        What holograms of an array remember as their scene.
+        Name of the scene that holograms of an array store.
     variable : str, optional
-        The name of the array in a file of arrays that has several.
+        Name of the array in a file with several arrays.
 
     Raises
     ------
     SceneError
-        A scene that cannot be read or shown, with its file, or the place in the array.
+        If the scene cannot be read or shown. The message names the file, or the place in the array.
     """
 
     __slots__ = ("_display", "_native")
@@ -76,9 +79,9 @@ class Scene:
         pitch = None if view_pitch is None else _arguments.quantity(view_pitch, "m", "view_pitch")
         if variable is not None and not _files.is_arrays(source):
             raise TypeError(f"variable names an array in a file of arrays: scene is {source!r}")
-        # NumPy's files are the library's, too, which finds the views in them by itself.
+        # The library reads NumPy files too, and finds the views in them by itself.
         if _files.is_arrays(source) and not (os.fsdecode(source).lower().endswith((".npy", ".npz")) and variable is None):
-            # The name finds the scene again.
+            # A hologram finds the scene again by this name.
             name = name or _arguments.path(source, "scene")
             source = _files.views(source, variable)
         order = None if order is None else str(order)
@@ -117,53 +120,53 @@ class Scene:
 
     @property
     def display(self) -> Display:
-        """The display that is to show it."""
+        """Display that is to show the scene."""
         return self._display
 
     @property
     def source(self) -> str:
-        """Where it came from."""
+        """Name or path of the scene."""
         return self._native.source
 
     @property
     def colors(self) -> list[str]:
-        """Its colours."""
+        """Names of the colors."""
         return self._native.colors
 
     @property
     def shape(self) -> tuple[int, int, int, int, int]:
-        """View rows, view columns, rows, columns, colours."""
+        """Numbers of view rows, view columns, rows, columns and colors."""
         rows, columns, height, width = self._native.shape
         return rows, columns, height, width, len(self.colors)
 
     @property
     def views(self) -> np.ndarray:
-        """All views, (view row, view column, row, column, colour), linear light: a copy."""
+        """Copy of all views (view row, view column, row, column, color), in linear light."""
         planes = [self._native.views(color).reshape(self.shape[:4]) for color in range(len(self.colors))]
         return np.stack(planes, axis=-1)
 
     @property
     def view_pitch(self) -> float:
-        """Metres between neighbouring views in the pupil plane."""
+        """Distance between neighboring views in the pupil plane, in meters."""
         return self._native.view_pitch(self._display._native)
 
     @property
     def depth_range(self) -> tuple[float, float] | None:
-        """Farthest and nearest depth, metres; None where it is not known."""
+        """Farthest and nearest depth in meters, or None if they are unknown."""
         known = self._native.depth_range(self._display._native)
         return None if known is None else tuple(known)
 
     def photograph(
         self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, engine: Any = "auto"
     ) -> np.ndarray:
-        """What an eye should see of it: :func:`photograph`.
+        """Computes the target image of the scene through a pupil, as :func:`photograph` does.
 
         Parameters
         ----------
         x, y, diameter, depth : float
-            The pupil, metres, as of :func:`photograph`.
+            Pupil in meters, as in :func:`photograph`.
         engine : Engine or str
-            Where it is computed.
+            Engine that computes the image.
         """
         pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._display.focal_length)
         return self._native.photograph(self._display._native, pupil, engine_of(engine))
@@ -175,7 +178,7 @@ class Scene:
 
 
 def scene_of(value: Any, display: Display, color: Any = None, **options: Any) -> Scene:
-    """A scene by itself, or of a name, a path or an array."""
+    """Returns a given scene, or makes one from a name, a path or an array."""
     if not isinstance(value, Scene):
         return Scene(value, display, color, **options)
     if color is not None and _arguments.colors(color, value.colors) != value.colors:
@@ -196,27 +199,27 @@ def photograph(
     color: Any = None,
     engine: Any = "auto",
 ) -> np.ndarray:
-    """What an eye should see of a scene through a pupil.
+    """Computes the target image, which is the image that an eye should see of a scene through a pupil.
 
     Parameters
     ----------
     scene : Scene, str, path or array
-        The scene; all but a :class:`Scene` is made one for ``display`` and ``color``.
+        Scene, or the source of a :class:`Scene` for ``display`` and ``color``.
     x, y : float
-        Centre of the pupil, metres: to the right, and down.
+        Center of the pupil in meters, to the right and down.
     diameter : float
-        Its diameter, metres.
+        Diameter of the pupil in meters.
     depth : float
-        Where it focuses, metres from the SLM's image; positive is nearer.
+        Depth at which the eye focuses, in meters from the image of the SLM. Positive is nearer.
     display, color
-        As of :class:`Scene`.
+        Arguments of :class:`Scene`.
     engine : Engine or str
-        Where it is computed.
+        Engine that computes the image.
 
     Returns
     -------
     numpy.ndarray
-        (row, column, colour), float32, linear light with 1 as full scale.
+        (row, column, color), float32, linear light with 1 as full scale.
     """
     if not isinstance(scene, Scene):
         scene = Scene(scene, display, color)

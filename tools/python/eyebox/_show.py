@@ -1,4 +1,4 @@
-"""Holograms on a display."""
+"""Sessions, which show holograms on a display."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from ._hologram import Hologram
 
 
 class Frame(NamedTuple):
-    """A video frame as the display is given it.
+    """A video frame as the display receives it.
 
     Attributes
     ----------
     pixels : numpy.ndarray
-        (row, column, channel), uint8, yours to keep; 1 channel (grey) or 3. Empty where it goes from a device straight to a window.
+        (row, column, channel), uint8, with 1 channel (gray) or 3. You own the array. It is empty if the frame goes from
+        a device directly to a window.
     number : int
-        Which video frame of the display; those that it missed are counted.
+        Number of the video frame on the display. Missed video frames count too.
     seconds : float
-        When it lights up, on the display's clock.
+        Time at which the frame lights up, in seconds of the display's clock.
     hologram : int or None
-        Which hologram of what is played, or which refined set; None for the idle picture.
+        Number of the hologram in the content, or of the refined set. It is None for the idle picture.
     part : int
-        Which video frame of its set.
+        Number of the video frame in its set.
     new : bool
-        Whether a set begins with it; ``hologram`` says whether it is another one.
+        True if a set begins with the frame. ``hologram`` shows whether it is another set.
     late : str or None
-        Why there is no newer one, where one was due.
+        Cause if there is no newer frame although one was due.
     """
 
     pixels: np.ndarray
@@ -44,18 +45,18 @@ class Frame(NamedTuple):
 
 
 class Shows(NamedTuple):
-    """What a session shows on.
+    """The output of a session.
 
     Attributes
     ----------
     display : str
-        For people.
+        Name of the output for people.
     rate : float
-        Video frames a second.
+        Video frames per second.
     set_frames, sub_frames : int
-        Video frames of a set (all sub-frames of all colours), and its sub-frames.
+        Video frames of a set (all sub-frames of all colors), and sub-frames of a set.
     rolls : bool
-        Whether any video frame may be of a newer set.
+        True if any video frame may come from a newer set (rolling update).
     """
 
     display: str
@@ -66,9 +67,9 @@ class Shows(NamedTuple):
 
 
 class Session:
-    """What :func:`eyebox.show` gives: something on a display, shown by threads of its own until the ``with`` block ends.
+    """Content on a display, from :func:`eyebox.show`. Threads of the session show it until the ``with`` block ends.
 
-    Iterating gives each :class:`Frame` that is shown and kept, until something ends it.
+    An iteration gives each :class:`Frame` that was shown and kept, until the session ends.
     """
 
     __slots__ = ("_native", "_notes", "_statistics")
@@ -95,17 +96,17 @@ class Session:
             yield frame
 
     def frame(self, timeout: float | None = None) -> Frame | None:
-        """The oldest video frame that was not taken yet.
+        """Takes the oldest video frame that was not taken yet.
 
         Parameters
         ----------
         timeout : float, optional
-            Seconds that it waits for one; where none are given, as long as something is shown.
+            Seconds to wait for a frame. The default is to wait as long as the session shows content.
 
         Returns
         -------
         Frame or None
-            None where none came in time, or none will come any more.
+            None if no frame came in time, or if no more will come.
         """
         seconds = None if timeout is None else _arguments.quantity(timeout, "s", "timeout")
         given = self._native.frame(seconds)
@@ -120,18 +121,18 @@ class Session:
         velocity: tuple[float, float] | None = None,
         age: float = 0.0,
     ) -> None:
-        """The pupil is there: a sample of a tracker of your own (``eye="own"``).
+        """Adds a sample of the pupil from your own tracker (``eye="own"``).
 
         Parameters
         ----------
         x, y : float
-            Its centre, metres: to the right, and down; NaN where the eye is closed.
+            Center of the pupil in meters, to the right and down. NaN is a closed eye.
         diameter : float, optional
-            Its diameter, metres.
+            Diameter of the pupil in meters.
         velocity : (x, y), optional
-            How fast it moves, metres a second: to the right, and down; of trackers that tell.
+            Velocity of the pupil in meters per second, to the right and down, if the tracker measures it.
         age : float
-            Seconds since it was there.
+            Age of the sample in seconds.
         """
         wide = None if diameter is None else _arguments.quantity(diameter, "m", "diameter")
         moves = None if velocity is None else tuple(_arguments.numbers(velocity, "velocity", "x, y"))
@@ -139,62 +140,65 @@ class Session:
         self._native.look(*at, wide, moves, _arguments.quantity(age, "s", "age"))
 
     def steer(self, steered: bool = True) -> None:
-        """Whether it follows the eye; if not, the hologram for the whole eyebox is shown."""
+        """Turns refinement for the tracked pupil on or off. Without it, the hologram for the whole eyebox is shown."""
         self._native.steer(bool(steered))
 
     def pause(self, paused: bool = True) -> None:
-        """Has what is played stand still, or go on."""
+        """Pauses or resumes the content."""
         self._native.pause(bool(paused))
 
     def seek(self, holograms: int) -> None:
-        """Goes so many holograms of what is played further than the one that is shown; back, where it is negative."""
+        """Moves the content by a number of holograms from the one that is shown. A negative number moves back."""
         most = 1 << 40
         self._native.seek(_arguments.count(holograms, "holograms", most, least=-most))
 
     @property
     def about(self) -> Shows:
-        """What it shows on."""
+        """Output of the session."""
         return Shows(*self._native.about)
 
     @property
     def running(self) -> bool:
-        """Whether something is still shown."""
+        """True while the session shows content."""
         return self._native.is_running()
 
     @property
     def left_out(self) -> int:
-        """Video frames that were shown and not kept, for nobody took the ones before in time."""
+        """Number of video frames that were shown but not kept, because you did not take earlier frames in time."""
         return self._native.left_out
 
     @property
     def notes(self) -> list[str]:
-        """What happened so far that people want to read: a hologram left out, a tracker gone."""
+        """Messages for people about events, such as a hologram that was left out or a tracker that is gone."""
         self._notes += self._native.notes()
         return list(self._notes)
 
     @property
     def status(self) -> dict[str, Any]:
-        """What was shown so far, and how late, by the names of docs/playback.md and docs/live.md; of what ended, the statistics."""
+        """Shown frames and their delays until now, with the names of docs/playback.md and docs/live.md.
+
+        After the end of the session it is the statistics.
+        """
         text = self._native.status()
         return json.loads(text) if text is not None else dict(self._statistics or {})
 
     @property
     def statistics(self) -> dict[str, Any] | None:
-        """What came of it, once it was stopped: what the command writes with ``--stats``."""
+        """Statistics after the stop, as the command writes them with ``--stats``."""
         return self._statistics
 
     def stop(self) -> dict[str, Any]:
-        """Stops it, as the end of the ``with`` block does.
+        """Stops the session, as the end of the ``with`` block does.
 
         Returns
         -------
         dict
-            Its statistics.
+            Statistics of the session.
 
         Raises
         ------
         SessionError
-            What ended it, if that was a failure: a display that is gone, a tracker that said nothing.
+            If a failure ended the session, such as a display that is gone or a tracker that sent nothing.
         """
         error = self._end()
         if error is not None:
@@ -244,68 +248,68 @@ def show(
     other_scene: bool = False,
     **steering: Any,
 ) -> Session:
-    """Shows a hologram, a sequence, or what another process gives; a context manager.
+    """Shows a hologram, a sequence, or content of another process. The session is a context manager.
 
     Parameters
     ----------
     what : Hologram, path or "live:NAME"
-        A hologram; a file of one, or of a sequence; or the frames of an application (:mod:`eyebox.live`).
+        Hologram, file of a hologram or a sequence, or frames of an application (:mod:`eyebox.live`).
     display : Display, str or path, optional
-        The display that it is encoded for; of a hologram or a sequence the one that it was solved for where none is given,
-        cut to its size, and of an application "paper".
+        Display for which the content is encoded. The default of a hologram or a sequence is the display of its solve,
+        cropped to its size. The default of an application is "paper".
     eye : str, optional
-        Who is followed: "own", whose samples come by :meth:`Session.look`; "simulated" or "simulated:SEED"; "hid",
-        "pupil://HOST", "udp://:PORT" and files as of the command (docs/trackers.md). None shows what was solved; what an
-        application gives is then refined for the whole eyebox.
+        Tracker of the pupil. "own" takes samples from :meth:`Session.look`, and "simulated" or "simulated:SEED"
+        simulates an eye. "hid", "pupil://HOST", "udp://:PORT" and files are as in the command (docs/trackers.md). None
+        shows holograms as they were solved, and refines content of an application for the whole eyebox.
     scene : Scene, str, path or array, optional
-        What a hologram that is refined shows; what it was solved from where none is given, read as it was then.
+        Scene of a hologram that is refined. The default is the scene of the solve, read with the same options.
     output : {"offscreen", "window"}
-        Memory, or a window over all of a monitor.
+        Memory, or a window that covers a monitor.
     monitor : str, optional
-        Of a window: the monitor by its index, name or size as "ROWSxCOLUMNS".
+        Monitor of the window by its index, name or size as "ROWSxCOLUMNS".
     rate : float, optional
-        Video frames a second; the display's, or 60.
+        Video frames per second. The default is the rate of the display, or 60.
     seconds : float, optional
-        How long content is shown; until it ends, or the ``with`` block does, where none are given.
+        Duration of the content in seconds. The default is until the content or the ``with`` block ends.
     clock : {"real", "simulated"}
-        Offscreen: "simulated" passes as fast as the machine is and waits for whoever takes the video frames; what it shows
-        is the same each time.
+        Clock of offscreen output. "simulated" passes as fast as possible and waits until its video frames are taken. It
+        shows the same frames each time.
     step_time, encode_time : float, optional
-        On a simulated clock, of what is refined: seconds that a step of one colour and the encoding of a set take.
+        Seconds for a step of one color and for encoding a set, in refinement on a simulated clock.
     queue : int
-        Video frames that are kept for :meth:`Session.frame` at most, 0 for none. Of more the oldest are given up, unless
-        the clock is simulated.
+        Highest number of video frames that wait for :meth:`Session.frame`, or 0 for none. If there are more, the oldest
+        are dropped, unless the clock is simulated.
     loop, speed
-        Of what is played: whether it begins again at its end, and how many times as fast as it was made for.
+        Whether played content begins again at its end, and the factor of its speed.
     focus : float
-        Where the eye focuses, metres, where its tracker does not say.
+        Depth at which the eye focuses in meters, if its tracker does not measure it.
     latency : float
-        Seconds from a video frame's beginning to its light.
+        Seconds from the beginning of a video frame to its light.
     whole_sets : bool
-        Shows sets whole where one takes several video frames; else each is the newest set's.
+        Show sets whole if a set takes several video frames. Otherwise each video frame is from the newest set.
     moments : bool
-        Refines each sub-frame of content that moves for its own moment, and not all of them for the set's.
+        Refine each sub-frame of moving content for its own time, and not all sub-frames for the time of the set.
     restart : float
-        Diameters of the pupil that a jump has to have to begin again with the hologram for the whole eyebox.
+        Jump of the pupil, in pupil diameters, that begins again with the hologram for the whole eyebox.
     color, frames, ask, views
-        Of an application: colours, sub-frames, what it is asked for ("views", "depth" or "layers"), and how many views along an
-        axis at most.
+        Colors, sub-frames, kind of frames ("views", "depth" or "layers") and highest number of views along an axis, for
+        an application.
     engine : Engine or str
-        Where refinement is computed.
+        Engine that computes the refinement.
     other_scene : bool
-        Take a scene that is not the one that the hologram was solved from.
+        Accept another scene than the scene of the solve.
     **steering
-        As of :class:`eyebox.Refiner`.
+        Arguments of :class:`eyebox.Refiner`.
 
     Returns
     -------
     Session
-        It shows already; at the end of the ``with`` block it stops.
+        Session that shows the content at once, and stops at the end of the ``with`` block.
 
     Raises
     ------
     SessionError, EncodeError, HologramError
-        What cannot be shown there, in the library's words.
+        If the content cannot be shown there. The message comes from the library.
 
     Examples
     --------
@@ -371,7 +375,7 @@ def show(
 
 
 def _display_of(what: Any, display: Any, application: bool) -> Display:
-    """The display that is given, or that what is shown was solved for."""
+    """Returns the given display, or the display of the solve of the content."""
     if isinstance(what, Hologram):
         return what._shown_on(display)
     if application or not (display is None or _arguments.is_path(display)):

@@ -1,4 +1,4 @@
-"""From scenes to holograms."""
+"""Solves scenes for displays."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ from ._scene import Scene, scene_of
 
 
 class Step(NamedTuple):
-    """How far a solve is. Colours are solved one after the other.
+    """The progress of a solve. Colors are solved one after the other.
 
     Attributes
     ----------
     color : str
-        The colour.
+        Color that is solved.
     step, steps : int
-        Steps taken of this colour, and asked for.
+        Steps taken of this color, and the requested number.
     pilot : (int, int) or None
-        Steps of the short solves that choose the exposure, taken and in all, while they run before the first step.
+        Steps of the short solves that choose the exposure, taken and in all. They run before the first step, and the
+        value is None afterwards.
     seconds : float
-        Since this colour began.
+        Seconds since the start of this color.
     loss : float
-        Mean squared difference from the photographs over this step's pupils, in linear light.
+        Mean squared difference from the target images over the pupils of this step, in linear light.
     psnr : float or None
-        Mean PSNR of the best state so far over validation pupils, dB; None before there is one.
+        Mean PSNR of the best state over validation pupils in dB, or None before there is one.
     """
 
     color: str
@@ -60,45 +61,46 @@ def solve(
     Parameters
     ----------
     scene : Scene, str, path or array
-        The scene: all but a :class:`Scene` is made one, by ``display``, ``color``, ``views`` and ``view_pitch``.
+        Scene, or the source of a :class:`Scene` with ``display``, ``color``, ``views`` and ``view_pitch``.
     display : Display, str or path, optional
-        Where none is given, the scene's, or "paper".
+        Display to solve for. The default is the display of the scene, or "paper".
     color : str or sequence of str, optional
-        "red", "green", "blue"; all that there are where none is given.
+        "red", "green" or "blue", or several of them. The default is all available colors.
     frames : int, optional
-        Sub-frames that are shown one after the other, optimised jointly (8).
+        Sub-frames, which are shown one after the other and optimized jointly. The default is 8.
     steps : int, optional
-        Steps, at most (60).
+        Highest number of steps. The default is 60.
     pupils : int, optional
-        Pupils drawn per step (16).
+        Pupils drawn per step. The default is 16.
     seed : int, optional
-        Decides the first phases and the pupils (0). The same seed gives the same phases, those of the command, bit for bit on
-        the CPU.
+        Seed of the first phases and the pupils. The default is 0. The same seed gives the phases of the command, bit
+        for bit on the CPU.
     engine : Engine or str
-        Where it is computed.
+        Engine that computes the solve.
     callback : callable, optional
-        Called with a :class:`Step` after each step, on the thread that called. An answer that is false ends the solve with the best
-        so far; None does not. What it raises, ``solve`` raises.
+        Function that gets a :class:`Step` after each step, on the thread that called. A false answer other than None
+        ends the solve with the best result. An exception of the callback leaves ``solve``.
     progress : optional
-        ``True`` for a bar of tqdm, or whatever makes bars as tqdm does.
+        ``True`` for a bar of tqdm, or a callable that makes bars as tqdm does.
     views, view_pitch
-        As of :class:`Scene`.
+        Arguments of :class:`Scene`.
     **settings
-        The other fields of the library's ``solve::Settings``, lengths in metres: ``seconds``, ``psnr`` (dB), ``efficiency``,
-        ``depth`` and ``diameter`` (pairs), ``method``, ``optimizer``, ``storage``, ``padding``, ``first_phases`` ("table" or
-        "random"), ...; and ``quality`` ("fast", "balanced", "accurate"), ``contrast`` and ``force`` as in the command.
+        Other fields of the library's ``solve::Settings``, with lengths in meters. They include ``seconds``, ``psnr``
+        (dB), ``efficiency``, ``depth`` and ``diameter`` (pairs), ``method``, ``optimizer``, ``storage``, ``padding``
+        and ``first_phases`` ("table" or "random"). The settings ``quality`` ("fast", "balanced", "accurate"),
+        ``contrast`` and ``force`` are as in the command.
 
     Returns
     -------
     Hologram
-        Its ``stopped`` says why the solve ended.
+        Solved hologram, whose ``stopped`` is the cause that ended the solve.
 
     Raises
     ------
     Interrupted
-        Ctrl-C: a KeyboardInterrupt whose ``hologram`` is the best so far.
+        After ctrl-C. It is a KeyboardInterrupt whose ``hologram`` is the best result.
     SolveError, SceneError, DisplayError
-        What cannot be, in the library's words.
+        If the arguments are not possible. The message comes from the library.
 
     Examples
     --------
@@ -146,7 +148,7 @@ def solve(
 
 
 class _Bars:
-    """One bar of tqdm's protocol for each colour."""
+    """Shows one bar per color by the protocol of tqdm."""
 
     def __init__(self, make: Callable[..., Any]) -> None:
         self.make = make

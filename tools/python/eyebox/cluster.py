@@ -1,10 +1,11 @@
-"""More than one machine: sequences, scores and trade-offs as graphs of independent pieces, on Dask (``pip install dask[distributed]``).
+"""Computes sequences, far fields, scores and trade-offs on several machines, as graphs of pieces for Dask.
 
-A sequence's first hologram decides the exposure; the others need nothing of each other. Each is solved by whichever worker is free, into
-its place in the one file of the sequence: what is done is not done twice, a worker that dies loses the piece it was at, nothing is
-joined in the end, and the file has the bytes that one process writes. A far field that is solved region by region is the same with a graph:
-regions that share no pixel are solved side by side, and one that shares some with others waits for those that come before it. Workers
-and caller see the same folders.
+``pip install dask[distributed]`` installs Dask. The first hologram of a sequence determines the exposure, and the
+others are independent of each other. Any free worker solves a hologram into its place in the one file of the sequence.
+Finished work is not repeated, and a worker that dies loses only its current piece. There is no merge step, and the file
+has the bytes that one process writes. The pieces of a far field are visits to regions. Regions that share no pixel are
+solved in parallel. A region that shares pixels with others waits for the regions before it. Workers and caller must see
+the same folders.
 
 >>> import eyebox.cluster
 >>> scenes = [f"builtin:plane?depth={depth}" for depth in range(64)]
@@ -49,32 +50,32 @@ def solve_sequence(
     Parameters
     ----------
     scenes : sequence of str or path
-        "builtin:NAME", folders of views or pictures, which all workers see: one for each hologram.
+        "builtin:NAME", folders of views or pictures that all workers see, one per hologram.
     out : path
-        The sequence: NAME.zarr. One of the same scenes and settings that was cut off is gone on with.
+        Path of the sequence, NAME.zarr. An interrupted sequence of the same scenes and settings is continued.
     display, color
-        As of :func:`eyebox.solve`.
+        Arguments of :func:`eyebox.solve`.
     client : dask.distributed.Client, optional
-        The cluster: dask_jobqueue's for Slurm, dask_kubernetes's, ...; where none is given, a cluster of this machine for as long as it
-        takes.
+        Client of the cluster, such as one of dask_jobqueue for Slurm or of dask_kubernetes. The default is a cluster on
+        this machine for the duration of the call.
     workers : int
-        Processes of that cluster.
+        Number of processes of the default cluster.
     rate : int or Fraction
-        Holograms a second.
+        Holograms per second.
     engine : str
-        Where each worker computes: "auto", "cpu" or "vulkan".
+        Engine of each worker, either "auto", "cpu" or "vulkan".
     **settings
-        As of :func:`eyebox.solve`. Every hologram begins cold.
+        Arguments of :func:`eyebox.solve`. Every hologram begins cold.
 
     Returns
     -------
     int
-        Holograms that were solved now; the others were there.
+        Number of holograms that this call solved. The others were there before.
 
     Raises
     ------
     EyeboxError
-        What a piece could not do.
+        If a piece fails.
     """
     display = display_of(display)
     names = _paths(scenes, "scenes")
@@ -90,7 +91,7 @@ def solve_sequence(
     job = (tuple(names), _text(display), tuple(colors), _arguments.toml(settings), shown.as_integer_ratio(), out, engine)
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
     with _cluster(client, workers) as there:
-        # The first gives the job to the others: each worker asks for it once, however many pieces there are.
+        # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
         first = there.submit(_begun, job, pure=False)
         rest = [there.submit(_piece, first, index, pure=False) for index in range(1, len(names))]
         there.gather([first, *rest])
@@ -115,34 +116,36 @@ def solve_far_field(
 ) -> int:
     """Solves a far field larger than memory, region by region, on the workers of a Dask cluster.
 
-    Regions that share no pixel are solved side by side; one that shares some begins with what those before it have made of them. So the
-    file has the bytes that one machine writes, and as many workers have something to do as there are regions apart from each other.
+    Regions that share no pixel are solved in parallel. A region that shares pixels with others begins with the results
+    of the regions before it, so the file has the bytes that one machine writes. The number of workers with work is the
+    number of regions that are apart from each other.
 
     Parameters
     ----------
     scene : str or path
-        "builtin:NAME", a folder of views or a picture, which all workers see.
+        "builtin:NAME", a folder of views or a picture that all workers see.
     out : path
-        The hologram: NAME.zarr. One of the same scene and settings that was cut off is gone on with.
+        Path of the hologram, NAME.zarr. An interrupted hologram of the same scene and settings is continued.
     display, color
-        As of :func:`eyebox.solve`; the display must be a far field.
+        Arguments of :func:`eyebox.solve`. The display must be a far field.
     steps : int
         Steps of one visit to a region.
     passes : int
         Passes over the SLM.
     memory : int or str
-        Bytes that each worker keeps to, or a text such as "4GiB". It decides the size of the regions, so it is part of the settings.
+        Memory limit of each worker in bytes, or a text such as "4GiB". It determines the size of the regions, so it is
+        part of the settings.
     picture : int
         Pixels along each axis of the scene's views.
     client, workers, engine
-        As of :func:`solve_sequence`. All workers must compute on the same kind of engine.
+        Arguments of :func:`solve_sequence`. All workers must compute on the same kind of engine.
     **settings
-        As of :func:`eyebox.solve`.
+        Arguments of :func:`eyebox.solve`.
 
     Returns
     -------
     int
-        Visits to regions that were made now; the others were done.
+        Number of visits to regions that this call made. The others were done before.
     """
     display = display_of(display)
     name = _arguments.path(scene, "scene")
@@ -178,32 +181,32 @@ def evaluate(
     engine: str = "auto",
     keep_pieces: bool = False,
 ) -> list[dict[str, Any]]:
-    """Scores holograms on the workers of a Dask cluster, each on one.
+    """Scores holograms on the workers of a Dask cluster, each hologram on one worker.
 
     Parameters
     ----------
     holograms : sequence of path
-        Files of holograms, which all workers see. Each hologram of a sequence is scored.
+        Files of holograms that all workers see. Each hologram of a sequence is scored.
     out : path
-        Where the scores go: NAME.json. Of the same holograms, what is there is not done again.
+        Path of the scores, NAME.json. Existing scores of the same holograms are not computed again.
     pupils : sequence of (x, y, diameter, depth), optional
-        As of :meth:`eyebox.Hologram.score`, which each is scored by.
+        Pupils of each score, as in :meth:`eyebox.Hologram.score`.
     scene : str or path, optional
-        What all of them show; where none is given, what each was solved from.
+        Scene of all holograms. The default for each hologram is the scene of its solve.
     client, workers, engine
-        As of :func:`solve_sequence`.
+        Arguments of :func:`solve_sequence`.
     keep_pieces : bool
-        Whether the pieces, in a folder beside the scores that ends in ``.pieces``, are left there.
+        Keep the pieces. Their folder is next to the scores, and its name ends in ``.pieces``.
 
     Returns
     -------
     list of dict
-        For each, ``hologram`` (its path), of a sequence ``at`` (its number in it, from 0), and ``scores``: for each pupil
-        ``psnr`` and ``ceiling`` (dB) and ``ssim``.
+        One dict per hologram. ``hologram`` is its path, ``at`` its number in a sequence (from 0), and ``scores`` has
+        ``psnr`` and ``ceiling`` (dB) and ``ssim`` for each pupil.
     """
     files = _paths(holograms, "holograms")
     scene = None if scene is None else _arguments.path(scene, "scene")
-    # Each hologram makes depths of texts by its own focal length.
+    # Each hologram converts depths from texts with its own focal length.
     at = None if pupils is None else _arguments.pupils(pupils, None)
     jobs = [(file, index, _when(file), scene, at, engine) for file in files for index in _indices(file)]
     return _pieces(_scored, jobs, out, client, workers, keep_pieces)
@@ -222,27 +225,28 @@ def tradeoff(
     engine: str = "auto",
     keep_pieces: bool = False,
 ) -> list[dict[str, Any]]:
-    """Solves a scene by each of several settings on the workers of a Dask cluster, and scores what comes of it.
+    """Solves a scene with each of several settings on the workers of a Dask cluster, and scores the results.
 
     Parameters
     ----------
     scene : str or path
-        The scene, which all workers see.
+        Scene that all workers see.
     out : path
-        Where the results go: NAME.json. Of the same settings, what is there is not done again.
+        Path of the results, NAME.json. Existing results of the same settings are not computed again.
     grid : sequence of dict
-        Settings of :func:`eyebox.solve`, by their names.
+        Settings of :func:`eyebox.solve` by their names.
     display, color
-        As of :func:`eyebox.solve`.
+        Arguments of :func:`eyebox.solve`.
     pupils
-        As of :meth:`eyebox.Hologram.score`.
+        Argument of :meth:`eyebox.Hologram.score`.
     client, workers, engine, keep_pieces
-        As of :func:`evaluate`.
+        Arguments of :func:`evaluate`.
 
     Returns
     -------
     list of dict
-        For each, ``settings``, ``seconds`` that its solve took on its worker, and ``scores`` as of :func:`evaluate`.
+        One dict per item of ``grid``. ``settings`` is the item, ``seconds`` is the time of its solve on its worker, and
+        ``scores`` is as in :func:`evaluate`.
     """
     display = display_of(display)
     name = _arguments.path(scene, "scene")
@@ -259,12 +263,12 @@ def tradeoff(
 
 
 def _text(display: Display) -> tuple[str, str | None]:
-    """A display as workers get it: its text, and which file that is of."""
+    """Returns a display as workers receive it, with its text and the record of its file."""
     return display.to_toml(), display._native.file
 
 
 def _store(out: Any) -> str:
-    """Where a hologram goes."""
+    """Returns the absolute path of a hologram."""
     out = os.path.abspath(_arguments.path(out, "out"))
     if not out.endswith(".zarr"):
         raise ValueError(f"out is {out!r}: it must end in .zarr")
@@ -272,7 +276,7 @@ def _store(out: Any) -> str:
 
 
 def _paths(values: Any, what: str) -> list[str]:
-    """Several names or paths."""
+    """Returns several names or paths as texts."""
     if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
         raise TypeError(f"{what} is {values!r}: it must be a sequence of names or paths")
     paths = [_arguments.path(value, what) for value in values]
@@ -284,7 +288,7 @@ def _paths(values: Any, what: str) -> list[str]:
 def _pieces(
     make: Callable[..., Any], jobs: list[Any], out: Any, client: Any, workers: int, keep: bool
 ) -> list[dict[str, Any]]:
-    """Results of independent pieces, each in a file of its own until all are in one."""
+    """Computes independent pieces. Each result has its own file until all are in one file."""
     out = os.path.abspath(_arguments.path(out, "out"))
     if not out.endswith(".json"):
         raise ValueError(f"out is {out!r}: it must end in .json")
@@ -307,7 +311,7 @@ def _pieces(
 
 
 def _result(make: Callable[..., Any], job: Any, path: str) -> None:
-    """On a worker: one result, unless it is there."""
+    """Computes one result on a worker, unless it exists."""
     if not os.path.exists(path):
         _write(path, make(*job))
 
@@ -319,17 +323,17 @@ def _write(path: str, value: Any) -> None:
 
 
 def _indices(file: str) -> list[int | None]:
-    """The numbers of a sequence's holograms; None for a single hologram."""
+    """Returns the numbers of the holograms in a sequence, or [None] for a single hologram."""
     try:
         count = _eyebox.Hologram.count(os.path.abspath(file))
     except _eyebox.EyeboxError:
-        # What is wrong with it is said by who opens it.
+        # The worker that opens the file reports its error.
         return [None]
     return [None] if count is None else list(range(count))
 
 
 def _when(file: str) -> int | None:
-    """What changes when a hologram is written again."""
+    """Returns a number that changes when a hologram is written again."""
     try:
         return os.stat(os.path.join(file, "zarr.json")).st_mtime_ns
     except OSError:
@@ -355,7 +359,7 @@ def _scores(hologram: Hologram, scene: Any, pupils: Any, engine: str) -> list[di
 
 
 def _same_job(file: str, job: str) -> None:
-    """Refuses pieces of another job."""
+    """Refuses a folder with pieces of another job."""
     try:
         with open(file, encoding="utf-8", errors="surrogateescape") as there:
             if there.read() != job:
@@ -368,37 +372,37 @@ def _same_job(file: str, job: str) -> None:
 
 @functools.lru_cache(maxsize=1)
 def _sequence(job: Any) -> _eyebox.Sequence:
-    """On a worker: the sequence that it works at, which keeps what its first scene decided."""
+    """Returns the current sequence of a worker, which keeps the results of its first scene."""
     names, display, colors, settings, rate, out, _ = job
     return _eyebox.Sequence(list(names), _eyebox.Display.of_toml(*display), list(colors), settings, rate, out)
 
 
 def _begun(job: Any) -> Any:
-    """On a worker: the first hologram, which begins the file; the job, for the others."""
+    """Solves the first hologram on a worker, which begins the file. Returns the job for the others."""
     _piece(job, 0)
     return job
 
 
 def _piece(job: Any, index: int) -> None:
-    """On a worker: one hologram, unless it is there."""
+    """Solves one hologram on a worker, unless it exists."""
     _sequence(job).piece(index, engine_of(job[-1]))
 
 
 @functools.lru_cache(maxsize=1)
 def _far_field(job: Any) -> _eyebox.FarField:
-    """On a worker: the far field that it works at, which keeps what was loaded of its scene."""
+    """Returns the current far field of a worker, which keeps the loaded data of its scene."""
     scene, display, colors, settings, request, out, _ = job
     return _eyebox.FarField(scene, _eyebox.Display.of_toml(*display), list(colors), settings, request, out)
 
 
 def _far_field_begun(job: Any) -> tuple[Any, list[bool], list[list[int]]]:
-    """On a worker: begins the file. The job, for the others, which visits are done, and which visits each waits for."""
+    """Begins the file on a worker. Returns the job, whether each visit is done, and the visits before each one."""
     done, after, _ = _far_field(job).begin(engine_of(job[-1]))
     return job, done, after
 
 
 def _visit(begun: tuple[Any, ...], visit: int, _after: Any) -> None:
-    """On a worker: a visit to a region, unless it is done."""
+    """Makes a visit to a region on a worker, unless it is done."""
     _far_field(begun[0]).visit(visit, engine_of(begun[0][-1]))
 
 
@@ -412,7 +416,7 @@ def _cluster(client: Any, workers: int) -> Iterator[Any]:
     except ImportError:
         raise ImportError("eyebox.cluster needs Dask: pip install dask[distributed]") from None
     count = _arguments.count(workers, "workers", 4096)
-    # The machine's cores are shared out: workers with all of them each would wait for each other.
+    # The workers share the cores of the machine. If each had all cores, they would wait for each other.
     stated = os.environ.get("RAYON_NUM_THREADS", "")
     threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
     own = {"RAYON_NUM_THREADS": str(max(threads // count, 1))}
@@ -420,7 +424,7 @@ def _cluster(client: Any, workers: int) -> Iterator[Any]:
         try:
             yield one
         except KeyboardInterrupt:
-            # A worker ends by itself when its piece is done, which nobody waits for: what is written is whole or not there.
+            # A worker would end only after its piece. It can be killed, because each file is whole or not there.
             for nanny in local.workers.values():
                 nanny.close_gracefully()
                 if nanny.pid is not None:

@@ -1,7 +1,12 @@
-"""What a sequence costs on a cluster: `EYEBOX=.../eyebox python3 tools/python/measure/cluster_cost.py [COUNT] [SIDE] [STEPS]` solves the same sequence by one
-process of the command with all of this machine's threads, and over two local workers with half of them each; compares the files, the times and the
-processors' time, which a busy machine changes little; measures what a piece takes and carries; and says what that makes of 1 to 1,000
-workers, by the model below."""
+"""Measures the cost of a sequence on a cluster.
+
+    EYEBOX=.../eyebox python3 tools/python/measure/cluster_cost.py [COUNT] [SIDE] [STEPS]
+
+The script solves the same sequence twice. The first solve is one process of the command with all threads of this
+machine, and the second uses two local workers with half of the threads each. The script compares the files, the times
+and the processor time, which depends little on other load. It also measures the time and the bytes of a piece. The
+model below then gives the times of 1 to 1,000 workers.
+"""
 
 import math
 import os
@@ -16,7 +21,7 @@ import eyebox
 import eyebox.cluster
 from distributed import Client, LocalCluster
 
-#: Seconds that Dask's scheduler takes for a task, as its documentation has it.
+#: Seconds that the scheduler of Dask takes for a task, according to its documentation.
 SCHEDULER = 1e-3
 
 
@@ -25,14 +30,17 @@ def contents(folder):
 
 
 def processor(who=resource.RUSAGE_SELF):
-    """Seconds that processors have worked for it."""
+    """Returns the seconds of processor time that it has used."""
     used = resource.getrusage(who)
     return used.ru_utime + used.ru_stime
 
 
 def seconds(workers, pieces, first, load, piece, finish):
-    """The first piece decides the exposure; then each worker loads the first scene, and the others follow at once, as many as there are
-    workers, and no faster than the scheduler gives them out; the caller then looks whether all are there."""
+    """Models the time of a sequence in seconds.
+
+    The first piece determines the exposure. Each worker then loads the first scene. The other pieces follow at once,
+    one per worker at a time, but no faster than the scheduler submits them. The caller then checks that all are there.
+    """
     return first + load + max(math.ceil((pieces - 1) / workers) * piece, (pieces - 1) * SCHEDULER) + pieces * finish
 
 
@@ -51,12 +59,12 @@ def main():
         one, one_worked = time.perf_counter() - begun, processor(resource.RUSAGE_CHILDREN) - worked
         os.environ["RAYON_NUM_THREADS"] = str(max(threads // 2, 1))
         with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local, Client(local) as client:
-            # Workers that are there and have loaded the package, as those of a cluster are.
+            # The workers of a cluster are running and have loaded the package.
             client.run(lambda: __import__("eyebox"))
             begun, worked = time.perf_counter(), sum(client.run(processor).values()) + processor()
             eyebox.cluster.solve_sequence(scenes, folder / "two.zarr", display, "green", client=client, engine="cpu", **settings)
             two, two_worked = time.perf_counter() - begun, sum(client.run(processor).values()) + processor() - worked
-            # What a cluster of three processes costs that does nothing, of the same time.
+            # The processor time of an idle cluster of three processes, scaled to the same duration.
             worked = sum(client.run(processor).values()) + processor()
             time.sleep(min(two, 20))
             idle = (sum(client.run(processor).values()) + processor() - worked) * two / min(two, 20)

@@ -1,6 +1,10 @@
-"""How many workers find something to do in a far field: `python3 tools/python/measure/far_field_graph.py [DISPLAY] [SIDE] [PASSES] [PUPIL_MM]` begins a solve in
-regions, takes the graph of its visits, and plays them on 1 to 1,000 workers, each visit taking one unit of time: the worker that is free
-first takes the first visit that may begin."""
+"""Measures the number of workers that a far field can use.
+
+    python3 tools/python/measure/far_field_graph.py [DISPLAY] [SIDE] [PASSES] [PUPIL_MM]
+
+The script begins a solve in regions, takes the graph of its visits, and simulates them on 1 to 1,000 workers. Each
+visit takes one unit of time. The first free worker takes the first visit that may begin.
+"""
 
 import heapq
 import os
@@ -13,7 +17,7 @@ from eyebox._display import engine_of
 
 
 def units(after, workers):
-    """Units of time that all visits take on so many workers."""
+    """Returns the units of time that all visits take on ``workers`` workers."""
     waiting = [len(before) for before in after]
     then = [[] for _ in after]
     for visit, before in enumerate(after):

@@ -1,6 +1,11 @@
-"""What Python adds to a solve: `EYEBOX=.../eyebox python3 tools/python/measure/overhead.py [PAIRS] [SIDE] [STEPS]` has the command and the package, in turn, load
-a scene, solve it and save it, and compares phases, seconds on the clock, and processor time, which a busy machine changes little. The package's
-solve has a callback, which is called at each step. Both want to be built with the same profile."""
+"""Measures the time that Python adds to a solve.
+
+    EYEBOX=.../eyebox python3 tools/python/measure/overhead.py [PAIRS] [SIDE] [STEPS]
+
+The command and the package load a scene, solve it and save it, in turn. The script compares phases, seconds on the
+clock, and processor time, which depends little on other load. The solve of the package has a callback, which runs at
+each step. Build both with the same profile.
+"""
 
 import os
 import resource
@@ -14,18 +19,18 @@ import eyebox
 
 
 def taken(who):
-    """Seconds on the clock, and those that processors have worked for it."""
+    """Returns the seconds on the clock and the seconds of processor time."""
     used = resource.getrusage(who)
     return time.monotonic(), used.ru_utime + used.ru_stime
 
 
 def since(before, who):
-    """What of both has passed."""
+    """Returns the differences of both since ``before``."""
     return [now - then for now, then in zip(taken(who), before)]
 
 
 def command(folder, side, steps):
-    """Seconds on the clock and of processors for the command, and its hologram."""
+    """Runs the command. Returns its seconds on the clock and of processors, and its hologram."""
     out = os.path.join(folder, "command.zarr")
     settings = f"--display planes8 --size {side}x{side} --color green --steps {steps} --seed 7 --engine cpu".split()
     before = taken(resource.RUSAGE_CHILDREN)
@@ -34,7 +39,7 @@ def command(folder, side, steps):
 
 
 def package(folder, side, steps):
-    """Seconds on the clock and of processors for the package, and its hologram."""
+    """Runs the package. Returns its seconds on the clock and of processors, and its hologram."""
     told = []
     before = taken(resource.RUSAGE_SELF)
     display = eyebox.Display("planes8", size=(side, side))
@@ -50,7 +55,7 @@ def main():
     ratios = []
     with tempfile.TemporaryDirectory() as folder:
         for pair in range(pairs):
-            # Whoever is first in one pair is second in the next.
+            # The order of the two alternates from pair to pair.
             if pair % 2 == 0:
                 theirs, reference = command(folder, side, steps)
             own, hologram = package(folder, side, steps)

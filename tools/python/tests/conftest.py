@@ -1,4 +1,4 @@
-"""What the tests share."""
+"""Checks and fixtures that the tests share."""
 
 import os
 import re
@@ -7,12 +7,12 @@ import eyebox
 import numpy as np
 import pytest
 
-#: Minutes instead of seconds.
+#: True for tests that take minutes instead of seconds.
 LONG = bool(os.environ.get("EYEBOX_PYTHON_LONG"))
 
 
 def coded(kind, *codes):
-    """Expects an exception of eyebox's with one of these codes."""
+    """Expects an exception of eyebox with one of these codes."""
 
     def check(error):
         assert error.code in codes, error
@@ -22,7 +22,7 @@ def coded(kind, *codes):
 
 
 def named(kind, *words):
-    """Expects an exception that names these arguments, values, files and numbers. How it puts them is free."""
+    """Expects an exception that names these arguments, values, files and numbers, in any wording."""
 
     def check(error):
         missing = [word for word in words if not re.search(rf"(?<!\w){re.escape(word)}(?!\w)", str(error))]
@@ -33,7 +33,7 @@ def named(kind, *words):
 
 
 def light_field(rows, columns, seed, *colors):
-    """Views of one random picture, which moves by a pixel from view to view: (view row, view column, 40, 48) and colors."""
+    """Makes views (view row, view column, 40, 48, colors) of a random picture, which moves by a pixel per view."""
     picture = np.random.default_rng(seed).random((40 + rows, 48 + columns, *colors), dtype=np.float32)
     return np.array([[picture[r : r + 40, c : c + 48] for c in range(columns)] for r in range(rows)])
 

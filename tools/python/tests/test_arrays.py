@@ -1,4 +1,4 @@
-"""Arrays of any order and kind that makes sense, and sentences for those that make none."""
+"""Tests arrays of every valid order and kind, and the errors for invalid arguments."""
 
 import eyebox
 import numpy as np
@@ -9,7 +9,7 @@ VIEWS = light_field(2, 3, 3)
 
 
 class Exported:
-    """Something of another library's that speaks DLPack."""
+    """An array of another library with DLPack."""
 
     def __init__(self, array, fails=None):
         self.array, self.fails = array, fails
@@ -53,7 +53,7 @@ def test_read_only_and_views_of_one_place(display):
     assert scene(fixed, display).shape == (2, 3, 40, 48, 1)
     assert scene(VIEWS[0, 0], display).shape == (1, 1, 40, 48, 1)
     assert scene(np.zeros((40, 48, 3)), display, None).shape == (1, 1, 40, 48, len(display.wavelengths))
-    # Another size is scaled to fit whole.
+    # Views of another size are scaled to fit whole.
     assert scene(VIEWS[..., ::2, ::2], display).shape == (2, 3, 40, 48, 1)
 
 

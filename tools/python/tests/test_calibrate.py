@@ -1,4 +1,4 @@
-"""A Python function as the camera of a bench: the display as it is, simulated, is found."""
+"""Tests calibration with a Python function as the camera of a bench, which simulates the real display."""
 
 import json
 import os
@@ -21,9 +21,9 @@ HELLO = {
 
 
 def bench(display, noise=2e-4):
-    """A camera that sees the SLM's image as it is, and counts electrons."""
+    """Returns a camera that sees the real image of the SLM and counts electrons, and the list of its shots."""
     rng, shots = np.random.default_rng(5), []
-    # The brightest picture is of dots, each of which has a share of the whole SLM's light.
+    # The brightest picture has dots, and each dot has a share of the light of the whole SLM.
     bright = 20_000 * SIDE**2 / np.prod(display.resolution)
 
     def camera(shot):
@@ -32,7 +32,7 @@ def bench(display, noise=2e-4):
             return np.zeros(display.resolution, np.uint16)
         shown = eyebox.Hologram.from_phases(shot.show, display, shot.color, exposure=1.0)
         x, y, diameter = shot.iris
-        # Of what is seen no iris is darker than another; of what falls onto a camera it is.
+        # A view has the same brightness through every iris, but a camera receives less light through a small one.
         share = np.pi / 4 * (diameter / display.eyebox) ** 2
         light = shown.view(x, y, diameter, shot.focus, engine="cpu")[..., 0] * share
         seen = light * (shot.exposure or 10e-3) / 10e-3 * bright + rng.normal(0, noise * 4095, light.shape)
@@ -42,7 +42,7 @@ def bench(display, noise=2e-4):
 
 
 def test_a_function_is_a_camera(tmp_path):
-    """What has drifted is found by four pictures: phases that are a tenth too large."""
+    """Four pictures find the drift, which is phases that are a tenth too large."""
     known = {"fill": 0.95}
     before = eyebox.Display(**FIELDS, model={"green": known})
     camera, shots = bench(eyebox.Display(**FIELDS, model={"green": {**known, "level": [[1.1] * 3] * 3}}))
@@ -56,7 +56,7 @@ def test_a_function_is_a_camera(tmp_path):
     assert any(share is not None for _, share in heard)
     levels = [p["value"] for p in found.report["parameters"] if p["name"].startswith("level")]
     assert len(levels) == 9 and np.allclose(levels, 1.1, atol=0.08), levels
-    # From the pictures that were kept, without a camera.
+    # The next calibration uses the pictures that were kept, and does not call the camera.
     shots.clear()
     again = eyebox.calibrate(before, camera, hello=HELLO, captures=tmp_path / "kept", quick=True)
     assert again.display == found.display and not shots
@@ -82,13 +82,16 @@ def test_it_is_ended_between_two_pictures(by, tmp_path):
             eyebox.calibrate(before, presses, hello=HELLO, captures=tmp_path / "kept", callback=hears)
     finally:
         signal.signal(signal.SIGINT, pressed)
-    assert 2 <= len(shots) <= 4, "of twelve and more"
+    assert 2 <= len(shots) <= 4, "it ends before all pictures are taken, which are 12 or more"
     assert list((tmp_path / "kept").iterdir()), "the pictures that were taken are kept"
 
 
 @pytest.mark.skipif(not LONG, reason="a minute")
 def test_the_command_fits_the_first_phases_of_the_display_that_it_writes(tmp_path):
-    """One table, of the color that was calibrated and of the model that the file has: a solve for the file reads it and fits none."""
+    """The command fits one table for the calibrated color and the model in the file.
+
+    A solve for the file reads this table and fits none.
+    """
     program = os.environ.get("EYEBOX")
     if not program or not pathlib.Path(program).exists():
         pytest.skip("EYEBOX names no program")
@@ -102,7 +105,7 @@ def test_the_command_fits_the_first_phases_of_the_display_that_it_writes(tmp_pat
         if share is not None and share > 0.42:
             raise LookupError(what)
 
-    with pytest.raises(LookupError):  # All pictures are there: the command fits them.
+    with pytest.raises(LookupError):  # All pictures are there, and the command fits them.
         eyebox.calibrate(before, camera, hello=hello, captures=tmp_path / "kept", most=12, callback=taken)
 
     def command(*words):
@@ -116,7 +119,7 @@ def test_the_command_fits_the_first_phases_of_the_display_that_it_writes(tmp_pat
     solve = ["solve", "builtin:plane", "--color", "green", "--steps", "0", "--engine", "cpu"]
     command(*solve, "--display", "out.toml", "-o", "own.zarr")
     assert tables() == made
-    # The display as it was before has another model, and so another table.
+    # The display before the calibration has another model and therefore another table.
     command(*solve, "--display", "bench.toml", "-o", "other.zarr")
     assert len(tables()) == 2 and made.items() <= tables().items()
 
@@ -137,7 +140,7 @@ def test_a_bench_that_fails_is_named():
         eyebox.calibrate(eyebox.Display(**FIELDS), broken, hello=HELLO, most=3)
 
 
-#: Benches whose phase is not what was asked for, by what they do to it. Four pictures, or all of them, make no calibration.
+#: Faults of benches, which change the requested phase. Neither four pictures nor all of them make a calibration.
 FAULTS = {
     "the other sign": lambda shown: -shown,
     "the other sign, a little stronger": lambda shown: -1.08 * shown,
@@ -183,7 +186,7 @@ def test_the_other_sign_is_no_calibration_by_all_pictures():
     assert found.report["calibrated"] is False and any("other sign" in line for line in found.report["warnings"])
 
 
-#: Ordinary drift, which four pictures find: (level, noise of the camera).
+#: Ordinary drift that four pictures find, as (level, noise of the camera).
 DRIFTS = [(1.0, 2e-4), (1.08, 2e-4), (1.1, 2e-4), (0.9, 2e-4), (0.85, 2e-4), (1.08, 3e-3)]
 
 

@@ -1,4 +1,4 @@
-"""A sequence over two processes, one of which is killed in the middle: the bytes of one process."""
+"""Tests work on two processes. If one of them is killed, the files still have the bytes of one process."""
 
 import json
 import os
@@ -62,13 +62,13 @@ def test_one_of_two_workers_is_killed(tmp_path):
             assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == COUNT
             thread.join()
             assert killed
-            # What is done is not done twice: of a sequence that lost two holograms those two are solved.
+            # Finished work is not repeated. If a sequence loses two holograms, only these two are solved.
             before = files(out)
             assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == 0 and files(out) == before
             for lost in (1, COUNT - 1):
                 (out / f"phases/c/{lost}/0/0/0/0").unlink()
             assert eyebox.cluster.solve_sequence(scenes, out, display, "green", **how) == 2 and files(out) == before
-            # Of other settings nothing is taken, and nothing changed.
+            # Other settings are refused, and no file changes.
             with coded(eyebox.EyeboxError, "hologram/other-sequence/other-setting"):
                 eyebox.cluster.solve_sequence(scenes, out, display, "green", **{**how, "steps": 3})
             assert files(out) == before
@@ -88,7 +88,7 @@ def test_scores_and_trade_offs_are_those_of_one_process(tmp_path, hologram, disp
             how = dict(client=client, engine="cpu")
             found = eyebox.cluster.evaluate(files, tmp_path / "scores.json", pupils, keep_pieces=True, **how)
             solved = eyebox.cluster.tradeoff("builtin:still-life", tmp_path / "grid.json", grid, display, "green", pupils=pupils, **how)
-            # What is done is not done twice.
+            # Finished work is not repeated.
             piece = tmp_path / "scores.json.pieces" / "000001.json"
             piece.write_text('{"kept": 1}')
             assert eyebox.cluster.evaluate(files, tmp_path / "scores.json", pupils, **how) == [found[0], {"kept": 1}]
@@ -117,7 +117,7 @@ def test_what_makes_no_sense(tmp_path):
 
 
 def test_a_far_fields_regions_are_solved_side_by_side(tmp_path):
-    """One of two workers is killed in the middle: the bytes of one process."""
+    """One of two workers is killed, and the file still has the bytes of one process."""
     program = os.environ.get("EYEBOX")
     if not program or not pathlib.Path(program).exists():
         pytest.skip("EYEBOX names no program")
@@ -178,5 +178,5 @@ def test_ctrl_c_ends_a_cluster_at_once(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(CTRL_C)
     ran = subprocess.run([sys.executable, script, tmp_path / "x.zarr"], capture_output=True, text=True, timeout=120)
-    # The end of the cluster itself, which is Dask's, is part of it: 4 s where workers end when they like.
+    # The time includes the end of Dask's cluster, which takes 4 s if workers end by themselves.
     assert ran.stdout and float(ran.stdout) < 2, ran.stderr

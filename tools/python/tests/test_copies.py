@@ -1,4 +1,4 @@
-"""Nothing that is written into arrays of the package changes a hologram, a scene or a display, whichever protocol wrote."""
+"""Tests that no write into arrays of the package changes a hologram, a scene or a display, by any protocol."""
 
 import ctypes
 import mmap
@@ -10,13 +10,13 @@ from conftest import light_field
 
 
 def by_pointer(array):
-    """As libraries write that look at the pointer alone."""
+    """Writes as libraries do that use only the pointer."""
     at = array.__array_interface__["data"][0]
     ctypes.memset(at, 0x3F, array.nbytes)
 
 
 def by_dlpack(array):
-    """As torch.from_dlpack: the capsule's pointer, whatever it says of writing."""
+    """Writes as torch.from_dlpack does, by the pointer of the capsule and without regard to its flags."""
 
     class Tensor(ctypes.Structure):
         _fields_ = [("data", ctypes.c_void_p), ("device", ctypes.c_int32 * 2), ("ndim", ctypes.c_int32), ("dtype", ctypes.c_int32)]
@@ -25,7 +25,7 @@ def by_dlpack(array):
         capsule = array.__dlpack__()
         name, skip = b"dltensor", 0
     except (BufferError, ValueError):
-        # Read-only memory is exported by the newer protocol, which has a version, a manager, a deleter and flags first.
+        # The newer protocol exports read-only memory. It begins with a version, a manager, a deleter and flags.
         capsule = array.__dlpack__(max_version=(1, 0))
         name, skip = b"dltensor_versioned", 8 + 8 + 8 + 8
     get = ctypes.pythonapi.PyCapsule_GetPointer
@@ -86,7 +86,7 @@ WRITERS += [by_memoryview, by_buffer, by_strides, by_interface]
 
 
 def digest(hologram, scene):
-    """All that there is to see of them."""
+    """Returns all visible data of a hologram and a scene."""
     phases = [array.tobytes() for array in hologram.phases.values()]
     views = [array.tobytes() for array in hologram.phases_view.values()]
     seen = hologram.view(engine="cpu").tobytes(), hologram.score(scene, engine="cpu"), hologram.encode(hologram.display).tobytes()
@@ -151,7 +151,7 @@ def test_phases_are_copies_and_views_are_read_only(hologram):
     with pytest.raises(ValueError):
         view[0, 0, 0] = 3
     assert view[0, 0, 0] != 3
-    # A view holds no memory of its own until somebody writes, and outlives its hologram.
+    # A view has no memory of its own before the first write, and it outlives its hologram.
     base = view
     while isinstance(base, np.ndarray):
         base = base.base
@@ -163,7 +163,7 @@ def test_phases_are_copies_and_views_are_read_only(hologram):
 
 
 def test_an_optimizer_of_ones_own_leaves_the_hologram(display):
-    """A hologram's phases are where others begin."""
+    """Phases of a hologram can be the start of another optimizer."""
     hologram = eyebox.solve("builtin:still-life", display, color="green", frames=2, steps=12, pupils=8, engine="cpu")
     before = hologram.score(engine="cpu")
     for own in (hologram.phases["green"], hologram.phases_view["green"]):

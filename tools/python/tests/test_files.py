@@ -1,4 +1,4 @@
-"""Phases and views in the files of NumPy, MATLAB and HDF5."""
+"""Tests phases and views in the files of NumPy, MATLAB and HDF5."""
 
 import eyebox
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 from conftest import light_field, named
 
 RNG = np.random.default_rng(5)
-#: (sub-frame, row, column), and in MATLAB's order.
+#: Phases as (sub-frame, row, column), and the same phases in MATLAB's order.
 PHASES = RNG.uniform(-3, 3, (4, 40, 48)).astype(np.float32)
 LAST = np.moveaxis(PHASES, 0, 2)
 VIEWS = light_field(3, 5, 5)
@@ -27,7 +27,7 @@ def h5(path, **arrays):
 
 
 def mat73(path, **arrays):
-    """As MATLAB writes its version 7.3: HDF5 behind 512 bytes of its own, axes in reverse."""
+    """Writes a file as MATLAB 7.3 does, with HDF5 after 512 bytes of MATLAB and with axes in reverse order."""
     with pytest.importorskip("h5py").File(path, "w", userblock_size=512) as file:
         for name, array in arrays.items():
             file[name] = np.ascontiguousarray(array.T)
@@ -41,7 +41,7 @@ def same(path, display, want=PHASES, **options):
     return made.shape == want.shape and np.abs(turn).max() < 1e-5
 
 
-#: A file of phases by its name, what writes it, its arrays, and options.
+#: Files of phases, each with its name, its writer, its arrays and options.
 PHASE_FILES = {
     "npz": ("x.npz", npz, dict(phases=PHASES), {}),
     "npz beside other numbers": ("x.npz", npz, dict(phases=PHASES, wavelength=np.array(520e-9), steps=np.arange(3)), {}),
@@ -144,13 +144,13 @@ def test_what_holds_no_phases_is_refused(tmp_path, display, case):
 
 
 def test_a_cube_in_matlab_is_asked_for(tmp_path):
-    """Its sub-frames may be the first axis or the last."""
+    """The sub-frames of a cube may be the first axis or the last."""
     small = eyebox.Display("small", size=(32, 32))
     cube = RNG.uniform(-3, 3, (32, 32, 32))
     mat(tmp_path / "x.mat", phases=cube)
     with named(ValueError, "x.mat", "(32, 32, 32)"):
         eyebox.Hologram.from_phases(tmp_path / "x.mat", small, "green", exposure=1.0)
-    # The remedy works.
+    # The remedy of the message works.
     array = pytest.importorskip("scipy.io").loadmat(tmp_path / "x.mat")["phases"]
     assert eyebox.Hologram.from_phases(array, small, "green", exposure=1.0).frames == 32
 

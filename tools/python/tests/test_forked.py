@@ -1,4 +1,4 @@
-"""Forked children compute, or are refused in one line: they never hang."""
+"""Tests that forked children compute or get an error of one line, and never hang."""
 
 import functools
 import multiprocessing
@@ -27,12 +27,12 @@ def bytes_of(seed):
 
 @functools.cache
 def parents():
-    """Something of the parent's that uses all of its threads."""
+    """Returns a hologram of the parent, whose solve uses all threads of the parent."""
     return solved()
 
 
 def in_child(work, timeout=60):
-    """The answer of work in a forked child, as text."""
+    """Returns the answer of work in a forked child as text."""
     parents()
     reading, writing = os.pipe()
     child = os.fork()
@@ -57,7 +57,7 @@ def in_child(work, timeout=60):
         os.close(reading)
 
 
-#: What a child does, and what the parent gets of the same.
+#: Work that gives the same result in a child and in its parent.
 WORK = {
     "solve": lambda: hash(bytes_of(3)),
     "solve twice": lambda: hash(bytes_of(4) + bytes_of(5)),
@@ -77,7 +77,7 @@ WORK = {
 
 
 def in_threads():
-    """Two solves at once that wait for each other in their callbacks."""
+    """Runs two solves at once that wait for each other in their callbacks."""
     import threading
 
     meet, made = threading.Barrier(2, timeout=30), {}
@@ -117,7 +117,7 @@ def test_what_belongs_to_the_parent_is_refused_in_one_line():
             said = in_child(call)
             assert said.startswith("EngineError: ") and "forked" in said and "spawn" in said, (what, said)
         assert session.running
-    # The remedy works, and what a child does is nothing to the parent's.
+    # The remedy of the message works, and the work of a child does not affect its parent.
     assert float(in_child(lambda: eyebox.Refiner(parents(), engine="cpu").step())) > 0 and refiner.step() > 0
 
 
@@ -129,7 +129,7 @@ def test_a_pool_of_processes_works(chunk):
 
 
 class Holograms:
-    """A data set as torch's DataLoader takes it, whose workers load, look and compute."""
+    """A data set for the DataLoader of torch. Its workers load, render and score."""
 
     def __init__(self, files):
         self.files = files
@@ -165,7 +165,7 @@ def test_workers_of_a_data_set_as_torchs(tmp_path):
 
 
 def test_a_child_leaves_by_itself():
-    """By sys.exit, whose end drops all that the parent made: engines, refiners, sessions."""
+    """A child ends by sys.exit, which drops the engines, refiners and sessions of the parent."""
     body = """
     import eyebox, os, sys
     small = eyebox.Display("small", size=(32, 32))

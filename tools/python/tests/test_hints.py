@@ -1,4 +1,4 @@
-"""What an editor shows: type hints and docstrings of all that is public, and a stub that says what the extension module has."""
+"""Tests the type hints and docstrings of all public names, and the stub of the extension module."""
 
 import ast
 import inspect
@@ -9,12 +9,12 @@ import eyebox.cluster
 import pytest
 from eyebox import _eyebox
 
-#: Named tuples and exceptions have methods of Python's own.
+#: Prefix of modules of the package. Named tuples and exceptions also have methods of Python.
 OWN = "eyebox"
 
 
 def public():
-    """Every public function, class and method of the package, by its name."""
+    """Returns every public function, class and method of the package by its name."""
     found = {}
     for module in (eyebox, eyebox.cluster):
         for name in module.__all__:
@@ -40,7 +40,7 @@ def test_all_that_is_public_says_what_it_is(name):
         return
     parameters = [p for p in inspect.signature(value).parameters.values() if p.name not in ("self", "cls")]
     assert "return" in value.__annotations__ and all(p.annotation is not p.empty for p in parameters), "it has type hints"
-    # Long ones list what they take as NumPy's do.
+    # Functions with many parameters list them in the style of NumPy.
     documented = inspect.getdoc(value) or ""
     if len(parameters) > 4 and not name.endswith("__init__"):
         assert "Parameters\n----------\n" in documented
@@ -49,7 +49,7 @@ def test_all_that_is_public_says_what_it_is(name):
 
 
 def stubs():
-    """Functions, and methods as CLASS.METHOD, of the stub: the names of what each takes."""
+    """Returns the parameter names of each function of the stub, and of each method as CLASS.METHOD."""
     text = (pathlib.Path(eyebox.__file__).parent / "_eyebox.pyi").read_text(encoding="utf-8")
     found = {}
     for node in ast.parse(text).body:
@@ -76,5 +76,5 @@ def test_the_stub_says_what_the_module_has():
         try:
             signature = inspect.signature(has[name].__func__ if isinstance(has[name], staticmethod) else has[name])
         except (TypeError, ValueError, KeyError):
-            continue  # A property.
+            continue  # A property has no signature.
         assert [p for p in signature.parameters if p not in ("self", "cls")] == taken, name

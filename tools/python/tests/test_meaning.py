@@ -1,4 +1,4 @@
-"""The meaning of numbers: full scale, units, unknown depths. Right, or refused with a remedy that works."""
+"""Tests the meaning of numbers in full scale, units and unknown depths. Wrong ones are refused with a valid remedy."""
 
 import struct
 import warnings
@@ -91,7 +91,7 @@ def test_phases_that_are_no_radians_are_refused(display, phases):
 
 
 def png16(path, values):
-    """Writes gray 16-bit values."""
+    """Writes gray 16-bit values as a PNG."""
     rows, columns = values.shape
     raw = b"".join(b"\0" + row.astype(">u2").tobytes() for row in values)
     chunks = [(b"IHDR", struct.pack(">IIBBBBB", columns, rows, 16, 0, 0, 0, 0)), (b"IDAT", zlib.compress(raw)), (b"IEND", b"")]

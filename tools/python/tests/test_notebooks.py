@@ -1,4 +1,4 @@
-"""The notebooks run, each in less than three minutes."""
+"""Tests that each notebook runs in less than three minutes."""
 
 import json
 import pathlib

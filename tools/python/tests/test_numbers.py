@@ -1,4 +1,4 @@
-"""Numbers of every type that Python takes as one: whole ones by __index__, others by __float__, and texts as none."""
+"""Tests numbers of every type. Whole numbers need __index__, other numbers __float__, and a text is no number."""
 
 import decimal
 import fractions
@@ -153,7 +153,7 @@ def test_numbers_that_are_none_are_refused_where_they_mean_nothing(display, holo
                 session.look(**{"x": 0.0, **wrong})
         with pytest.raises(ValueError):
             session.frame(NAN)
-        # These mean something: a closed eye, a diameter that is not known.
+        # NaN is valid for a closed eye and for an unknown diameter.
         session.look(NAN, NAN)
         session.look(0.0, diameter=NAN)
 
@@ -168,7 +168,7 @@ def test_paths_of_every_kind(tmp_path, hologram):
         assert eyebox.Hologram.load(path).shape == hologram.shape
     with eyebox.show(Path(), eyebox.Display("planes8", size=(40, 48)), clock="simulated", seconds=0.1) as session:
         assert session.frame() is not None
-    # A recording of a tracker by its path.
+    # The tracker is a recording, named by its path.
     (tmp_path / "eye.jsonl").write_text('{"time_s": 0.0, "pupil_mm": [0, 0]}\n')
     try:
         eyebox.show(hologram, eyebox.Display("planes8", size=(40, 48)), eye=tmp_path / "eye.jsonl", engine="cpu").stop()

@@ -1,4 +1,4 @@
-"""A hologram finds its scene again and reads it as it was solved, and takes no other for it."""
+"""Tests that a hologram finds its scene, reads it with the options of the solve, and accepts no other scene."""
 
 import json
 import shutil
@@ -13,9 +13,9 @@ HOW = dict(frames=8, steps=3, pupils=2, seed=7, engine="cpu")
 
 
 def write_views(folder, seed):
-    """2 x 2 gray views in one array."""
+    """Writes 2 x 2 gray views to one array."""
     folder.mkdir(parents=True, exist_ok=True)
-    # A plane at infinity: each view shows the same.
+    # All views of a plane at infinity are equal.
     view = np.random.default_rng(seed).integers(0, 255, (40, 48), dtype=np.uint8)
     light = np.tile(view, (2, 2, 1, 1))
     np.save(folder / "views.npy", light)
@@ -28,7 +28,7 @@ def psnr(hologram, scene=None, **more):
 
 @pytest.fixture
 def files(tmp_path, display):
-    """Two folders with a scene of one name each, and the hologram of the first."""
+    """Makes two folders, each with a scene of the same name, and the hologram of the first scene."""
     write_views(tmp_path / "a", 1)
     write_views(tmp_path / "b", 2)
     solved = eyebox.solve(tmp_path / "a" / "views.npy", display, "green", depth=(0, 0), view_pitch=2e-3, **HOW)
@@ -48,7 +48,7 @@ def test_its_scene_is_found_wherever_it_is(files, monkeypatch):
     assert psnr(moved) == pytest.approx(right, abs=1e-9)
     assert eyebox.Refiner(moved, engine="cpu").step() < 1
     with coded(eyebox.SceneError, "hologram/changed-scene"):
-        # Where it was is nothing; beside it is another.
+        # The old place of the scene is empty, and the folder of the hologram has another scene.
         psnr(eyebox.Hologram.load("h.zarr"))
 
 

@@ -1,4 +1,4 @@
-"""What comes out is what the command and the library give, and nothing is copied on the way that need not be."""
+"""Tests that results are the same as from the command and the library, without needless copies."""
 
 import json
 import os
@@ -49,7 +49,7 @@ def test_views_and_photographs_are_the_commands(tmp_path, hologram, display):
 
 
 def test_past_an_obstruction(tmp_path, display, hologram):
-    """A picture and a score past marks in the pupil are those that the command computes."""
+    """A picture and a score past marks in the pupil are the same as from the command."""
     at = (2e-3, 0.0, 4e-3, 0.0)
     clear, [whole] = hologram.view(*at, engine="cpu"), hologram.score(pupils=[at], engine="cpu")
     assert whole.against_clear is None
@@ -75,7 +75,7 @@ def test_a_file_keeps_all_of_it(tmp_path, hologram):
     assert opened.phases["green"].tobytes() == hologram.phases["green"].tobytes()
     assert opened.metadata.keys() == hologram.metadata.keys() and opened.metadata["solve"]["seed"] == 7
     assert opened.scene == "builtin:still-life" and opened.stopped is None and opened.exposures == hologram.exposures
-    # Without its scene in memory it finds the one that its file names.
+    # A loaded hologram has no scene in memory and finds the scene that its file names.
     numbers = lambda scores: [score[:3] for score in scores]
     np.testing.assert_allclose(numbers(opened.score()), numbers(hologram.score()), rtol=1e-6)
     hologram.save(str(tmp_path / "x.npy"))

@@ -1,4 +1,4 @@
-"""What is shown from Python is what the command shows; what another process gives comes to light; nothing hangs at the end."""
+"""Tests that Python shows the same as the command and content of another process, and that no session hangs."""
 
 import contextlib
 import threading
@@ -12,7 +12,7 @@ from conftest import coded, named
 
 
 def raw(tmp_path, *arguments):
-    """Video frames that `eyebox show` gives."""
+    """Returns the video frames of `eyebox show`."""
     out = tmp_path / "command.raw"
     command("show", *arguments, "--display", "planes8", "--size", "40x48", "--clock", "simulated", "--output", f"raw:{out}")
     return np.fromfile(out, np.uint8).reshape(-1, 40, 48, 1)
@@ -25,13 +25,13 @@ def test_a_hologram_is_played_as_by_the_command(tmp_path, hologram, display):
         frames = list(session)
     own = np.stack([frame.pixels for frame in frames])
     assert session.about.rate == 60 and session.about.sub_frames == 8 and session.about.set_frames == 1
-    # The command's file has the picture that is left behind, too.
+    # The file of the command also has the picture that stays at the end.
     assert len(theirs) - len(own) in (0, 1) and np.array_equal(own, theirs[: len(own)])
     assert np.array_equal(own[-1], hologram.encode(display)[0])
     assert [frame.number for frame in frames] == list(range(len(frames)))
     assert frames[0].hologram is None and frames[-1].hologram == 0 and {frame.part for frame in frames} == {0}
     assert session.statistics["ended_by"] == "the duration" and not session.running and session.left_out == 0
-    # A file of it, by its path.
+    # The path of its file shows the same.
     with eyebox.show(tmp_path / "x.zarr", display, clock="simulated", seconds=0.2) as session:
         assert np.array_equal(np.stack([frame.pixels for frame in session]), own)
 
@@ -80,7 +80,7 @@ def test_what_nobody_takes_is_given_up_and_the_display_goes_on(hologram, display
     with eyebox.show(hologram, display, rate=200, queue=0) as session:
         assert session.frame(timeout=0.02) is None and session.running
         session.pause()
-    # A simulated display waits for whoever takes its video frames, and does not hang where nobody does any more.
+    # A simulated display waits for a reader of its video frames, and does not hang if there is none any more.
     session = eyebox.show(hologram, display, clock="simulated")
     first = session.frame()
     time.sleep(0.05)

@@ -1,4 +1,4 @@
-"""Ctrl-C is heard at once in every call that takes long, and the best hologram so far is on the exception."""
+"""Tests that ctrl-C ends every long call at once, and that the exception has the best hologram."""
 
 import os
 import signal
@@ -12,11 +12,11 @@ import pytest
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 
-#: Presses ctrl-C after a while, and says how long the program takes to hear it.
+#: The start of each program. Its `press` sends ctrl-C after some seconds and stores the time.
 HEAD = """
 import eyebox, os, signal, sys, threading, time
 import numpy as np
-# Shells start background programs deaf to ctrl-C, and Python keeps that.
+# Shells start background programs so that they ignore ctrl-C, and Python keeps that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 def press(after):
     def run():
@@ -35,7 +35,7 @@ def program(body, timeout=120, **environment):
     return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=timeout, env=env)
 
 
-#: A call that takes seconds, after what it needs.
+#: Calls that take seconds, each after its preparation.
 LONG_CALLS = {
     "Scene of a name": ("", "eyebox.Scene('builtin:still-life', large, views=15)"),
     "Scene of views": ("views = np.random.default_rng(1).random((9, 9, 600, 800), np.float32)", "eyebox.Scene(views, large, order='as-named')"),
@@ -132,7 +132,7 @@ def test_another_signal_ends_by_what_its_handler_raises():
         eyebox.solve("builtin:plane", small, color="green", steps=1_000_000, engine="cpu")
     except TimeoutError as error:
         print(error)
-    # The next call computes as ever.
+    # The next call computes normally.
     print(eyebox.solve("builtin:plane", small, color="green", frames=1, steps=2, engine="cpu").stopped)
     """
     ran = program(body)
@@ -159,7 +159,7 @@ def test_what_a_callback_raises_comes_out(display, raised):
         assert solving.value.hologram.shape == refining.value.hologram.shape == (1, 40, 48)
 
 
-#: Answers of callbacks, and whether they end the work.
+#: Answers of callbacks, each with whether it ends the work.
 ANSWERS = [
     (None, False),
     (True, False),

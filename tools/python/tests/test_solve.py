@@ -1,4 +1,4 @@
-"""Solves that are watched, stopped, refined, and run side by side."""
+"""Tests solves with callbacks, early ends, refinement and several threads."""
 
 import threading
 
@@ -58,7 +58,7 @@ def test_refiner_in_a_loop_of_ones_own(hologram):
     assert after > before + 1 and losses[-1] < losses[0]
     assert hologram.phases["green"].tobytes() == untouched
     once = hologram.refine(tuple(where.values()), 12, spread=0.2e-3, seed=1)
-    # `refine` keeps the best of the states that a loop of one's own passes through.
+    # `refine` keeps the best of the states that the loop above passes through.
     assert once.score(pupils=[tuple(where.values())])[0].psnr >= after
     told = []
     refiner.step(5, lambda taken, loss: told.append(taken) or taken < 2)
@@ -84,7 +84,7 @@ def test_phases_of_ones_own_are_judged(display):
 
 
 def test_two_threads_solve_at_once(display):
-    """They do not wait for each other, nor for the lock: each waits, in its callback, for the other."""
+    """Two solves run at once and need no common lock. Each one waits for the other in its callback."""
     meet, results = threading.Barrier(2, timeout=60), {}
 
     def solve(seed):

@@ -1,4 +1,4 @@
-"""Texts with units instead of numbers."""
+"""Tests texts with units instead of numbers."""
 
 import eyebox
 import numpy as np

@@ -1,4 +1,4 @@
-"""Ten thousand calls with whatever comes, and a thousand solves: exceptions and no crash, and memory stays flat."""
+"""Tests ten thousand calls with random arguments and a thousand solves. None of them crashes, and memory stays flat."""
 
 import gc
 import random
@@ -55,13 +55,13 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
         return usual if rng.random() < 0.6 else whatever()
 
     def shown():
-        # None is a display of two million pixels.
+        # The value None selects a display of two million pixels.
         given = often(display)
         return display if given is None else given
 
     def settings():
         given = {rng.choice(SETTINGS): rng.choice([whatever(), [number(), number()]]) for _ in range(rng.randrange(3))}
-        # Few steps: what is asked for is otherwise done.
+        # The steps must be few, because the solve takes all of them.
         few = lambda v: not isinstance(v, (int, float, np.ndarray)) or isinstance(v, bool) or not 8 < v < 1e18
         return {**short, **{key: v for key, v in given.items() if key not in short or isinstance(v, int) and few(v)}}
 
@@ -74,7 +74,7 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
             session.frame(often(0.0))
 
     calls = [
-        # Each has threads of its own.
+        # Each session has its own threads.
         lambda: show() if rng.random() < 0.2 else eyebox.show(whatever(), display),
         lambda: followed.look(number(), number(), often(None), velocity=often(None), age=number()),
         lambda: followed.frame(0.0 if rng.random() < 0.6 else "soon"),
@@ -100,7 +100,7 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
         try:
             rng.choice(calls)()
             outcomes["results"] += 1
-        except Exception as error:  # A panic is none, and ends the test.
+        except Exception as error:  # A panic is no Exception, so it ends the test.
             assert str(error), repr(error)
             outcomes[type(error).__name__] = outcomes.get(type(error).__name__, 0) + 1
     assert followed.running and followed.stop()["ended_by"] == "a stop"
@@ -116,7 +116,7 @@ def resident_kib():
 
 
 def test_solves_leave_memory_flat(display):
-    """A leak of the phases alone would be 60 KiB a solve."""
+    """A leak of only the phases would be 60 KiB per solve."""
     views = light_field(3, 3, 0)
 
     def solves(count):

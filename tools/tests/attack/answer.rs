@@ -1,19 +1,19 @@
-//! What came of a case, and what may come of it.
+//! Judges the end of a case by its exit status and its standard error.
 
 use std::fmt;
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
-/// How a case ended.
+/// The way in which a case ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Answer {
-    /// It was done.
+    /// The command did its work and exited with 0.
     Done,
-    /// It was done as far as it was when ctrl-C came.
+    /// The command ended after ctrl-C, with 0 or by the signal.
     Interrupted,
-    /// It was refused with a line.
+    /// The command exited with 2 and an error line.
     Refused,
-    /// In a way that must not be.
+    /// The command ended in a forbidden way.
     Bad,
 }
 
@@ -28,7 +28,7 @@ impl fmt::Display for Answer {
     }
 }
 
-/// What no run may say.
+/// Texts that standard error must never contain.
 const NEVER: [&str; 4] = ["panicked at", "has overflowed its stack", "internal error", "unreachable code"];
 
 /// Returns whether a line of standard error is an error in the requested form.
@@ -42,7 +42,8 @@ fn is_error(line: &str, json: bool) -> bool {
     })
 }
 
-/// Returns how a run ended, or the fault of its end. `said` is standard error if it was kept. With `json`, errors must be JSON.
+/// Returns how a run ended, or the fault of its end. `said` is standard error, if the test read it. With `json`, errors
+/// must be JSON.
 pub fn judge(
     status: ExitStatus,
     interrupted: bool,
@@ -53,23 +54,23 @@ pub fn judge(
     let quoted = said.map_or(String::new(), |s| format!(": {}", s.chars().take(600).collect::<String>()));
     let code = match (status.code(), status.signal()) {
         (Some(code), _) => code,
-        // What does not catch ctrl-C ends by it: 130, to a shell.
+        // A command that does not catch ctrl-C ends by the signal. A shell reports this as 130.
         (None, Some(2)) if interrupted => return Ok(Answer::Interrupted),
         _ => return Err(format!("it ended by {status}{quoted}")),
     };
     if let Some(word) = NEVER.iter().find(|word| quoted.contains(*word)) {
-        return Err(format!("it said '{word}'{quoted}"));
+        return Err(format!("it printed '{word}'{quoted}"));
     }
-    // Where memory was taken away from it, it may find that out by asking for some.
+    // If the case takes memory away, the command may notice this only by a failed allocation.
     if !starved && quoted.contains("memory allocation of") {
-        return Err(format!("it took memory that it had not looked for{quoted}"));
+        return Err(format!("it requested memory without a check of the free memory{quoted}"));
     }
     match code {
         0 if interrupted => Ok(Answer::Interrupted),
         0 => Ok(Answer::Done),
         2 => {
             if said.is_some_and(|said| !starved && !said.lines().any(|line| is_error(line, json))) {
-                return Err(format!("no line says what was wrong{quoted}"));
+                return Err(format!("no line states the error{quoted}"));
             }
             Ok(Answer::Refused)
         }

@@ -1,11 +1,12 @@
-//! Pictures and arrays whose headers promise much more than they hold, or that hold much more than they weigh.
+//! Pictures and arrays with headers that state much more data than the file contains, or with data that expands to much
+//! more than the size of the file.
 
 use crate::case::{Case, Put};
 use crate::ground::Ground;
 
 const SIDES: [u32; 10] = [0, 1, 17, 4096, 8191, 16000, 20000, 65535, 1 << 20, u32::MAX];
 
-/// A run over a picture, a map, an array or an SLM's picture that lies.
+/// Returns a run that reads a hostile picture, depth map, array or picture for an SLM.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let (h, w) = (SIDES[rng.usize(..SIDES.len())], SIDES[rng.usize(..SIDES.len())]);
     let of = |name: &str| ground.files[&format!("base/{name}")].clone();
@@ -50,7 +51,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         .replace("flat.npy", name);
     let mut case = Case::of(&run.split(' ').collect::<Vec<_>>()).put("in/x.toml", Put::Bytes(display.into_bytes()));
     if run.starts_with("info ") {
-        // A folder of nine of them.
+        // The subject of `info` is a folder of nine views.
         let ending = name.split_once('.').map_or("", |(_, ending)| ending);
         for i in 0..9 {
             case = case.put(&format!("in/view_{i:02}.{ending}"), Put::Bytes(bytes.clone()));
@@ -60,7 +61,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     case.put(&file, Put::Bytes(bytes))
 }
 
-/// A TIFF whose table states other sides: its first two entries are columns and rows.
+/// Returns a TIFF whose table states other sides. Its first two entries are columns and rows.
 fn tiff(of: &[u8], h: u32, w: u32) -> Vec<u8> {
     let mut bytes = of.to_vec();
     let at = u32::from_le_bytes([bytes[4], bytes[5], bytes[6], bytes[7]]) as usize + 2;
@@ -70,7 +71,7 @@ fn tiff(of: &[u8], h: u32, w: u32) -> Vec<u8> {
     bytes
 }
 
-/// A chunk of a PNG.
+/// Returns a chunk of a PNG with its length and its checksum.
 fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     let body = [kind, data].concat();
     let sum = body.iter().fold(u32::MAX, |sum, byte| {
@@ -79,16 +80,16 @@ fn chunk(kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     [&(data.len() as u32).to_be_bytes()[..], &body, &(!sum).to_be_bytes()].concat()
 }
 
-/// The PNG with another size in its header.
+/// Returns the PNG with another size in its header.
 fn png(of: &[u8], h: u32, w: u32, color: u8) -> Vec<u8> {
     let header = [&w.to_be_bytes()[..], &h.to_be_bytes(), &[8, color, 0, 0, 0]].concat();
-    // Its signature, then the header of 25 bytes.
+    // A PNG begins with a signature of 8 bytes and a header of 25 bytes.
     [&of[..8], &chunk(b"IHDR", &header), &of[33..]].concat()
 }
 
-/// A PNG of so many black pixels, a thousandth of their size.
+/// Returns a PNG of black pixels, which stores 258 bytes of pixels in 13 bits.
 fn deflated(h: u32, w: u32) -> Vec<u8> {
-    // A stream of fixed codes: a zero, then copies of it of 258 bytes each (code 285, distance 1): 13 bits a copy.
+    // The stream uses fixed codes. After one zero, each code of 13 bits copies 258 bytes (code 285, distance 1).
     let total = u64::from(h) * (u64::from(w) + 1);
     let (mut out, mut word, mut count) = (vec![0x78, 0x01], 0u64, 0u32);
     let mut bits = |value: u64, n: u32, out: &mut Vec<u8>| {
@@ -101,7 +102,7 @@ fn deflated(h: u32, w: u32) -> Vec<u8> {
         }
     };
     bits(0b011, 3, &mut out);
-    // Codes are written from their highest bit on: 0x30 for a zero, 0xc5 for 258 bytes, five zeros for the distance 1.
+    // Codes begin with their highest bit. 0x30 is a zero, 0xc5 is 258 bytes, and five zeros are the distance 1.
     bits(u64::from(0x30u8.reverse_bits()), 8, &mut out);
     for _ in 0..total.saturating_sub(1) / 258 {
         bits(u64::from(0xc5u8.reverse_bits()), 8, &mut out);
@@ -112,13 +113,13 @@ fn deflated(h: u32, w: u32) -> Vec<u8> {
     }
     bits(0, 7, &mut out);
     bits(0, 8, &mut out);
-    // Adler's sum of zeros.
+    // These bytes are the Adler-32 checksum of the zeros.
     out.extend((((total % 65521) as u32) << 16 | 1).to_be_bytes());
     let header = [&w.to_be_bytes()[..], &h.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
     [b"\x89PNG\r\n\x1a\n".to_vec(), chunk(b"IHDR", &header), chunk(b"IDAT", &out), chunk(b"IEND", &[])].concat()
 }
 
-/// Where the frame's header begins: a marker, a length, a precision, then rows and columns.
+/// Finds the frame header of a JPEG, which has a marker, a length, a precision, rows and columns.
 fn frame(of: &[u8]) -> usize {
     of.windows(2).position(|w| w[0] == 0xff && (w[1] == 0xc0 || w[1] == 0xc2)).expect("a frame")
 }
@@ -131,11 +132,11 @@ fn jpeg(mut of: Vec<u8>, h: u32, w: u32, progressive: bool) -> Vec<u8> {
     of
 }
 
-/// A progressive JPEG of many scans, each of which passes over all pixels.
+/// Returns a progressive JPEG with `count` scans, each of which passes over all pixels.
 fn scans(of: Vec<u8>, h: u32, w: u32, count: usize) -> Vec<u8> {
     let of = jpeg(of, h.min(8191), w.min(8191), true);
     let at = of.windows(2).position(|w| w == [0xff, 0xda]).expect("a scan");
-    // Of one component, its lowest coefficient alone.
+    // A scan codes only the lowest coefficient of one component.
     let scan = [0xff, 0xda, 0, 8, 1, 1, 0, 0, 0, 0, 0x55, 0x55];
     [&of[..at], &scan.repeat(count), &[0xff, 0xd9]].concat()
 }
@@ -146,7 +147,7 @@ fn bmp(mut of: Vec<u8>, h: u32, w: u32) -> Vec<u8> {
     of
 }
 
-/// Both windows of an EXR: attributes of the type `box2i`.
+/// Changes both windows of an EXR, which are its attributes of the type `box2i`.
 fn exr(mut of: Vec<u8>, h: u32, w: u32) -> Vec<u8> {
     let mark = b"box2i\0\x10\0\0\0";
     let places: Vec<usize> =

@@ -1,4 +1,4 @@
-//! One run of the command: what it is given, how it is watched, and what it may leave.
+//! One run of the command, with its inputs, its supervision and the files that it may leave.
 
 use crate::answer::{self, Answer};
 use crate::ground::{self, Place};
@@ -12,72 +12,74 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Address space of every case, KiB: no case comes near it unless it takes memory that it should not.
+/// Address space of every case, in KiB. A case comes near this limit only if it takes too much memory.
 const ADDRESSES_KIB: u64 = 2 << 20;
-/// Most memory that a case may have, KiB.
+/// The largest memory of a case, in KiB. The planned memory of a solve adds to it.
 const MEMORY_KIB: u64 = 512 << 10;
-/// How long a case may run before it is asked to stop, and how long it may take to.
+/// The time that a case may run before it receives ctrl-C.
 const PATIENCE: Duration = Duration::from_millis(1500);
+/// The time that a case may take to end after ctrl-C.
 const TO_STOP: Duration = Duration::from_secs(5);
 
-/// The program that is attacked: the one that was built, or that of `EYEBOX`.
+/// Returns the program under attack, which is `EYEBOX` or otherwise the program of this build.
 pub fn program() -> String {
     std::env::var("EYEBOX").unwrap_or_else(|_| env!("CARGO_BIN_EXE_eyebox").into())
 }
 
-/// Something that lies in the case's folder `in` when it begins.
+/// An entry that a case has in its folder when it begins.
 #[derive(Clone)]
 pub enum Put {
-    /// A file.
+    /// A file with this content.
     Bytes(Vec<u8>),
     /// A copy of a file or folder of the ground.
     Copy(String),
-    /// A pipe that nobody writes to.
+    /// A pipe without a process at its other end.
     Fifo,
-    /// An empty folder.
+    /// A folder without entries.
     Folder,
-    /// A link.
+    /// A link to this target.
     Link(String),
-    /// A file of so many bytes that takes none.
+    /// A file of this length in bytes that takes no space.
     Sparse(u64),
-    /// A file that may not be read.
+    /// A file without permission to read.
     Locked,
-    /// Nothing: what was there is gone.
+    /// No entry. An existing entry is removed.
     Gone,
 }
 
-/// What a standard stream is connected to.
+/// The other end of a standard stream.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub enum Stream {
-    /// A file.
+    /// A pipe that the test reads to its end.
     #[default]
     Kept,
-    /// Nothing.
+    /// No other end, because the stream is closed.
     Closed,
-    /// A full disk.
+    /// The device `/dev/full`, which acts like a full disk.
     Full,
-    /// A pipe whose reader has gone.
+    /// A pipe whose reader is gone.
     Gone,
-    /// A pipe that nobody reads.
+    /// A pipe whose reader never reads.
     Stuck,
 }
 
-/// One run.
+/// One run of the command and its surroundings.
 #[derive(Clone, Default)]
 pub struct Case {
-    /// After the program's name. What begins with `in/` is the case's, `base/` the ground's; results go to `out/`.
+    /// The arguments after the program's name. Paths in `in/` belong to the case and paths in `base/` to the ground.
+    /// Results go to `out/`.
     pub args: Vec<OsString>,
-    /// What is put where, from the case's folder; one after the other.
+    /// The paths of entries in the case's folder, and the entries, in their order of creation.
     pub puts: Vec<(String, Put)>,
-    /// Standard output and error.
+    /// Standard output, then standard error.
     pub streams: [Stream; 2],
-    /// Limits, as the shell's `ulimit` takes them.
+    /// Limits in the form of the shell's `ulimit`.
     pub limits: Vec<String>,
-    /// Of the environment.
+    /// Variables of the command's environment.
     pub env: Vec<(&'static str, String)>,
-    /// It may find out that there is no memory by asking for it, and its drafts may stay.
+    /// The command may notice a lack of memory by a failed allocation, and its temporary files may stay.
     pub starved: bool,
-    /// What it had done when it failed may stay: whole files.
+    /// Files that were complete before a failure may stay.
     pub keeps: bool,
 }
 
@@ -91,7 +93,8 @@ impl Case {
         self
     }
 
-    /// Runs it, and says what is wrong with how it ended. A case that was slow is tried once more: the machine may have been.
+    /// Runs the case and returns how it ended, or the fault of its end. A case that was slow runs once more, because
+    /// the machine may have been slow.
     pub fn judge(&self, place: &Place) -> Result<Answer, String> {
         self.run(place).or_else(|why| if why.contains("after ctrl-C") { self.run(place) } else { Err(why) })
     }
@@ -118,7 +121,7 @@ impl Case {
         }
         let left = ground::files(&at.join("out"));
         let draft = left.iter().find(|file| file.extension().is_some_and(|end| end == "part"));
-        // A run that was stopped may continue from its files. Recordings and outputs beside the result grow while the run lasts.
+        // A run that was stopped may continue from its files. Recordings and additional outputs grow during the run.
         let grows = self.args.iter().any(|arg| arg == "record" || place.is_log(arg));
         let keeps = self.keeps || watched.asked.is_some() || grows;
         let left = if answer == Answer::Refused && !keeps { left.first() } else { draft.filter(|_| !self.starved) };
@@ -129,11 +132,11 @@ impl Case {
         Ok(answer)
     }
 
-    /// What `solve --dry-run` says that it takes, KiB; nothing where it says nothing.
+    /// Returns the memory in KiB that `solve --dry-run` prints, or 0 if it prints none.
     fn planned_kib(&self, at: &Path) -> u64 {
         let values = ["--size", "--views", "--frames", "--color", "--display", "--depth-map"];
         let kept = self.args.windows(2).filter(|pair| values.iter().any(|value| pair[0] == *value)).flatten();
-        // The scene stands behind the command's one or two words.
+        // The scene follows the command's one or two words.
         let scene = self.args.get(1 + usize::from(self.args.first().is_some_and(|arg| arg == "eval")));
         let mut plan = Command::new(program());
         plan.arg("solve").args(scene).args(kept).args(["--dry-run", "--engine", "cpu", "--json"]).current_dir(at);
@@ -151,12 +154,12 @@ impl Case {
             .map(|(_, s)| s)
             .collect::<Vec<_>>()
             .join(" ");
-        // A shell that runs this in the background has ctrl-C ignored.
+        // If a shell runs this test in the background, its processes ignore ctrl-C by default.
         let script = format!("ulimit -v {ADDRESSES_KIB}; {limits}exec env --default-signal=INT \"$0\" \"$@\" {closed}");
         let mut command = Command::new("sh");
         command.args(["-c", &script, &program()]).args(&self.args).current_dir(at);
         command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env("XDG_CACHE_HOME", at.join("cache"));
-        // One arena: address space is memory then.
+        // With one arena, the address space grows with the memory in use only.
         command
             .env("MALLOC_ARENA_MAX", "1")
             .env("RUST_BACKTRACE", "0")
@@ -201,7 +204,7 @@ impl fmt::Display for Case {
     }
 }
 
-/// The beginning of a file.
+/// Returns the beginning of a file as text.
 fn shown(bytes: &[u8]) -> String {
     String::from_utf8_lossy(&bytes[..bytes.len().min(1500)]).escape_debug().to_string()
 }
@@ -229,17 +232,17 @@ fn put(at: &Path, what: &Put, place: &Path) {
 /// A run that is watched until it ends.
 struct Watched {
     child: Child,
-    /// Read standard output and error.
+    /// Threads that read standard output and standard error.
     readers: [Option<JoinHandle<Vec<u8>>>; 2],
-    /// When it was asked to stop.
+    /// The time of ctrl-C, if it was sent.
     asked: Option<Instant>,
-    /// Most memory it had, KiB.
+    /// The peak memory of the run, in KiB.
     peak: u64,
 }
 
 impl Watched {
     fn new(mut child: Child, streams: [Stream; 2]) -> Self {
-        // A pipe that is dropped has no reader; one that is kept has one that never reads.
+        // A dropped pipe has no reader. A pipe that stays in `child` has a reader that never reads.
         let mut readers = [None, None];
         match streams[0] {
             Stream::Kept => readers[0] = child.stdout.take().map(read),
@@ -254,7 +257,7 @@ impl Watched {
         Self { child, readers, asked: None, peak: 0 }
     }
 
-    /// What it said on standard error, where somebody listened.
+    /// Returns the text of standard error, if a thread read it.
     fn heard(&mut self) -> Option<String> {
         let [_, said] = self.readers.each_mut().map(|reader| Some(reader.take()?.join().expect("read")));
         said.map(|said| String::from_utf8_lossy(&said).into_owned())
@@ -288,7 +291,7 @@ impl Watched {
     }
 }
 
-/// Reads a pipe to its end, beside.
+/// Reads a pipe to its end on a thread of its own.
 fn read(mut pipe: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
@@ -297,7 +300,7 @@ fn read(mut pipe: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     })
 }
 
-/// The most memory that a process had, KiB.
+/// Returns the peak memory of a process, in KiB.
 fn peak(id: u32) -> u64 {
     let status = fs::read(format!("/proc/{id}/status")).unwrap_or_default();
     let line = status.split(|b| *b == b'\n').find_map(|l| l.strip_prefix(b"VmHWM:"));
@@ -305,7 +308,7 @@ fn peak(id: u32) -> u64 {
     text.and_then(|t| t.parse().ok()).unwrap_or(0)
 }
 
-/// A word that need not be text.
+/// Returns an argument whose bytes need not be UTF-8.
 pub fn word(bytes: &[u8]) -> OsString {
     std::ffi::OsStr::from_bytes(bytes).to_owned()
 }

@@ -1,14 +1,14 @@
-//! Every field of every document, changed; what carries a checksum is sealed again.
+//! Changes every field of every document. A document with a checksum receives the new checksum.
 
 use crate::case::{Case, Put, word};
 use crate::ground::Ground;
 use serde_json::{Value, json};
 
-/// A document, and runs that read it: `{}` is the file, or the folder that it lies in.
+/// A document and the runs that read it. `{}` is the file or the folder that contains it.
 struct Subject {
-    /// What is copied, from `base`.
+    /// The file or folder that is copied from `base`.
     whole: &'static str,
-    /// The document in it; none where it is a file by itself.
+    /// The document in the folder. It is empty if `whole` is the document.
     inside: &'static str,
     runs: &'static [&'static str],
 }
@@ -100,7 +100,7 @@ const SUBJECTS: [Subject; 22] = [
     Subject { whole: "descriptor.txt", inside: "", runs: &["tracker describe {} --json"] },
 ];
 
-/// What a field may come to hold.
+/// Returns an odd value for a field.
 fn odd(rng: &mut fastrand::Rng) -> Value {
     let numbers = [
         0.0,
@@ -133,7 +133,7 @@ fn odd(rng: &mut fastrand::Rng) -> Value {
     }
 }
 
-/// How many values a document has, itself included.
+/// Returns the number of values in a document. The document itself counts as one.
 fn count(value: &Value) -> usize {
     1 + match value {
         Value::Object(map) => map.values().map(count).sum(),
@@ -142,7 +142,7 @@ fn count(value: &Value) -> usize {
     }
 }
 
-/// Changes the value of this number, counted as `count` does.
+/// Changes the value with the number `at`, in the order of `count`.
 fn change(value: &mut Value, at: &mut usize, rng: &mut fastrand::Rng) -> bool {
     if *at == 0 {
         match value {
@@ -176,13 +176,13 @@ fn change(value: &mut Value, at: &mut usize, rng: &mut fastrand::Rng) -> bool {
 
 fn changed(document: &mut Value, rng: &mut fastrand::Rng) {
     for _ in 0..[1, 1, 1, 2, 4][rng.usize(..5)] {
-        // The document itself is one of many; its fields are meant.
+        // Value 0 is the document itself. The change is for its fields.
         let mut at = rng.usize(..count(document)).max(1);
         change(document, &mut at, rng);
     }
 }
 
-/// JSON with the sum that it has now, where it has a place for one.
+/// Returns the document as JSON. If it has a field for its checksum, the field holds the new checksum.
 pub fn sealed(document: &Value) -> Vec<u8> {
     let mut bytes = serde_json::to_vec_pretty(document).expect("JSON");
     bytes.push(b'\n');
@@ -196,7 +196,7 @@ pub fn sealed(document: &Value) -> Vec<u8> {
     bytes
 }
 
-/// A text with some of its numbers, words or lines changed.
+/// Returns a text with changes to some of its numbers, words or lines.
 fn text(bytes: &[u8], rng: &mut fastrand::Rng) -> Vec<u8> {
     let text = String::from_utf8_lossy(bytes);
     let mut lines: Vec<String> = text.lines().map(String::from).collect();
@@ -235,7 +235,7 @@ fn text(bytes: &[u8], rng: &mut fastrand::Rng) -> Vec<u8> {
     lines.join("\n").into_bytes()
 }
 
-/// Bytes with some of them changed, left out or put in.
+/// Returns the bytes after some were changed, removed or inserted.
 fn bytes(mut bytes: Vec<u8>, rng: &mut fastrand::Rng) -> Vec<u8> {
     for _ in 0..rng.usize(1..5) {
         let at = rng.usize(..bytes.len().max(1));
@@ -250,7 +250,7 @@ fn bytes(mut bytes: Vec<u8>, rng: &mut fastrand::Rng) -> Vec<u8> {
     bytes
 }
 
-/// The document, changed in a way that it can be.
+/// Returns the document after a change that suits its format.
 fn mutated(name: &str, of: &[u8], rng: &mut fastrand::Rng) -> Vec<u8> {
     match rng.u8(..10) {
         0 => bytes(of.to_vec(), rng),
@@ -262,7 +262,7 @@ fn mutated(name: &str, of: &[u8], rng: &mut fastrand::Rng) -> Vec<u8> {
         }
         _ if name.ends_with(".toml") => {
             let table: toml::Value = toml::from_str(&String::from_utf8_lossy(of)).expect("TOML");
-            let mut document = serde_json::to_value(table).expect("JSON can say it");
+            let mut document = serde_json::to_value(table).expect("TOML fits JSON");
             changed(&mut document, rng);
             match toml::Value::try_from(&document) {
                 Ok(table) => toml::to_string(&table).unwrap_or_default().into_bytes(),
@@ -273,13 +273,13 @@ fn mutated(name: &str, of: &[u8], rng: &mut fastrand::Rng) -> Vec<u8> {
     }
 }
 
-/// A run that reads a changed document, or a file of numbers or a picture with changed bytes.
+/// Returns a run that reads a changed document, or a file of numbers or a picture with changed bytes.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let subject = &SUBJECTS[rng.usize(..SUBJECTS.len())];
     let (whole, run) = (subject.whole, subject.runs[rng.usize(..subject.runs.len())]);
     let mut inside = subject.inside.to_string();
     if rng.u8(..6) == 0 && !inside.is_empty() {
-        // Any other file of the folder: chunks, pictures, tables.
+        // Sometimes the change is in any other file of the folder, such as a chunk, a picture or a table.
         let start = format!("base/{whole}/");
         let of: Vec<&str> = ground.files.keys().filter_map(|name| name.strip_prefix(&start)).collect();
         inside = of[rng.usize(..of.len())].into();
@@ -288,7 +288,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         true => (format!("base/{whole}"), format!("in/{whole}")),
         false => (format!("base/{whole}/{inside}"), format!("in/{whole}/{inside}")),
     };
-    // A display file is named itself; of others the folder is.
+    // A run with a display file names the file. The other runs name the folder.
     let named = if whole == "bench" { "in/bench/bench.toml".into() } else { format!("in/{whole}") };
     let is = mutated(&from, &ground.files[&from], rng);
     let mut case =

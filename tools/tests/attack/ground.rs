@@ -1,4 +1,4 @@
-//! What the cases start from: small holograms, scenes, tables and recordings of every kind, made once and then only read.
+//! Makes small holograms, scenes, tables and recordings of every kind. The cases only read them.
 
 use image::{DynamicImage, GrayImage, ImageFormat, Rgb32FImage, RgbImage};
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,25 +8,25 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A display of as many pixels as the holograms have, with everything that a display file can say of a relay.
+/// A display with the pixels of the holograms, and with every field that a display file can have for a relay.
 pub const BENCH: &str = "name = \"bench\"\nresolution = [16, 16]\npitch_um = 8.0\nfocal_length_mm = 400.0\nlevels = 256\nrate_hz = 60\n\
     portrait = false\ngeometry = \"relay\"\n[wavelengths_nm]\nred = 660.0\ngreen = 520.0\nblue = 440.0\n[encoding]\npacking = \"grey8\"\n\
     channel = \"grey\"\nchannel_order = \"rgb\"\nflip = \"horizontal\"\nrotation_deg = 90\noffset_px = [1, -2]\nflip_video = \"none\"\n\
     look_up = { green = \"green.csv\" }\n[[encoding.correction]]\nfile = \"flat.png\"\nsign = 1\ncolor = \"red\"\n\
     two_pi_level = 256\norientation = \"slm\"\n[[encoding.correction]]\nfile = \"flat.npy\"\nsign = -1\norientation = \"hologram\"\n\
     [[encoding.grating]]\nperiod_px = 8.0\ndirection_deg = 30\ncolor = \"green\"\n";
-/// One of bit-planes, cells and a table.
+/// A display with bit planes, cells and a table.
 const PLANES: &str = "resolution = [16, 16]\npitch_um = 10.8\nfocal_length_mm = 400.0\nlevels = 4\nwavelengths_nm = { green = 520.0 }\n\
     [encoding]\npacking = \"map\"\nphases_turns = [0.0, 0.25, 0.5, 0.75]\ncodes = [0, 1, 3, 2]\ncells = [[0, 1]]\n\
     [[encoding.map]]\ncolor = \"green\"\nsub_frame = 0\nvideo_frame = 0\nchannel = \"green\"\nbits = [0]\n\
     [[encoding.map]]\ncolor = \"green\"\nsub_frame = 1\nvideo_frame = 0\nchannel = \"rgb\"\nbits = [23]\n";
-/// Tables of the settings of commands.
+/// Tables with the settings of commands.
 const TABLES: &str = "[gaze]\nfixation = '250ms'\nstep_time = 1\ncontent = ['still', 'jumping']\nsets = 4\nsteps_per_set = 1\n\
                       jumps_every = 2\njumps_to = ['builtin:points']\n[show]\nmoments = 'off'\nsync = 0.01\nahead = 2\nspeed = 2.0\n\
                       keep_phase = true\n[compare]\nspeckle = false\ncoherence = [0, 0.5]\n[viewing]\nluminance = 100\nblack = 0.5\n\
                       pixels_per_degree = 20\n[tiles]\npicture = 32\npasses = 1\n[camera]\niris = [0, 0, 6]\nsettle = 0\n";
 
-/// One whose SLM stands in the pupil plane.
+/// A display whose SLM is in the pupil plane.
 const FAR: &str = "name = \"far\"\nresolution = [128, 128]\npitch_um = 10.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n\
     geometry = \"far-field\"\n";
 const LIGHT_FIELD: &str = "grid = [3, 3]\nfiles = \"view_*\"\ntranspose = false\nflip_rows = false\nflip_columns = false\n\
@@ -41,12 +41,12 @@ const CALIBRATION: &str = "user = \"ada\"\n[left]\nunit = \"normalized\"\nx_mm =
 const DESCRIPTOR: &str = "05 12 09 01 a1 01 09 10 a1 02 85 01 65 11 55 0c 17 80 7b e1 ff 27 80 84 1e 00 \
                           09 24 a1 00 75 20 95 02 09 21 09 22 81 03 c0 c0 c0";
 
-/// What all cases start from, and the options that the command has.
+/// The files that all cases start from, and the options of the command.
 pub struct Ground {
     folder: tempfile::TempDir,
-    /// Of each command, by its own help.
+    /// The options of each command, as its help lists them.
     pub options: BTreeMap<String, Vec<crate::options::Opt>>,
-    /// Every file below `base`, and its bytes.
+    /// The bytes of every file below `base`.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
@@ -69,7 +69,7 @@ impl Ground {
         ] {
             done(at, args, &at.join("cache"));
         }
-        // The rates of this machine are measured once, for all tests of the command.
+        // One measurement of this machine's rates serves all tests of the command.
         let shared = std::env::temp_dir().join("eyebox-tests");
         done(at, "solve builtin:plane --dry-run --size 16x16 --color green --engine cpu", &shared);
         copy(&shared, &at.join("cache"));
@@ -78,7 +78,7 @@ impl Ground {
         Self { options: crate::options::all(), files, folder }
     }
 
-    /// A copy for a worker.
+    /// Copies the files for a worker.
     pub fn place(&self, _worker: usize) -> Place {
         let folder = tempfile::tempdir().expect("a temporary folder");
         for part in ["base", "cache"] {
@@ -91,7 +91,7 @@ impl Ground {
     }
 }
 
-/// Where a worker's cases run, one after the other.
+/// The folder in which a worker's cases run one after the other.
 pub struct Place {
     folder: tempfile::TempDir,
     sum: BTreeMap<PathBuf, u32>,
@@ -99,7 +99,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// Returns whether an argument names an output that is written beside the result, such as `--stats`.
+    /// Returns whether an argument names an output in addition to the result, such as `--stats`.
     pub fn is_log(&self, arg: &OsStr) -> bool {
         self.logs.contains(arg)
     }
@@ -108,7 +108,7 @@ impl Place {
         self.folder.path()
     }
 
-    /// Empties what cases bring and make.
+    /// Empties the folders of a case's inputs and results.
     pub fn clear(&self) {
         for name in ["in", "out"] {
             let at = self.path().join(name);
@@ -119,7 +119,7 @@ impl Place {
         }
     }
 
-    /// Whether everything of others is as it was; what is not.
+    /// Checks that a case left all other files unchanged. The error names a file that changed.
     pub fn check(&self) -> Result<(), String> {
         let (now, mut tops) = (sum(self.path()), fs::read_dir(self.path()).expect("a folder"));
         let other = |(file, sum): (&PathBuf, &u32), than: &BTreeMap<PathBuf, u32>| than.get(file) != Some(sum);
@@ -140,7 +140,7 @@ fn sum(at: &Path) -> BTreeMap<PathBuf, u32> {
     files(&at.join("base")).into_iter().map(|f| (f.clone(), crc32c::crc32c(&fs::read(&f).expect("a file")))).collect()
 }
 
-/// Every file, pipe and link below a folder, and every empty folder.
+/// Returns every file, pipe and link below a folder, and every empty folder.
 pub fn files(folder: &Path) -> Vec<PathBuf> {
     let (mut found, mut left) = (Vec::new(), vec![folder.to_path_buf()]);
     while let Some(next) = left.pop() {
@@ -177,7 +177,7 @@ fn done(at: &Path, args: &str, cache: &Path) {
     assert!(answer.status.success(), "{args}: {}", String::from_utf8_lossy(&answer.stderr));
 }
 
-/// A folder of views, a picture and its depth in every format, corrections.
+/// Writes a folder of views, a picture and its depth in every format, and corrections for the display.
 fn pictures(base: &Path) {
     for folder in ["views", "bench"] {
         fs::create_dir_all(base.join(folder)).expect("a folder");
@@ -208,7 +208,7 @@ fn pictures(base: &Path) {
     }
 }
 
-/// A TIFF of 16 x 16 pixels in color, without compression.
+/// Returns a TIFF of 16 x 16 pixels in color, without compression.
 fn tiff(bytes: &[u8]) -> Vec<u8> {
     let start = 8 + bytes.len() as u32;
     let entries: [(u16, u16, u32); 8] = [
@@ -229,7 +229,7 @@ fn tiff(bytes: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Tables and descriptions.
+/// Writes tables, display files and other descriptions.
 fn texts(base: &Path) {
     let table: String = (0..256).map(|i| format!("{i},{}\n", f64::from(i) * 0.0246)).collect();
     let write = |name: &str, text: &str| fs::write(base.join(name), text).expect("a file");

@@ -1,8 +1,8 @@
-//! Ended by force at random moments: what is left opens, and the same command goes on from there, to the same bytes where a
-//! seed decides them.
+//! Ends jobs by force at random moments. Other commands can open the remaining files, and the same command continues
+//! from them. Files that follow from a seed then have the same bytes.
 //!
-//! `EYEBOX_KILLS=200 cargo test --workspace --test attack -- kills --nocapture` takes so many moments of each job,
-//! with `EYEBOX_ATTACK_ONLY=tiles` of one.
+//! `EYEBOX_KILLS=200 cargo test --workspace --test attack -- kills --nocapture` ends each job at 200 moments.
+//! `EYEBOX_ATTACK_ONLY=tiles` selects one job.
 
 use crate::case::program;
 use crate::stated;
@@ -16,17 +16,17 @@ const FAR: &str = "name = \"far\"\nresolution = [192, 192]\npitch_um = 8.0\nfoca
                    geometry = \"far-field\"\n";
 const SMALL: [&str; 10] = ["--size", "40x48", "--color", "green", "--engine", "cpu", "--views", "3", "--frames", "2"];
 
-/// What is ended by force.
+/// A command that the test ends by force.
 struct Job {
     name: &'static str,
     args: Vec<&'static str>,
-    /// What it makes.
+    /// The file or folder that the job writes.
     out: &'static str,
-    /// Shows that what is there of it opens.
+    /// The arguments of a command that opens the remaining files of the job.
     opens: Vec<&'static str>,
-    /// Whether it takes its time, and is never done by itself.
+    /// The job runs until the test ends it.
     endless: bool,
-    /// Which of its files follow from its seed.
+    /// Returns whether a file of the job follows from its seed.
     same: fn(&str) -> bool,
 }
 
@@ -114,7 +114,7 @@ fn done(at: &Path, args: &[&str]) -> Output {
     answer
 }
 
-/// Every file of what a job makes, in its order.
+/// Returns the files below `out` for which `same` is true, by their names.
 fn contents(out: &Path, same: fn(&str) -> bool) -> BTreeMap<String, Vec<u8>> {
     let (mut found, mut left) = (BTreeMap::new(), vec![out.to_path_buf()]);
     while let Some(next) = left.pop() {
@@ -131,7 +131,7 @@ fn contents(out: &Path, same: fn(&str) -> bool) -> BTreeMap<String, Vec<u8>> {
 }
 
 impl Job {
-    /// A folder with what it needs.
+    /// Makes a folder with the inputs of the job.
     fn place(&self) -> tempfile::TempDir {
         let here = tempfile::tempdir().expect("a folder");
         fs::write(here.path().join("far.toml"), FAR).expect("written");
@@ -143,12 +143,12 @@ impl Job {
         here
     }
 
-    /// Ends it by force after so long, looks at what is left, and goes on to the end.
+    /// Ends the job by force after a time, opens the remaining files, and runs the job again to its end.
     fn end_at(&self, at: &Path, after: Duration, whole: &BTreeMap<String, Vec<u8>>) {
         let mut child =
             command(at, &self.args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the command starts");
         std::thread::sleep(after);
-        // SIGKILL.
+        // This sends SIGKILL, so the command cannot clean up.
         child.kill().expect("killed");
         child.wait().expect("ended");
         let case = || format!("{} ended after {after:?}", self.name);
@@ -156,7 +156,7 @@ impl Job {
         if out.exists() && !self.opens.is_empty() {
             let answer = command(at, &self.opens).output().expect("the command starts");
             let said = String::from_utf8_lossy(&answer.stderr);
-            // Of a sequence that has no hologram yet there is none to look at.
+            // A sequence without its first hologram has no view to render.
             let none = self.name == "sequence" && said.contains("it has no hologram 0");
             assert!(answer.status.success() || (none && answer.status.code() == Some(2)), "{}: {said}", case());
         }
@@ -169,10 +169,10 @@ impl Job {
         let names = |all: &BTreeMap<String, Vec<u8>>| all.keys().cloned().collect::<Vec<_>>();
         assert_eq!(names(&now), names(whole), "{}", case());
         for (name, bytes) in &now {
-            assert!(*bytes == whole[name], "{}: {name} is another one", case());
+            assert!(*bytes == whole[name], "{}: {name} differs", case());
         }
         let drafts = contents(at, |name| name.ends_with(".part"));
-        assert!(drafts.is_empty(), "{}: {:?} are left", case(), names(&drafts));
+        assert!(drafts.is_empty(), "{}: {:?} remain", case(), names(&drafts));
         let _ = if out.is_dir() { fs::remove_dir_all(out) } else { fs::remove_file(out) };
     }
 }

@@ -1,11 +1,12 @@
-//! The attack: generated inputs, options, streams and limits, each given to the command, and what it may answer.
+//! The attack runs the command with generated inputs, options, streams and limits, and checks how it ends.
 //!
-//! A case is one run of `eyebox` on holograms and scenes of a few pixels. Whatever the case, it ends with 0, or with 2 and one
-//! line and nothing written; never by a signal, with a panic, with more memory than it may have, or more than five seconds
-//! after ctrl-C; and what it was not asked to touch is as it was. Cases follow from a seed: the same seed, the same cases.
+//! A case is one run of `eyebox` on holograms and scenes of a few pixels. Every case ends with 0, or with 2, an error
+//! line and no output. A case never ends by a signal, with a panic, with too much memory or more than five seconds
+//! after ctrl-C. All other files stay unchanged. The same seed gives the same cases.
 //!
-//! `EYEBOX_ATTACK_CASES=20000 EYEBOX_ATTACK_SEED=7 cargo test --workspace --test attack -- --nocapture` runs 20000 cases and prints
-//! a table of their answers. `EYEBOX_ATTACK_ONLY=options` runs one kind of case. `EYEBOX_ATTACK_FIRST=1234` begins with that case.
+//! `EYEBOX_ATTACK_CASES=20000 EYEBOX_ATTACK_SEED=7 cargo test --workspace --test attack -- --nocapture` runs 20000
+//! cases and prints a table of their answers. `EYEBOX_ATTACK_ONLY=options` runs one kind of case.
+//! `EYEBOX_ATTACK_FIRST=1234` begins with that case.
 #![cfg(target_os = "linux")]
 
 mod answer;
@@ -32,7 +33,7 @@ use std::time::Instant;
 /// Makes one case out of random numbers.
 type Generator = fn(&Ground, &mut fastrand::Rng) -> Case;
 
-/// The kinds of cases, and how often each has its turn.
+/// The kinds of cases and their weights.
 const KINDS: [(&str, u32, Generator); 7] = [
     ("fields", 6, fields::case),
     ("options", 8, options::case),
@@ -43,12 +44,12 @@ const KINDS: [(&str, u32, Generator); 7] = [
     ("limits", 2, limits::case),
 ];
 
-/// A number that the environment states.
+/// Returns the number in a variable of the environment.
 fn stated(name: &str) -> Option<u64> {
-    std::env::var(name).ok().map(|text| text.parse().unwrap_or_else(|_| panic!("{name} is '{text}': a number")))
+    std::env::var(name).ok().map(|text| text.parse().unwrap_or_else(|_| panic!("{name}: '{text}' is no number")))
 }
 
-/// The case of a number, always the same: its kind, and what it is.
+/// Returns the kind and the case of a number. The same seed and number always give the same case.
 fn case(ground: &Ground, seed: u64, number: u64, only: Option<&str>) -> (&'static str, Case) {
     let mut rng = fastrand::Rng::with_seed(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ number);
     let kinds = KINDS.iter().filter(|(name, ..)| only.is_none_or(|only| only == *name));
@@ -61,7 +62,7 @@ fn case(ground: &Ground, seed: u64, number: u64, only: Option<&str>) -> (&'stati
 fn whatever_comes_the_command_ends_well() {
     let seed = stated("EYEBOX_ATTACK_SEED").unwrap_or(1);
     let first = stated("EYEBOX_ATTACK_FIRST").unwrap_or(0);
-    // A number of cases, and never a time: which cases run must not depend on the machine.
+    // The limit is a number of cases and not a time, because the cases must not depend on the machine.
     let last = first + stated("EYEBOX_ATTACK_CASES").unwrap_or(400);
     let only = std::env::var("EYEBOX_ATTACK_ONLY").ok();
     let ground = Ground::new();

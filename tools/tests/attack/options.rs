@@ -1,11 +1,11 @@
-//! Every option of every command, as the command's own help lists them, with values that nobody should give.
+//! Gives odd values to every option of every command. The options come from the command's own help.
 
 use crate::case::{Case, word};
 use crate::ground::Ground;
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
-/// An option that takes a value, and what the help says of the value.
+/// An option that takes a value, and the name of the value in the help.
 #[derive(Clone)]
 pub struct Opt {
     pub name: String,
@@ -13,13 +13,13 @@ pub struct Opt {
 }
 
 impl Opt {
-    /// Returns whether the command writes to the value: the help calls the values of these options `OUT...`, and of no others.
+    /// Returns whether the command writes to the value. The help uses the name `OUT...` for these values only.
     pub fn is_output(&self) -> bool {
         self.hint.starts_with("OUT")
     }
 }
 
-/// Sound runs of every command, each over in a moment: what an attack changes one thing of.
+/// Short sound runs of every command. An attack changes one thing of a run.
 pub const SOUND: [&str; 41] = [
     "demo --size 16 --engine cpu --out out/demo",
     "solve builtin:plane --size 16x16 --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr --json",
@@ -64,7 +64,7 @@ pub const SOUND: [&str; 41] = [
     "tracker describe base/descriptor.txt --json",
 ];
 
-/// Numbers, words and sizes as nobody writes them.
+/// Numbers, words and sizes that most options do not expect.
 const ODD: [&str; 51] = [
     "nan",
     "inf",
@@ -119,7 +119,8 @@ const ODD: [&str; 51] = [
     "4k",
 ];
 
-/// Keys of the tables of settings, with the form of their values in help texts and a good value. No value is a file to write.
+/// Keys of the tables of settings, with the form of their values in help texts and a good value. No value names an
+/// output.
 const KEYS: [(&str, &str, &str); 42] = [
     ("camera.every", "MINUTES", "1e-3"),
     ("camera.iris", "X,Y,DIAMETER", "0.6,-0.4,9"),
@@ -165,7 +166,7 @@ const KEYS: [(&str, &str, &str); 42] = [
     ("viewing.pixels_per_degree", "N", "20"),
 ];
 
-/// The tables that commands read. In other commands they are stored and have no effect.
+/// The tables that each command reads. Other commands only store their values.
 const TABLES: [(&str, &[&str]); 7] = [
     ("bench", &["camera.", "tiles.", "viewing."]),
     ("eval compare", &["compare.", "viewing."]),
@@ -194,13 +195,13 @@ const NO_SETTINGS: [&str; 14] = [
     "camera.iris=[true, 'x', 1]",
 ];
 
-/// The options of every command that take a value, by its help.
+/// Returns the options of every command that take a value, as its help lists them.
 pub fn all() -> BTreeMap<String, Vec<Opt>> {
     let names: BTreeSet<String> = SOUND.iter().map(|line| command(&line.split(' ').collect::<Vec<_>>())).collect();
     names.into_iter().map(|name| (name.clone(), of(&name))).collect()
 }
 
-/// The words of a run's command. A group and its command are two words.
+/// Returns the words of a run's command. A group and its command are two words.
 fn command<T: AsRef<str>>(args: &[T]) -> String {
     let words = args.iter().map(AsRef::as_ref).collect::<Vec<_>>();
     let nested = ["device", "display", "eval", "tracker"].contains(&words[0]);
@@ -219,13 +220,13 @@ fn of(command: &str) -> Vec<Opt> {
         let hint = rest.trim_start_matches(['=', ' ', '[']).strip_prefix('<')?.split('>').next()?;
         name.strip_prefix("--").map(|name| Opt { name: name.into(), hint: hint.into() })
     });
-    // What it says is run as a command.
+    // The value of this option would run as a shell command.
     let found: Vec<Opt> = found.filter(|opt| opt.name != "beside").collect();
     assert!(text.contains("-h, --help"), "{command} has no help: {text}");
     found
 }
 
-/// A sound run.
+/// Returns the words of a random sound run.
 pub fn sound(rng: &mut fastrand::Rng) -> Vec<&'static str> {
     SOUND[rng.usize(..SOUND.len())].split(' ').collect()
 }
@@ -241,7 +242,7 @@ fn odd(rng: &mut fastrand::Rng) -> String {
     }
 }
 
-/// A value of the form that the help shows, of odd parts; or an odd one whatever the form.
+/// Returns a value with odd parts in the form that the help shows, or an odd value of any form.
 pub fn value(hint: &str, rng: &mut fastrand::Rng) -> String {
     let parts = |rng: &mut fastrand::Rng, count: usize, between: &str| {
         (0..count).map(|_| odd(rng)).collect::<Vec<_>>().join(between)
@@ -262,7 +263,7 @@ pub fn value(hint: &str, rng: &mut fastrand::Rng) -> String {
                 ["simulated:", "udp://:", "udp://127.0.0.1:", "pupil://127.0.0.1:", "base/eye.jsonl", "hid", "mouse"];
             sources[rng.usize(..sources.len())].to_string() + &odd(rng)
         }
-        // What lies about, in the place of what is wanted; never outside of the case's folder.
+        // The value is often a wrong kind of file, but always a path in the case's folder.
         hint if ["FILE", "DIR", "FOLDER", "CSV", "PRESET"].iter().any(|word| hint.contains(word)) => {
             let files = [
                 "base",
@@ -288,7 +289,8 @@ pub fn value(hint: &str, rng: &mut fastrand::Rng) -> String {
     }
 }
 
-/// A key of a table with a good value, an odd one of its form or any odd one; mostly of a table that the command reads.
+/// Returns a key of a table with a good value, an odd value of its form or any odd value. The command reads most of
+/// these keys.
 fn setting(command: &str, rng: &mut fastrand::Rng) -> String {
     if rng.u8(..8) == 0 {
         return NO_SETTINGS[rng.usize(..NO_SETTINGS.len())].into();
@@ -303,7 +305,7 @@ fn setting(command: &str, rng: &mut fastrand::Rng) -> String {
     }
 }
 
-/// A sound run with one to three options of odd values, or with settings of its tables.
+/// Returns a sound run with odd values for one to three options, and sometimes with settings of tables.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let mut args = sound(rng).into_iter().map(String::from).collect::<Vec<_>>();
     let options = &ground.options[&command(&args)];

@@ -1,5 +1,5 @@
-//! Sizes that are believed: rows and columns, views, sub-frames, pupils; on the command line, in display files, in the
-//! documents of holograms, in the scenes' names.
+//! Odd numbers of rows, columns, views, sub-frames and pupils. They are on the command line, in display files, in the
+//! documents of holograms and in the names of scenes.
 
 use crate::case::{Case, Put};
 use crate::ground::Ground;
@@ -23,17 +23,17 @@ const COUNTS: [&str; 16] = [
     "18446744073709551615",
 ];
 
-/// Sub-frames: more of them make steps that take longer than ctrl-C may.
+/// Numbers of sub-frames. With more sub-frames, a step could take longer than the time limit after ctrl-C.
 const FRAMES: [&str; 7] = ["0", "1", "2", "5", "17", "5000", "18446744073709551615"];
 
-/// Sides, where many holograms are made of them.
+/// Sides for runs that make many holograms.
 const SMALL: [&str; 8] = ["0", "1", "2", "3", "17", "64", "200000", "4294967296"];
 
 fn count(rng: &mut fastrand::Rng) -> &'static str {
     COUNTS[rng.usize(..COUNTS.len())]
 }
 
-/// Commands that take a size, views, frames.
+/// Runs that take a size, or a number of views, sub-frames or pupils.
 const RUNS: [&str; 12] = [
     "solve builtin:plane --size {}x{} --steps 1 --frames 1 --color green --engine cpu -o out/x.zarr",
     "solve builtin:plane --size {}x{} --steps 1 --memory 200MiB --engine cpu -o out/x.zarr",
@@ -49,11 +49,11 @@ const RUNS: [&str; 12] = [
     "demo --size {} --engine cpu --out out/demo",
 ];
 
-/// A run with sizes in it.
+/// Returns a run with odd sizes.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     match rng.u8(..6) {
         0 => {
-            // A display of any size, whatever of its rest.
+            // The display has any size, with other odd numbers.
             let text = crate::ground::BENCH
                 .replace("[16, 16]", &format!("[{}, {}]", count(rng), count(rng)))
                 .replace("levels = 256", &format!("levels = {}", count(rng)))
@@ -104,7 +104,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     }
 }
 
-/// A hologram whose array says another shape, and chunks to match: sealed, and a lie.
+/// Returns a run on a hologram whose array states a wrong shape and wrong chunks, with a valid checksum.
 fn shape(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let whole = ["h.zarr", "rgb.zarr", "moving.zarr", "far.zarr"][rng.usize(..4)];
     let name = format!("base/{whole}/phases/zarr.json");

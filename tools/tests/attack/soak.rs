@@ -1,7 +1,8 @@
-//! Playing and following the eye while a disk is full, a disk is slow, a machine is busy, a tracker goes mad: nothing torn,
-//! accounts that add up, memory that stays.
+//! Plays holograms and follows the eye with a full disk, a slow disk, a loaded machine or a tracker that sends
+//! nonsense. Video frames stay complete, statistics add up, and memory does not grow.
 //!
-//! Two seconds of each; `EYEBOX_SOAK_MINUTES=10 cargo test --workspace --test attack soak -- --nocapture` takes ten minutes of each.
+//! Each run takes two seconds. With `EYEBOX_SOAK_MINUTES=10 cargo test --workspace --test attack soak -- --nocapture`
+//! it takes ten minutes.
 
 use crate::case::program;
 use serde_json::Value;
@@ -13,16 +14,17 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// Growth of memory between the first half and the end, KiB. Allocators give out pages as they come.
+/// Allowed growth of memory from the first half of a run to its end, in KiB. Allocators do not take pages evenly over
+/// time.
 const FLAT_KIB: u64 = 1 << 10;
-/// Bytes of a video frame: 16 x 16 pixels of 8 bits.
+/// Bytes of a video frame of 16 x 16 pixels with 8 bits.
 const FRAME: usize = 256;
 
 fn seconds() -> u64 {
     crate::stated("EYEBOX_SOAK_MINUTES").map_or(2, |minutes| 60 * minutes)
 }
 
-/// A hologram of two sub-frames in a folder of its own.
+/// Makes a folder with a hologram of two sub-frames.
 fn place() -> tempfile::TempDir {
     let temp = tempfile::tempdir().expect("a temporary folder");
     let args = "solve builtin:plane --size 16x16 --color green --engine cpu --steps 1 --frames 2 -o h.zarr";
@@ -31,7 +33,8 @@ fn place() -> tempfile::TempDir {
     temp
 }
 
-/// `show` on a small display in real time, as solved (`played`) or refined for an eye (`followed`), with more arguments and limits.
+/// Starts `show` on a small display in real time. It plays the hologram as solved (`played`) or refines it for an eye
+/// (`followed`).
 fn start(at: &Path, how: &str, more: &str, limits: &str) -> Child {
     let shown = "show h.zarr --display grey8 --size 16x16 --engine cpu";
     let tracker = if how == "played" || more.contains("--tracker") { "" } else { "--tracker simulated" };
@@ -46,13 +49,13 @@ fn start(at: &Path, how: &str, more: &str, limits: &str) -> Child {
     shell.spawn().expect("sh starts")
 }
 
-/// What a process has in memory, KiB.
+/// Returns the resident memory of a process, in KiB.
 fn resident(id: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).ok()?;
     status.lines().find_map(|l| l.strip_prefix("VmRSS:"))?.trim().strip_suffix(" kB")?.parse().ok()
 }
 
-/// Waits for a run's end, and checks its memory, its exit code and its account, which it returns.
+/// Waits for the end of a run and checks its memory and its exit code. Also checks its statistics and returns them.
 fn attend(at: &Path, how: &str, mut child: Child, code: i32) -> Value {
     let (begun, half) = (Instant::now(), Duration::from_secs(seconds()) / 2);
     let (mut early, mut late) = (0, 0);
@@ -71,7 +74,7 @@ fn attend(at: &Path, how: &str, mut child: Child, code: i32) -> Value {
     assert!(!said.contains("panicked"), "{said}");
     assert!(code == 0 || said.contains("the disk is full"), "{said}");
     println!("{how}: {} KiB, then {} KiB; {}", early, late, said.lines().last().unwrap_or_default());
-    // Two seconds are over before all that is made once is made.
+    // A run of two seconds can end before all permanent allocations exist.
     let flat = late <= early + FLAT_KIB || seconds() < 60;
     assert!(flat, "{how}: memory grew from {early} to {late} KiB");
     let text = std::fs::read_to_string(at.join(format!("{how}.json"))).unwrap_or_else(|e| panic!("{e}: {said}"));
@@ -81,14 +84,14 @@ fn attend(at: &Path, how: &str, mut child: Child, code: i32) -> Value {
     let dropped: u64 = account["content_dropped"].as_object().expect("causes").values().filter_map(Value::as_u64).sum();
     assert_eq!(n("content_due"), n("content_shown") + dropped + n("content_pending"), "{account}");
     assert!(n("sets") >= n("content_shown") + n("idle_sets"), "{account}");
-    // Two video frames a set, where every one is not decided on; the last may not have come to its end.
+    // A set takes two video frames, or one if sets roll. The last video frame may be incomplete.
     let of_a_set = if stats["sets_roll"] == true { 1 } else { 2 };
     let frames = of_a_set * n("sets") + n("missed_presents") + n("held_video_frames");
     assert!((frames.saturating_sub(1)..=frames).contains(&n("video_frames")), "{account}");
     stats
 }
 
-/// Both at once.
+/// Waits for both runs at once.
 fn attend_both(at: &Path, played: Child, followed: Child, code: i32) {
     std::thread::scope(|scope| {
         let followed = scope.spawn(|| attend(at, "followed", followed, code));
@@ -97,7 +100,8 @@ fn attend_both(at: &Path, played: Child, followed: Child, code: i32) {
     });
 }
 
-/// Video frames that a pipe received: each is one of the two of the hologram or the idle picture, whole, and in pairs.
+/// Returns the fault of the video frames that a pipe received. Each must be complete, and only three pictures may
+/// occur, which are the two of the hologram and the idle picture.
 fn torn(frames: &[u8]) -> Option<String> {
     let all: Vec<&[u8]> = frames.chunks(FRAME).collect();
     if all.last().is_some_and(|last| last.len() != FRAME) {
@@ -112,7 +116,7 @@ fn torn(frames: &[u8]) -> Option<String> {
     (kinds.len() > 3).then(|| format!("{} different pictures in {} video frames", kinds.len(), all.len()))
 }
 
-/// A disk of 64 KiB, for those who may mount one.
+/// A disk of 64 KiB. The user needs permission to mount it.
 struct SmallDisk(PathBuf);
 
 impl SmallDisk {
@@ -130,13 +134,14 @@ impl Drop for SmallDisk {
     }
 }
 
-/// What is written beside is lost with a line, and shown is all; of what is shown into a file, what had room is whole.
+/// A full disk ends recordings and traces with an error line, but the whole hologram is still shown. Video frames that
+/// fit into a file are complete.
 #[test]
 fn a_disk_that_is_full() {
     let temp = place();
     let at = temp.path();
     let disk = SmallDisk::mount(&at.join("full"));
-    // Elsewhere no file grows beyond 8 KiB.
+    // Without a mounted disk, no file may grow beyond 8 KiB.
     let limit = if disk.is_some() { "" } else { "ulimit -f 16;" };
     let played = start(at, "played", "--trace full/played-trace.json", limit);
     let followed = start(at, "followed", "--record full/shown --trace full/followed-trace.json", limit);
@@ -147,7 +152,7 @@ fn a_disk_that_is_full() {
         }
     }
     for trace in ["played", "followed"] {
-        // An array of events, of which every line is whole, without its end.
+        // A trace is an array of events. Every line is complete, but the end of the array is missing.
         let text = std::fs::read_to_string(at.join(format!("full/{trace}-trace.json"))).unwrap_or_default();
         let whole = text.trim_end().trim_end_matches(',');
         assert!(text.is_empty() || serde_json::from_str::<Value>(&format!("{whole}]")).is_ok(), "{text}");
@@ -175,7 +180,7 @@ fn a_disk_that_is_slow() {
                 0 => return all,
                 n => all.extend(&part[..n]),
             }
-            // A hundredth of a second for ten kilobytes: 1 MB/s.
+            // At most 10 kB every 10 ms is a rate of 1 MB/s.
             std::thread::sleep(Duration::from_millis(10));
         }
     });
@@ -191,7 +196,7 @@ fn a_machine_that_is_busy() {
     let mut all: Vec<Child> = (0..20).map(|_| busy()).collect();
     let played = start(at, "played", "--output raw:frames.raw", "");
     let followed = start(at, "followed", "", "");
-    // What is busy ends whatever comes of it.
+    // The shells must end even if a run fails.
     let seen = std::panic::catch_unwind(|| attend_both(at, played, followed, 0));
     all.iter_mut().for_each(|child| {
         let _ = child.kill();
@@ -201,7 +206,7 @@ fn a_machine_that_is_busy() {
     assert_eq!(torn(&std::fs::read(at.join("frames.raw")).expect("frames")), None);
 }
 
-/// Lines of a tracker that lost its mind.
+/// Returns a nonsensical line of a tracker.
 fn nonsense(rng: &mut fastrand::Rng, count: u64) -> String {
     let odd = ["NaN", "1e999", "-1e308", "null", "\"x\"", "[]", "1e-320", "99999999999999999999", "{}"];
     let number = |rng: &mut fastrand::Rng| match rng.u8(..4) {
@@ -211,7 +216,7 @@ fn nonsense(rng: &mut fastrand::Rng, count: u64) -> String {
     };
     let time = match rng.u8(..6) {
         0 => number(rng),
-        // Back, and far ahead.
+        // The time goes back here, and far ahead in the next branch.
         1 => format!("{}", count as f64 * 1e-3 - rng.f64() * 10.0),
         2 => format!("{}", count as f64 + 1e9 * rng.f64()),
         _ => format!("{}", count as f64 * 1e-3),
@@ -234,7 +239,7 @@ fn nonsense(rng: &mut fastrand::Rng, count: u64) -> String {
 fn a_tracker_gone_mad() {
     let temp = place();
     let at = temp.path();
-    // A port that was free a moment ago.
+    // The system chose this port because it was free, and it stays free with high probability.
     let port = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a port").port();
     let followed = start(at, "followed", &format!("--tracker udp://:{port}"), "");
     let stop = AtomicBool::new(false);
@@ -243,12 +248,12 @@ fn a_tracker_gone_mad() {
             let (socket, mut rng) = (UdpSocket::bind("127.0.0.1:0").expect("a socket"), fastrand::Rng::with_seed(1));
             let mut count = 0;
             while !stop.load(Relaxed) {
-                // Floods, and silence.
+                // Floods of lines alternate with silence.
                 for _ in 0..rng.usize(..400) {
                     count += 1;
                     let _ = socket.send_to(nonsense(&mut rng, count).as_bytes(), ("127.0.0.1", port));
                 }
-                // Now and then an eye, so that something is followed.
+                // Each round ends with a valid sample, which the session can follow.
                 let sound = format!("{{\"t\": {}, \"x\": 1, \"y\": 1, \"diameter\": 4}}", count as f64 * 1e-3);
                 let _ = socket.send_to(sound.as_bytes(), ("127.0.0.1", port));
                 std::thread::sleep(Duration::from_millis(rng.u64(..20)));

@@ -1,5 +1,5 @@
-//! What is no file, in the place of one: pipes, devices, folders, links, files of gigabytes that are empty; in the place of every
-//! input, of every file inside an input, of what is kept to save time, and where results go.
+//! Puts pipes, devices, folders, links and sparse files of gigabytes where regular files belong. They replace inputs,
+//! files inside inputs, results and the cache.
 
 use crate::case::{Case, Put};
 use crate::ground::Ground;
@@ -11,7 +11,7 @@ fn odd(rng: &mut fastrand::Rng) -> Put {
         2 => Put::Folder,
         3 => Put::Link(["/dev/zero", "/dev/null", "/dev/full", "/dev/random"][rng.usize(..4)].into()),
         4 => Put::Link("none".into()),
-        // To itself, or to the folder above.
+        // These links lead to their own folder, to the folder above or to `loop`.
         5 => Put::Link([".", "..", "loop"][rng.usize(..3)].into()),
         6 => Put::Sparse(3 << 30),
         7 => Put::Sparse(rng.u64(..1 << 22)),
@@ -20,7 +20,7 @@ fn odd(rng: &mut fastrand::Rng) -> Put {
     }
 }
 
-/// A sound run in which one input, or one file of it, is something else.
+/// Returns a sound run in which an odd entry replaces one input or one file of it.
 pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
     let run = sound(rng);
     let inputs: Vec<&str> = run.iter().filter(|arg| arg.starts_with("base/")).copied().collect();
@@ -28,7 +28,7 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         return elsewhere(run, rng);
     }
     let input = inputs[rng.usize(..inputs.len())];
-    // With the files that lie beside it.
+    // A display file needs the other files of its folder.
     let whole = if input.starts_with("base/bench") { "base/bench" } else { input };
     let own = whole.replacen("base/", "in/", 1);
     let args: Vec<String> =
@@ -39,19 +39,19 @@ pub fn case(ground: &Ground, rng: &mut fastrand::Rng) -> Case {
         return case.put(&own, odd(rng));
     }
     let file = inside[rng.usize(..inside.len())].replacen("base/", "in/", 1);
-    // A folder on the way to it, now and then.
+    // Sometimes the entry replaces the folder of the file.
     let place =
         if rng.u8(..4) == 0 { file.rsplit_once('/').map_or(file.as_str(), |(folder, _)| folder) } else { &file };
     case.put(place, odd(rng))
 }
 
-/// Where results go, or where something is kept to save time.
+/// Returns a sound run with an odd entry at the path of its result or of the cache.
 fn elsewhere(run: Vec<&str>, rng: &mut fastrand::Rng) -> Case {
     let case = Case::of(&run);
     match run.iter().map(|arg| arg.trim_start_matches("raw:")).find(|arg| arg.starts_with("out/")) {
-        // What stands there may be taken for a result of before, or is refused: nothing is half-written.
+        // The command may replace the entry like an earlier result, or refuse it. A partial result must not stay.
         Some(out) if rng.bool() => {
-            // A link to a folder is what was asked for.
+            // A link to a folder would be a valid output.
             let odd = match odd(rng) {
                 Put::Link(to) if to.starts_with('.') => Put::Link("loop".into()),
                 odd => odd,

@@ -1,10 +1,11 @@
-//! Standard output and error that are closed, full, or whose reader has gone or never reads; and pipes that results go to.
+//! Standard output and error that are closed, full, without a reader or with a reader that never reads. Results can
+//! also go to a pipe.
 
 use crate::case::{Case, Put, Stream};
 use crate::ground::Ground;
 use crate::options::sound;
 
-/// A sound run with other streams.
+/// Returns a sound run with other streams.
 pub fn case(_: &Ground, rng: &mut fastrand::Rng) -> Case {
     if rng.u8(..8) == 0 {
         let run =
@@ -17,7 +18,7 @@ pub fn case(_: &Ground, rng: &mut fastrand::Rng) -> Case {
         run.push("-vv");
     }
     let mut case = Case::of(&run);
-    // What could not be said is a loss, and the result is there.
+    // Text that a stream does not accept is lost, but the result may stay.
     case.keeps = true;
     case.streams = [streams[rng.usize(..5)], streams[rng.usize(..5)]];
     case

@@ -1,4 +1,4 @@
-//! One hologram of a sequence, in every command that takes `--at`.
+//! The option `--at`, which selects one hologram of a sequence, in every command that has it.
 
 use crate::common::{done, folder};
 use serde_json::Value;
@@ -10,7 +10,7 @@ fn run(at: &Path, line: &str) -> String {
     done(at, &line.split_whitespace().collect::<Vec<_>>())
 }
 
-/// A sequence of two scenes, and each of the two by itself.
+/// Solves a sequence of two scenes and exports the phases of each.
 fn sequence(at: &Path) {
     run(at, &format!("solve builtin:plane builtin:still-life {SMALL} -o s.zarr"));
     for i in 0..2 {
@@ -26,7 +26,7 @@ fn every_command_takes_the_hologram_that_is_named() {
     let read = |name: &str| std::fs::read(at.join(name)).expect("a file");
     assert_ne!(read("0.npy"), read("1.npy"));
     for (i, scene) in ["builtin:plane", "builtin:still-life"].into_iter().enumerate() {
-        // Video frames and views are those of the same phases.
+        // The bare phases of a hologram give the same video frames and views as the sequence.
         let how = "--display paper --size 48x64 --color green --engine cpu";
         run(at, &format!("encode {i}.npy {how} -o bare{i}"));
         run(at, &format!("encode s.zarr --at {i} --engine cpu -o frames{i}"));
@@ -42,11 +42,11 @@ fn every_command_takes_the_hologram_that_is_named() {
         run(at, &format!("render s.zarr --at {i} --pupil=1,2,4,0 --engine cpu -o view{i}.npy"));
         let light = |name: &str| eyebox::low_level::files::read_npy(&at.join(name)).expect("a view").values;
         let [bare, own] = [light(&format!("bare{i}.npy")), light(&format!("view{i}.npy"))];
-        // Bare phases have no exposure: the views are the same but for a factor.
+        // Bare phases have no exposure, so that the views differ by a factor.
         let sums = [&bare, &own].map(|v| v.iter().sum::<f32>());
         let off = bare.iter().zip(&own).map(|(a, b)| (a / sums[0] - b / sums[1]).abs()).fold(0.0, f32::max);
         assert!(off < 1e-6, "{i}: {off}");
-        // Each is refined and scored for its own scene.
+        // Each hologram is refined and scored for its own scene.
         run(at, &format!("refine s.zarr --at {i} --pupil=0,0,4,0 --steps 1 --engine cpu -o refined{i}.zarr"));
         let group: Value = serde_json::from_slice(&read(&format!("refined{i}.zarr/zarr.json"))).expect("JSON");
         assert_eq!(group["attributes"]["eyebox"]["scene"], scene);

@@ -1,4 +1,4 @@
-//! The command as a user runs it: what it answers to mistakes, and that it does what its help says.
+//! The command as a user runs it. Mistakes give one line, and the command does what its help describes.
 
 use crate::common::{
     Printed, Refusal, attributes, command, done, eyebox, folder, json, refusal, refused, text, with_json_errors,
@@ -12,7 +12,7 @@ fn solve<'a>(scene: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["solve", scene, "-o", out][..], &SMALL, more].concat()
 }
 
-/// Nine target images of the built-in scene as a folder of views.
+/// Writes nine target images of the built-in scene as a folder of views.
 fn views(folder: &Path) -> PathBuf {
     let views = folder.join("views");
     std::fs::create_dir(&views).unwrap();
@@ -51,17 +51,17 @@ fn mistakes_in_arguments_are_one_line() {
     refused(at, &render("--pupil=12,0,3,0"), "x.png", "arguments/outside-eyebox");
 }
 
-/// Without a driver, and without a loader: Vulkan by name is refused in one line that offers help, and nothing is
-/// written; everything else goes on on the CPU.
+/// If there is no driver or no loader, `--engine vulkan` is refused in one line with a remedy, and nothing is written.
+/// Everything else continues on the CPU.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_machine_without_vulkan_is_said_in_one_line() {
     let temp = folder();
     let at = temp.path();
-    // The loader is told to look for drivers where there are none.
+    // The loader looks for its drivers in a file that does not exist.
     let nowhere = at.join("none.json");
     let no_driver = [("VK_DRIVER_FILES", &nowhere), ("VK_ICD_FILENAMES", &nowhere)];
-    // A file that is no library stands before the loader.
+    // A file that is no library comes before the loader in the search path.
     let libraries = at.join("libraries");
     std::fs::create_dir(&libraries).unwrap();
     for name in ["libvulkan.so.1", "libvulkan.so"] {
@@ -207,7 +207,7 @@ fn bare_phases_need_sound_optics() {
     refused(at, &render("0", "x.npy"), "x.npy", "optics/not-positive wavelength");
     refused(at, &render("520,440", "x.npy"), "x.npy", "hologram/not-a-hologram/wavelengths-count");
     refused(at, &["render", "p.npy", "--pupil=0,0,5,0", "-o", "x.npy"], "x.npy", "hologram/no-optics --pitch");
-    // A NaN among the phases.
+    // One of the phases is NaN.
     let mut bytes = std::fs::read(at.join("p.npy")).unwrap();
     let end = bytes.len();
     bytes[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
@@ -220,7 +220,7 @@ fn bare_phases_need_sound_optics() {
 fn a_full_disk_is_one_line_and_leaves_nothing() {
     let temp = folder();
     let at = temp.path();
-    // A limit on the size of files stands for a disk that is full: writing fails in the middle.
+    // A limit on the size of files replaces a full disk. Writing fails in the middle.
     let script = format!(
         "trap '' XFSZ; ulimit -f 2; exec {} {}",
         env!("CARGO_BIN_EXE_eyebox"),
@@ -297,7 +297,7 @@ fn from_a_scene_to_a_score_in_three_colours() {
     );
     done(at, &["convert", "h.zarr", "p.npy"]);
     done(at, &["convert", "h.zarr", "frames"]);
-    assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6 + 1, "and the list of them");
+    assert_eq!(std::fs::read_dir(at.join("frames")).unwrap().count(), 6 + 1, "the pictures and their list");
     done(
         at,
         &[
@@ -328,7 +328,8 @@ fn a_score_takes_depths_as_they_were_solved() {
     assert!(pupils.len() == 16 && pupils.iter().all(|p| (-0.0501..=0.1001).contains(&focus(p))), "{said}");
 }
 
-/// The scene is made again from its name and what the hologram remembers: the same as when all is said again.
+/// The scene is made again from its name and the settings in the hologram. The result is the same with all options
+/// repeated.
 #[test]
 fn a_score_makes_the_scene_as_it_was_solved() {
     let temp = folder();
@@ -341,7 +342,7 @@ fn a_score_makes_the_scene_as_it_was_solved() {
     let remembered = score("h.zarr", &still_life, &[]);
     assert_eq!(remembered, score("h.zarr", &still_life, &["--views", "4"]));
     assert_ne!(remembered, score("h.zarr", &still_life, &["--views", "9"]));
-    // A picture with a map: also what the map's values mean, and in which order.
+    // For a picture with a depth map, the hologram also has the meaning and the order of the map's values.
     let render = ["render", "builtin:still-life", "--size", "40x48", "--pupil=0,0,2,0"];
     done(at, &[&render[..], &["-o", "photo.png"]].concat());
     done(at, &[&render[..], &["--color", "green", "-o", "depth.png"]].concat());
@@ -418,7 +419,7 @@ fn time_is_a_limit_too() {
 fn help_and_devices_answer() {
     let temp = folder();
     for command in ["demo", "solve", "render", "eval score", "eval compare", "convert", "bench", "device list"] {
-        // The usage and, in lines of their own, examples.
+        // The help has the usage, and examples on lines of their own.
         let words: Vec<_> = command.split(' ').chain(["--help"]).collect();
         let help = done(temp.path(), &words);
         assert!(help.lines().any(|line| line.starts_with(&format!("  eyebox {command} "))), "{help}");
@@ -436,7 +437,7 @@ fn storage_is_chosen_kept_and_refused() {
         let report = done(at, &solve("builtin:still-life", &out, &["--set", &format!("storage={storage}"), "--json"]));
         let report: serde_json::Value = serde_json::from_str(&report).unwrap();
         assert_eq!(report["settings"]["storage"], storage);
-        // The hologram says how it was made.
+        // The hologram records how it was made.
         assert_eq!(attributes(&at.join(&out))["settings"]["solve"]["storage"], storage);
         let timed = |kernel| report["timings"].as_array().unwrap().iter().any(|t| t["kernel"] == kernel);
         assert_eq!(timed("check_finite"), storage == "fp16", "{report}");

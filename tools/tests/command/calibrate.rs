@@ -1,4 +1,4 @@
-//! `eyebox display calibrate`: what a camera's command may do wrong, and what is left of it.
+//! `eyebox display calibrate` with camera commands that fail and with wrong arguments.
 
 use crate::common::{self, Printed, Refusal, text};
 use std::fs;
@@ -8,7 +8,8 @@ const DISPLAY: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 const HELLO: &str = r#"{"id": 0, "protocol": 1, "colors": {"green": 520.0}, "slm": {"resolution": [64, 64]}, "iris": {"x_mm": [-12, 12], "y_mm": [-12, 12], "diameter_mm": [1, 20]}, "camera": {"resolution": [80, 80], "bits": 12}}"#;
 
-/// A folder with the display's file, and a camera that answers hello and then does `then` at each further line.
+/// Makes a folder with the display's file and the script of a camera. The script answers hello and then runs `then` for
+/// each further line.
 fn bench(hello: &str, then: &str) -> tempfile::TempDir {
     let here = common::folder();
     fs::write(here.path().join("bench.toml"), DISPLAY).expect("a display");

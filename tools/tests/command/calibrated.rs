@@ -1,4 +1,5 @@
-//! `eyebox display calibrate` with a bench that computes: the whole way, and what becomes of other benches.
+//! `eyebox display calibrate` with a simulated bench, from the patterns to the display file, and with other kinds of
+//! benches.
 
 use crate::common::{self, Printed, Refusal, notes, refusal_of, text, with_json_errors};
 use crate::simulated;
@@ -13,20 +14,20 @@ use std::time::{Duration, Instant};
 const DISPLAY: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 
-/// Not a test: the camera's command of those below, in a process of its own.
+/// Serves as the camera command of the other tests, in a process of its own. It is not a test itself.
 #[test]
-#[ignore = "it is what the others start"]
+#[ignore = "the camera command of other tests"]
 fn camera() {
     simulated::serve();
 }
 
-/// A calibration of the bench in `at`, with what is wrong with it.
+/// Returns the calibration of a bench in `at`. `bench` sets its faults in the environment.
 fn calibrate(at: &Path, more: &[&str], bench: &[(&str, &str)]) -> Command {
     fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
     calibrate_display(at, "bench.toml", more, bench)
 }
 
-/// A calibration of this display.
+/// Returns the calibration of this display file.
 fn calibrate_display(at: &Path, display: &str, more: &[&str], bench: &[(&str, &str)]) -> Command {
     let exe = std::env::current_exe().expect("this program");
     let camera = format!("'{}' --exact calibrated::camera --ignored", exe.display());
@@ -39,7 +40,7 @@ fn calibrate_display(at: &Path, display: &str, more: &[&str], bench: &[(&str, &s
     command
 }
 
-/// The report, and what was said.
+/// Runs a command that must succeed, and returns its report and its standard error.
 fn report(command: &mut Command) -> (Value, String) {
     let answer = command.output().expect("it starts");
     let said = text(&answer.stderr);
@@ -59,7 +60,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     let at = here.path();
     let args = [&KEEP[..], &["--report", "page.html", "-o", "out.toml"]].concat();
     let bench = [("BENCH_WRONG_PUPIL", "/009")];
-    // Ctrl-C: exit code 3, nothing written, the pictures kept.
+    // Ctrl-C gives exit code 3, writes no display and keeps the pictures.
     let mut child = calibrate(at, &args, &bench).stderr(std::process::Stdio::null()).spawn().expect("it starts");
     let since = Instant::now();
     while asked(at).len() < 5 && since.elapsed() < Duration::from_secs(120) {
@@ -72,7 +73,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
     let answered = kept["captures"].as_array().expect("a list").iter().filter(|c| c["answer"].is_object()).count();
     assert!(answered >= 4, "{answered}");
-    // The same command goes on from them.
+    // The same command continues from these pictures.
     let before = asked(at).len();
     let (report_, said) = report(&mut calibrate(at, &args, &bench));
     let captures = report_["captures"].as_u64().expect("a number") as usize;
@@ -83,7 +84,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     assert_eq!(report_["calibrated"], true);
     // The picture through another pupil is excluded and named.
     assert!(notes(&report_["warnings"], "009.npy") && said.has("009.npy"), "{said}");
-    // Every number within five of its standard errors, or of what the small pictures' own errors are.
+    // Every number is within five of its standard errors, or within the errors that such small pictures allow.
     let truth = simulated::Bench::faulty();
     let near = |name: &str, want: f64, least: f64| {
         let all = report_["parameters"].as_array().expect("a list");
@@ -108,14 +109,15 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     directions_and_figures_are_the_bench_s(&report_, &truth);
     let page = fs::read_to_string(at.join("page.html")).expect("a page");
     assert!(page.matches("data:image/png").count() >= 6 && page.contains("wavefront 8"), "{}", page.len());
-    // Decibels, aberrations, beam, table, pupil plane, crosstalk.
+    // The plots are decibels, aberrations, beam, table, pupil plane and crosstalk.
     assert_eq!(page.matches("<svg").count(), 6);
     let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
-    // The iris was moved since: four pictures tell.
+    // The iris has moved since the calibration. Four pictures are enough to find this.
     let drifted = [("BENCH_IRIS_X", "0.3")];
     let args = ["--quick", "--temperature", "24.5", "-o", "quick.toml"];
     let (quick, said) = report(&mut calibrate_display(at, "out.toml", &args, &drifted));
-    // The age of the model is told, and the calibration's day stays beside that of the drift.
+    // The age of the model is reported. The new file keeps the date of the calibration next to the date of the drift
+    // correction.
     let before = &quick["model_before"];
     assert!(before["days"].is_i64() && before["updated"].is_null(), "{before}");
     assert!(said.contains(before["date"].as_str().expect("a date")), "{said}");
@@ -126,7 +128,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
         "{terms:?}"
     );
     assert!(!terms.from.is_empty() && terms.from == from_of(&at.join("out.toml")), "{}", terms.from);
-    // Errors of terms that did not drift stay.
+    // Terms that did not drift keep their errors.
     assert!(terms.errors.as_ref().is_some_and(|e| e.lag.is_some() && e.wavefront.contains_key(&8)), "{terms:?}");
     let iris =
         quick["parameters"].as_array().expect("a list").iter().find(|p| p["name"] == "iris x").expect("the iris");
@@ -135,7 +137,7 @@ fn a_bench_is_calibrated_over_an_interruption_and_again_from_its_pictures() {
     assert_eq!(quick["calibrated"], true, "{quick}");
 }
 
-/// Who says the model of a file.
+/// Returns the origin of the model in a file.
 fn from_of(file: &Path) -> String {
     Display::load(&file.display().to_string()).expect("a display").model[&Color::Green.into()].from.clone()
 }
@@ -173,7 +175,7 @@ fn a_perfect_bench_stays_as_it_is() {
     let read = |name: &str| fs::read_to_string(at.join(name)).expect("a display");
     assert!(!read("out.toml").contains("[model"), "{first}");
     assert_eq!((&first["calibrated"], &first["warnings"]), (&true.into(), &Value::Array(Vec::new())));
-    // From the folder alone the same, bit for bit.
+    // The folder of pictures alone gives the same bytes.
     let (mut first, mut second) =
         (first, report(&mut calibrate(at, &["--captures", "kept", "-o", "again.toml"], &[])).0);
     assert_eq!(read("out.toml"), read("again.toml"));
@@ -200,7 +202,7 @@ fn a_fault_that_no_term_describes_is_named_with_its_size_and_place() {
     let tiles = report["map"]["squares"].as_array().expect("a map");
     let most = tiles.iter().filter_map(Value::as_f64).fold(0.0, f64::max);
     assert!(most > 3.0, "{tiles:?}");
-    // A warning has the size of the fault where it is largest.
+    // A warning has the size of the fault at its largest place.
     assert!(notes(&report["warnings"], &format!("{most:.1}")) && said.has(&format!("{most:.1}")), "{most}: {said}");
 }
 
@@ -216,7 +218,7 @@ fn a_phase_of_the_other_sign_is_named_and_no_calibration() {
         assert_eq!(report["directions"]["phase"], "opposite", "{more:?}: {said}");
         assert_eq!(report["gain"]["mend"].as_array().map(Vec::len), Some(0), "{more:?}");
         assert!(report["unexplained"].as_f64().is_some_and(|share| share > 0.1), "{more:?}: {report}");
-        // It is not written as if it were a calibration.
+        // The file must not look like a calibration.
         let written = fs::read_to_string(here.path().join("out.toml")).expect("a display");
         assert!(!written.contains("[model"), "{more:?}: {written}");
         assert!(report["warnings"].as_array().is_some_and(|all| !all.is_empty()), "{more:?}: {said}");
@@ -240,7 +242,8 @@ fn pictures_that_are_black_or_stay_saturated_end_it_with_a_line() {
     }
 }
 
-/// An iris that stands still where the command does not say: the user has to; then what it passes tells the model.
+/// The iris is fixed, and the camera command does not report its place. The user has to state the place. The light
+/// through the iris then determines a part of the model.
 #[test]
 fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     let here = common::folder();
@@ -254,7 +257,7 @@ fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     let number = |key: &str| report[key].as_f64().expect("a number");
     assert!(number("before") > 0.1, "{}", number("before"));
     assert!(number("unexplained") < 2.0 * number("noise"), "{} of {}", number("unexplained"), number("noise"));
-    // Unobservable terms are listed, with a warning.
+    // Terms that cannot be observed are listed, with a warning.
     let warnings = report["warnings"].as_array().expect("a list");
     let are_said = warnings.iter().all(|warning| said.contains(warning.as_str().expect("a text")));
     assert!(report["untold"].is_array() && !warnings.is_empty() && are_said, "{report}");
@@ -262,8 +265,8 @@ fn a_bench_whose_iris_stands_still_is_calibrated_as_far_as_it_tells() {
     assert!(gain("after_db") > gain("before_db") + 1.0, "{}", report["gain"]);
 }
 
-/// A lens that bends and magnifies each colour otherwise, seen by a camera that stands askew: its map comes back, and with it the
-/// places of both colours.
+/// The lens bends and magnifies each color differently, and the camera is tilted. The calibration finds this map and
+/// the places of both colors.
 #[test]
 fn a_picture_is_registered_colour_by_colour() {
     let here = common::folder();
@@ -305,7 +308,7 @@ fn a_picture_is_registered_colour_by_colour() {
     }
 }
 
-/// A display of eyebox's own shows the patterns, and the camera's command sees what it received.
+/// eyebox shows the patterns on an output of its own, and the camera sees the content of that output.
 #[test]
 fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     let here = common::folder();
@@ -325,7 +328,8 @@ fn patterns_are_shown_on_an_output_of_eyebox_s_own() {
     refusal_of(&mut calibrate(at, &wrong, &[])).is("usage/value-validation --output shared:FILE");
 }
 
-/// The same output shows the hologram of a solve with a camera, whose iris stands where the command does not say.
+/// The same output shows the hologram of a solve with a camera. The camera command does not report the place of its
+/// fixed iris.
 #[test]
 fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
     let here = common::folder();
@@ -346,7 +350,8 @@ fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
     assert!(answer.status.success(), "{}", text(&answer.stderr));
     let said: Value = serde_json::from_slice(&answer.stdout).expect("JSON");
     let camera = &said["camera"][0];
-    // Two pictures for two sub-frames of a display that shows one at a time; six pupils a step, six of them twice.
+    // The display shows one sub-frame at a time, so that two sub-frames take two pictures. A step has six pupils, and
+    // the six held-out pupils are captured twice.
     assert!(camera["steps"] == 1 && camera["pictures"].as_u64() >= Some(36), "{camera}");
     assert!(camera["psnr_before_db"][0].as_f64().expect("decibels") > 5.0, "{camera}");
     let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
@@ -355,7 +360,8 @@ fn a_solve_s_camera_sees_an_output_through_an_iris_that_stands_still() {
     assert!(captures.iter().any(|c| c["shown"]["kind"] == "phases"), "{captures:?}");
 }
 
-/// A camera looks at what is shown on a bench whose iris was moved: the model follows, and the scene is solved again for it.
+/// The camera sees the output on a bench whose iris has moved. The model follows the bench, and the scene is solved
+/// again for it.
 #[test]
 fn a_show_follows_the_bench_that_its_camera_sees() {
     let here = common::folder();
@@ -372,9 +378,9 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     let mut child = command.spawn().expect("it starts");
     let mut lines = BufReader::new(child.stderr.take().expect("its errors")).lines().map(|line| line.expect("a line"));
     let mut said = Vec::new();
-    // Each fit prints the share that it leaves.
+    // Each fit prints the share that it leaves unexplained.
     let mut until_fitted = || {
-        // What goes wrong begins so.
+        // Errors begin with the name of the program.
         let ends = |line: &String| line.has("%") || line.starts_with("eyebox: ");
         let seen = lines.by_ref().inspect(|line| said.push(line.clone())).find(ends);
         assert!(seen.is_some_and(|line| !line.starts_with("eyebox: ")), "{said:#?}");
@@ -385,7 +391,7 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     };
     until_fitted();
     assert!((iris().x * 1e3 - 0.3).abs() < 0.1, "the model did not follow: {:?}", iris());
-    // The scene is solved again for it, and the next fit has the first picture of the new hologram.
+    // The scene is solved again for the new model. The next fit has the first picture of the new hologram.
     until_fitted();
     let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
     assert!(killed.success());
@@ -393,7 +399,7 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
     assert!(child.wait().expect("it ends").success(), "{said:#?}");
     let iris = iris();
     assert!((iris.x * 1e3 - 0.3).abs() < 0.05 && (iris.y * 1e3).abs() < 0.05, "{iris:?}: {said:#?}");
-    // The camera was not asked to show anything.
+    // No request has a pattern for the camera to show.
     let kept: Value = serde_json::from_slice(&fs::read(at.join("kept/captures.json")).expect("kept")).expect("JSON");
     let captures = kept["captures"].as_array().expect("a list");
     assert!(captures.iter().all(|c| c["request"]["show"].is_null()), "{captures:?}");
@@ -402,7 +408,7 @@ fn a_show_follows_the_bench_that_its_camera_sees() {
         assert!(captures.iter().any(|c| c["shown"]["file"] == name && c["answer"].is_object()), "{captures:?}");
         eyebox::low_level::files::read_npy(&at.join("kept").join(name)).expect("phases").values
     };
-    // Three pictures of the hologram that was solved first; those after the fit are of another one.
+    // The first three pictures show the first hologram. The pictures after the fit show another one.
     assert!(shown(0) == shown(2) && shown(0) != shown(3));
     let wrongs =
         [&["--tracker", "hid"][..], &["--clock", "simulated"], &["--record", "r"], &["--camera-model", "out.txt"]];

@@ -1,4 +1,5 @@
-//! `eyebox solve --camera`: a simulated bench with faults that no model has, and cameras that fail on the way.
+//! `eyebox solve --camera` with a simulated bench whose faults no model has, and with cameras that fail during the
+//! solve.
 
 use crate::common::{self, Printed, Refusal, eyebox, folder, refused, text};
 use eyebox::low_level::files::{read_npy, write_npy};
@@ -11,18 +12,22 @@ use std::path::Path;
 use std::process::Output;
 
 const N: usize = 64;
-/// Side of the camera: two of its pixels to one of the SLM.
+/// Side of the camera, which has two pixels per pixel of the SLM.
 const CAMERA: usize = 2 * N;
 const DISPLAY: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
-/// What the bench is to be, as words; see [`serve`].
+/// Environment variable with the words that configure the bench, see [`serve`].
 const BENCH: &str = "EYEBOX_TEST_BENCH";
-/// Camera pixels by which a picture that creeps has moved since the one before.
+/// Shift of a creeping picture from one picture to the next, in camera pixels.
 const CREEP: f64 = 0.04;
 
-/// A bench that tests start as the camera's command: an SLM whose source falls off, a ghost beside each picture, an iris.
-/// Its words: `fixed` (iris), `single` (sub-frames, exposures as asked), `creeps` (the picture, over the camera), and from picture
-/// 12 on `noise`, `dies`, `small`, `black`, `full`, `nonsense`; `lies` is noise from the first.
+/// Bench that tests start as the camera command. Its SLM has a source that falls off at the edges, each picture has a
+/// ghost, and the pupil plane has an iris.
+///
+/// Words in its environment variable change it. With `fixed` the iris does not move. With `single` the SLM shows one
+/// sub-frame at a time, with the requested exposure. With `creeps` the picture moves over the camera. The words
+/// `noise`, `dies`, `small`, `black`, `full` and `nonsense` begin at picture 12. The word `lies` gives noise in every
+/// picture except the dots.
 #[test]
 #[ignore = "the camera of other tests"]
 fn serve() {
@@ -89,7 +94,7 @@ fn hello(fixed: bool, single: bool) -> Value {
     hello
 }
 
-/// A complex number.
+/// Complex number with its real and imaginary parts.
 type Field = [f64; 2];
 
 fn times(a: Field, b: Field) -> Field {
@@ -100,12 +105,13 @@ fn cis(turns: f64) -> Field {
     [(TAU * turns).cos(), (TAU * turns).sin()]
 }
 
-/// Sums over columns, then over rows: `out` lines of values at `at(i)` turns per unit of the index.
+/// Sums over columns and then over rows, to `out` x `out` values. The function `turns` returns the phase of a term in
+/// turns, from the index of the output and the index of the input.
 fn summed(from: &[Field], out: usize, turns: impl Fn(usize, usize) -> f64) -> Vec<Field> {
     let n = from.len().isqrt();
     let table: Vec<Field> = (0..out * n).map(|i| cis(turns(i / n, i % n))).collect();
     let along = |lines: &[Field]| -> Vec<Field> {
-        // Transposed: (output, line).
+        // The result is transposed to (output, line).
         let count = lines.len() / n;
         let value = |i: usize| {
             let (k, line) = (i / count, &lines[i % count * n..][..n]);
@@ -119,7 +125,7 @@ fn summed(from: &[Field], out: usize, turns: impl Fn(usize, usize) -> f64) -> Ve
     along(&along(from))
 }
 
-/// What the camera's pixels get of a request's set, that many pixels further to the right and down.
+/// Returns the light at the camera's pixels for the set of a request, moved by `crept` pixels right and down.
 fn light(ask: &Value, fixed: bool, crept: f64) -> Vec<f64> {
     let shown = read_npy(Path::new(ask["show"]["file"].as_str().expect("a pattern"))).expect("a pattern").values;
     let iris: Vec<f64> = match fixed {
@@ -127,7 +133,7 @@ fn light(ask: &Value, fixed: bool, crept: f64) -> Vec<f64> {
         false => ask["iris_mm"].as_array().expect("an iris").iter().map(|v| v.as_f64().expect("a number")).collect(),
     };
     let bin = |k: usize| (k as f64) - (N / 2) as f64;
-    // Millimetres of a bin in the pupil plane.
+    // Size of a bin in the pupil plane, in mm.
     let unit = 520e-6 * 400.0 / (0.008 * N as f64);
     let mut light = vec![0.0; CAMERA * CAMERA];
     let frames = shown.len() / (N * N);
@@ -152,7 +158,7 @@ fn light(ask: &Value, fixed: bool, crept: f64) -> Vec<f64> {
     light
 }
 
-/// A solve with this bench as its camera, into `out`.
+/// Solves into `out` with this bench as the camera. Without words there is no camera.
 fn solve(at: &Path, words: &str, out: &str, more: &[&str]) -> Output {
     fs::write(at.join("bench.toml"), DISPLAY).expect("a display");
     let program = std::env::current_exe().expect("this program").display().to_string();
@@ -172,8 +178,9 @@ fn mean(values: &Value) -> f64 {
     values.iter().map(|v| v.as_f64().expect("a number")).sum::<f64>() / values.len() as f64
 }
 
-/// Pictures through pupils that no step used say that a hologram came out better on a bench with a ghost and a source that its
-/// display file knows nothing of; the hologram says how it was made, and its pictures serve a second run.
+/// The bench has a ghost and a source that its display file does not describe. Pictures through pupils that no step
+/// used show that the hologram became better on it. The hologram records how it was made, and its pictures serve a
+/// second run.
 #[test]
 fn what_no_model_has_is_corrected_by_what_the_camera_sees() {
     let here = folder();
@@ -194,7 +201,7 @@ fn what_no_model_has_is_corrected_by_what_the_camera_sees() {
         serde_json::from_str::<Value>(&text).expect("JSON")["captures"].as_array().expect("a list").clone()
     };
     let first = kept();
-    // Dots, darkness, and those of the steps.
+    // The folder has the dots, the dark picture and the pictures of the steps.
     assert_eq!(first.len() as u64, 2 + camera["pictures"].as_u64().unwrap());
     let again = ["--steps", "2", "--camera-steps", "1", "--keep", "kept"];
     let answer = solve(at, "ghost", "i.zarr", &again);
@@ -204,7 +211,7 @@ fn what_no_model_has_is_corrected_by_what_the_camera_sees() {
     assert!(both[first.len()..].iter().all(|c| !c["request"]["show"]["file"].as_str().unwrap().contains("dots")));
 }
 
-/// At the end the picture is more than three of the camera's pixels from where the dots were.
+/// At the end, the picture is more than three camera pixels from the place of the dots.
 #[test]
 fn a_picture_that_creeps_over_the_camera_is_followed() {
     let here = folder();
@@ -260,7 +267,7 @@ fn a_camera_that_fails_on_the_way_ends_in_one_line_and_the_best_so_far() {
     }
 }
 
-/// An iris that stands still, and an SLM that shows one sub-frame at a time to a camera that is told how long to expose.
+/// The iris is fixed, and the SLM shows one sub-frame at a time. The camera receives its exposure time in each request.
 #[test]
 fn a_simple_bench_takes_steps_too() {
     let here = folder();
@@ -317,8 +324,8 @@ fn what_cannot_be_asked_of_a_camera_is_one_line() {
     assert!(text(&answer.stderr).contains("--camera-steps"), "{}", text(&answer.stderr));
 }
 
-/// The program of docs/calibrate.md serves a calibration, as far as its camera sees: here it sees nothing. Its libraries are
-/// stood in for by a few lines.
+/// The program of docs/calibrate.md answers each request of a calibration. A few lines replace its libraries, and its
+/// camera sees only darkness.
 #[test]
 fn the_documents_program_answers() {
     let here = folder();
@@ -342,7 +349,7 @@ fn the_documents_program_answers() {
     }
     let calibrate = ["display", "calibrate", "bench.toml", "--camera", "python3 -B my_camera.py", "-o", "out.toml"];
     let answer = common::failed(&mut common::command(at, &calibrate));
-    // The program's own line. No dots are seen: every request was answered.
+    // The program's own line is printed. The missing dots are the only error, so that every request was answered.
     assert!(text(&answer.stderr).contains("a motor says hello"), "{}", text(&answer.stderr));
     Refusal::of(&answer).is("calibrate/pictures/dots 000.npy");
     let log = fs::read_to_string(at.join("log")).expect("what was done");

@@ -1,4 +1,4 @@
-//! Pictures with depth maps: which end is near, and which map belongs to which picture of a sequence.
+//! Pictures with depth maps. The tests cover the near end of a map and the map of each picture in a sequence.
 
 use crate::common::{Printed, attributes, done, eyebox, folder, json, refused, text};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 const SMALL: [&str; 12] =
     ["--size", "40x48", "--views", "3", "--steps", "2", "--frames", "1", "--color", "green", "--engine", "cpu"];
 
-/// Renders a.png and b.png, and as maps of them the same two in green.
+/// Renders `a.png` and `b.png`, and the same two in green as their depth maps.
 fn pictures(at: &Path) {
     for (name, scene) in [("a", "builtin:still-life"), ("b", "builtin:still-life?camera=5")] {
         let render = ["render", scene, "--size", "40x48", "--views", "3", "--pupil=0,0,2,0"];
@@ -40,7 +40,7 @@ fn what_is_near_is_said_and_remembered() {
     let mut npy = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
     npy.extend(format!("{header:<117}\n").bytes());
     npy.extend((0..40 * 48).map(|i| (i % 48) as u8 + 1));
-    // An array of 8 bits may be a network's picture, or hold distances.
+    // An array of 8 bits can be a picture from a network, or hold distances.
     for name in ["map.npy", "depth.npy"] {
         std::fs::write(at.join(name), &npy).unwrap();
         refused(at, &solve("x.zarr", &["--depth-map", name]), "x.zarr", "scene/ambiguous/values --near");
@@ -93,7 +93,7 @@ fn each_picture_of_a_sequence_has_its_own_map() {
     refused(at, &solve("x.zarr", &["maps"]), "x.zarr", "scene/maps b.png");
 }
 
-/// So many views of a deep picture that nothing out of focus is dotted, unless another number is asked for.
+/// A deep picture gets enough views to show no dots out of focus, unless an option states another number.
 #[test]
 fn a_deep_map_gets_as_many_views_as_it_needs() {
     let temp = folder();
@@ -112,7 +112,7 @@ fn a_deep_map_gets_as_many_views_as_it_needs() {
         let words = ["solve", "a.png", "--depth-map", "maps/a.png", "--near", "bright", "--size", "40x48", "--json"];
         json(at, &[&words[..], &["--dry-run", "--color", "green", "--engine", "cpu"], more].concat())["choices"].clone()
     };
-    // 22 mm of eyebox: a millimetre of depth is 6.9 pixels.
+    // The eyebox is 22 mm, and 1 mm of depth moves content by 6.9 pixels over it.
     let (views, said) = solve(&["--depth=-1..1"]);
     assert!(views == serde_json::json!([14, 14]) && said.has_sequence(&[14.0, 14.0]), "{views}: {said}");
     let (views, said) = solve(&["--depth=-0.5..0.5"]);
@@ -125,7 +125,7 @@ fn a_deep_map_gets_as_many_views_as_it_needs() {
     let few = ["--depth=-1..1", "--views", "5"];
     assert!(solve(&few).1.has_sequence(&[13.0, 13.0]) && remedy(&plan(&few)), "{}", plan(&few));
     assert!(!remedy(&plan(&["--depth=-1..1"])));
-    // A narrow pupil takes in few views, and tells little apart.
+    // A narrow pupil covers few views and separates them little.
     let narrow = [&few[..], &["--pupil-diameter", "2..4"]].concat();
     assert!(!solve(&narrow).1.has_sequence(&[13.0, 13.0]) && !remedy(&plan(&narrow)), "{}", plan(&narrow));
 }

@@ -1,4 +1,4 @@
-//! `eyebox display list`, `show` and `new`, and display files begun from it.
+//! `eyebox display list`, `show` and `new`, and display files that `new` makes.
 
 use crate::common::{Printed, command, done, eyebox, folder, json, notes, refused, text};
 
@@ -55,8 +55,8 @@ fn a_file_begun_from_a_preset_is_taken_as_a_display() {
     refused(at, &["display", "new", "paper", "-o", "y.txt"], "y.txt", "arguments/ending");
 }
 
-/// A file that is begun brings its first phases, one table a color: a solve of all colors reads them and fits none. What is in the cache
-/// is not fitted again, and a far field has none.
+/// `display new` makes the first phases of a display, with one table per color. A solve of all colors reads the tables
+/// and fits none. Tables in the cache are not fitted again, and a far field has none.
 #[test]
 fn a_file_begun_from_a_preset_brings_its_first_phases() {
     let temp = folder();
@@ -83,12 +83,13 @@ fn a_file_begun_from_a_preset_brings_its_first_phases() {
     assert_eq!(tables(), kept);
 }
 
-/// Ten bits of a pixel over three channels, as the maker's guide has them: R7 to R5, G7 to G5, B7 to B4.
+/// The preset spreads the ten bits of a pixel over three channels, as the maker's guide describes. They are R7 to R5,
+/// G7 to G5 and B7 to B4.
 #[test]
 fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
     let temp = folder();
     let at = temp.path();
-    // Level n of 1023 / 4 a turn.
+    // A phase of n / 255.75 turns is gray level 4 n of 1023.
     let levels = [0, 1, 37, 128, 255];
     let phases = levels.map(|n| (f64::from(n) / 255.75 * std::f64::consts::TAU) as f32);
     ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 1, 5], &phases).unwrap();
@@ -98,11 +99,12 @@ fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
     let read =
         frame.pixels().map(|image::Rgb([r, g, b])| u32::from(r >> 5) << 7 | u32::from(g >> 5) << 4 | u32::from(b >> 4));
     assert_eq!(read.collect::<Vec<_>>(), levels.map(|n| 4 * n as u32));
-    // And back.
+    // The frames can be rendered again.
     done(at, &["render", "x", "--pupil=0,0,4,0", "--force", "--engine", "cpu", "-o", "seen.png"]);
 }
 
-/// A set of eight grey frames takes an eighth of a 60 Hz display's rate: that is said wherever such a set is made.
+/// A set of eight gray frames has an eighth of the 60 Hz of the display. Each command that makes such a set reports
+/// this.
 #[test]
 fn a_set_that_flickers_is_said() {
     let temp = folder();
@@ -114,13 +116,13 @@ fn a_set_that_flickers_is_said() {
         assert_eq!(all["frames"].as_array().map(Vec::is_empty), Some(false), "{all}");
         all["notes"].clone()
     };
-    // Sets per second in the report and in the text.
+    // The report has the number of sets per second.
     assert!(notes(&notes_of("grey8"), "7.5 50 24"), "{}", notes_of("grey8"));
     // The text has it only with -v, because files may be shown at another rate.
     assert!(!text(&eyebox(at, &encode("grey8")).stderr).has("7.5"));
     assert!(text(&eyebox(at, &[&encode("grey8")[..], &["-v"]].concat()).stderr).has("7.5"));
     assert!(!notes(&notes_of("planes8"), "50"), "{}", notes_of("planes8"));
-    // What the display's file says counts.
+    // The rate in the display's file decides.
     let fast = done(at, &["display", "show", "grey8"]).replace("levels = 256", "levels = 256\nrate_hz = 480");
     std::fs::write(at.join("fast.toml"), fast).unwrap();
     assert!(!notes(&notes_of("fast.toml"), "50"), "{}", notes_of("fast.toml"));
@@ -145,6 +147,6 @@ fn a_set_that_flickers_is_said() {
     done(at, &solve);
     let show = ["show", "h.zarr", "--display", "grey8", "--size", "32x32", "--clock", "simulated", "--duration", "0.5"];
     let said = text(&eyebox(at, &show).stderr);
-    // Below 50 sets a second an eye sees flicker.
+    // The eye sees flicker below 50 sets per second.
     assert!(said.lines_with("7.5 50") == 1, "{said}");
 }

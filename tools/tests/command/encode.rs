@@ -14,7 +14,7 @@ fn phases(folder: &Path, name: &str, shape: &[usize]) -> Vec<f32> {
     values
 }
 
-/// The level of a phase by plain arithmetic.
+/// Returns the level of a phase by plain arithmetic.
 fn level(phase: f32, levels: f64) -> u8 {
     let exact = (f64::from(phase) / std::f64::consts::TAU).rem_euclid(1.0) * levels;
     (exact + 0.5).floor().rem_euclid(levels) as u8
@@ -24,7 +24,7 @@ fn picture(folder: &Path, name: &str) -> image::DynamicImage {
     image::open(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// How many pictures a folder holds.
+/// Returns the number of pictures in a folder.
 fn pictures(folder: &Path, name: &str) -> usize {
     let is_picture = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().path().extension().is_some_and(|e| e == "png");
     std::fs::read_dir(folder.join(name)).unwrap().map(is_picture).filter(|is| *is).count()
@@ -45,7 +45,7 @@ fn grey_frames_hold_every_level_in_order() {
         }
     }
     assert_eq!(pictures(at, "x"), 6);
-    // Two colours of a display that has three.
+    // The array has two colors, and the display has three.
     refused_at(
         at,
         &["encode", "p.npy", "--display", "grey8", "--size", "5x7", "-o", "y"],
@@ -102,7 +102,7 @@ fn a_hologram_is_encoded_on_both_engines_for_a_display_of_ones_own() {
         assert_eq!(report["frames"].as_array().map(Vec::len), Some(8), "{report}");
         let shape = ["height", "width", "channels"].map(|side| report[side].as_u64());
         assert_eq!(shape, [20, 26, 3].map(Some), "{report}");
-        // The hologram has another wavelength than the display. The text and the report have a note.
+        // The hologram and the display have different wavelengths. The text and the report have a note.
         assert!(notes(&report["notes"], "520 532"), "{report}");
         assert_eq!(text(&eyebox(at, &args).stderr).lines_with("520 532"), 1);
     }
@@ -114,7 +114,7 @@ fn a_hologram_is_encoded_on_both_engines_for_a_display_of_ones_own() {
         assert_eq!(bytes, picture(at, &name("c")).into_rgb8());
         assert!(bytes.pixels().all(|p| p[0] < 250 && p[1] < 218 && p[2] <= 200));
     }
-    // One colour of it: the others' channels are black.
+    // With one color of the hologram, the channels of the other colors are black.
     done(at, &["encode", "h.zarr", "--display", "bench.toml", "--color", "green", "-o", "g"]);
     let (all, green) = (picture(at, "a/frame-00003.png").into_rgb8(), picture(at, "g/frame-00003.png").into_rgb8());
     assert!(all.pixels().zip(green.pixels()).all(|(a, g)| g[1] == a[1] && g[0] == 0 && g[2] == 0));

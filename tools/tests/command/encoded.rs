@@ -1,4 +1,4 @@
-//! What an SLM gets, looked at: video frames in the place of a hologram.
+//! Video frames for an SLM, which `render` and `eval score` read in the same way as a hologram.
 
 use crate::common::{document, done, folder, refused};
 use std::path::Path;
@@ -12,7 +12,7 @@ fn seen(folder: &Path, args: &[&str]) -> Vec<f32> {
     ::eyebox::low_level::files::read_npy(&folder.join("seen.npy")).unwrap().values
 }
 
-/// Mean difference of two pictures over the mean of the first.
+/// Returns the mean difference of two pictures, divided by the mean of the first.
 fn differ(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>() / a.iter().sum::<f32>()
 }
@@ -27,11 +27,11 @@ fn what_was_encoded_is_seen_as_the_hologram_is_or_as_the_slm_shows_it() {
     std::fs::write(at.join("bench.toml"), bench).unwrap();
     done(at, &["encode", "h.zarr", "--display", "bench.toml", "-o", "frames"]);
     let hologram = seen(at, &["h.zarr"]);
-    // The folder says its display; what is lost is what 218 levels lose.
+    // The folder names its display. The only loss is the rounding to 218 levels.
     let frames = seen(at, &["frames"]);
     assert!(differ(&hologram, &frames) < 0.05, "{}", differ(&hologram, &frames));
     assert_eq!(frames, seen(at, &["--encoded", "frames", "--display", "bench.toml"]));
-    // Taken for a display that does not turn, it is the mirror image.
+    // Without the display's own flip, the image is the mirror image.
     let mirrored =
         |image: &[f32]| -> Vec<f32> { image.chunks(SIZE[1]).flat_map(|row| row.iter().rev().copied()).collect() };
     let turned = mirrored(&seen(at, &["frames", "--as-shown=turns"]));
@@ -42,7 +42,7 @@ fn what_was_encoded_is_seen_as_the_hologram_is_or_as_the_slm_shows_it() {
     );
     assert!(differ(&frames, &seen(at, &["frames", "--as-shown=gratings"])) > 0.3, "a grating moves the image away");
     assert!(differ(&frames, &seen(at, &["frames", "--as-shown"])) > 0.3);
-    // Frames of any origin need their display, and are the same frames.
+    // Frames of any origin need a display, and give the same view.
     std::fs::create_dir(at.join("mine")).unwrap();
     for i in 0..2 {
         std::fs::copy(at.join(format!("frames/frame-{i:05}.png")), at.join(format!("mine/slm {i}.png"))).unwrap();
@@ -56,7 +56,7 @@ fn what_was_encoded_is_seen_as_the_hologram_is_or_as_the_slm_shows_it() {
     };
     let (whole, encoded) = (score("h.zarr"), score("frames"));
     assert!((whole - encoded).abs() < 0.5, "{whole} dB, encoded {encoded} dB");
-    // A picture of it is as bright: the exposure is known.
+    // A picture of the frames is as bright as one of the hologram, because the frames have its exposure.
     done(at, &["render", "frames", "--pupil=0,0,4,0", "--engine", "cpu", "-o", "seen.png"]);
     done(at, &["render", "h.zarr", "--pupil=0,0,4,0", "--engine", "cpu", "-o", "hologram.png"]);
     let mean = |name: &str| {

@@ -1,4 +1,4 @@
-//! `eyebox eval compare` as a user runs it: the report, going on after an interruption, and what it answers to mistakes.
+//! `eyebox eval compare` as a user runs it, with its report, its continuation after an interruption, and its errors.
 
 use crate::common::{self, command, done};
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ fn written(folder: &Path, name: &str) -> SystemTime {
     std::fs::metadata(folder.join("out").join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).modified().unwrap()
 }
 
-/// Four views as a folder of pictures.
+/// Writes four views as a folder of pictures.
 fn views(folder: &Path, name: &str, size: &str) -> PathBuf {
     std::fs::create_dir(folder.join(name)).unwrap();
     for i in 0..4 {
@@ -60,7 +60,7 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     assert_eq!(report["runs"].as_array().unwrap().len(), 8, "two scenes, two methods, two numbers of sub-frames");
     assert_eq!(report["missing"], 0);
 
-    // 9 + 9 + 25 + 25 + 24 pupils in three colours.
+    // The groups have 9, 9, 25, 25 and 24 pupils in three colors.
     let scores = read(at, "scores.csv");
     assert_eq!(scores.lines().count(), 1 + 8 * 3 * 92);
     assert!(scores.lines().next().unwrap().starts_with("method,frames,scene,color,group"));
@@ -75,7 +75,7 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
     let mean: f64 = line.split(',').nth(5).unwrap().parse().unwrap();
     assert!((mean - random.iter().sum::<f64>() / 72.0).abs() < 1e-3, "{line}");
     assert!(summary.lines().any(|l| l.starts_with("dpac,1,all scenes,Focal stack,54,")));
-    // Four pupils of each group are judged, in all colours at once.
+    // Four pupils of each group are judged, with all colors together.
     let judged = scores.lines().filter(|l| l.starts_with("slfh,2,still-life,red,") && !l.ends_with(',')).count();
     assert_eq!(judged, 20);
     assert!(report["runs"][0]["groups"]["random_pupils"]["jod"]["mean"].as_f64().is_some_and(|jod| jod < 10.0));
@@ -94,7 +94,7 @@ fn a_report_is_one_page_and_the_same_numbers_as_csv_and_json() {
         "{}",
         report["published"]
     );
-    // Base64 may hold any word by chance.
+    // Base64 can contain any word by chance.
     let words: String = page.split("base64,").map(|p| p.split_once('"').map_or(p, |(_, rest)| rest)).collect();
     for word in ["NaN", "inf", "∞"] {
         let at = words.find(word).map(|i| words[i.saturating_sub(60)..].chars().take(100).collect::<String>());
@@ -121,14 +121,14 @@ fn what_is_done_is_not_done_again() {
     let scores = read(at, "scores.csv");
     run(&[]);
     assert_eq!(first, names.map(|n| written(at, n)), "nothing was computed again");
-    // A result that is damaged, and one that is gone: measured again, from the hologram that is there.
+    // A damaged or missing result is measured again from the existing hologram.
     std::fs::write(at.join("out").join(names[0]), "{").unwrap();
     std::fs::remove_file(at.join("out").join(names[1])).unwrap();
     run(&[]);
     assert!(written(at, names[0]) > first[0] && written(at, names[1]) > first[1]);
     assert_eq!(written(at, names[2]), first[2]);
     assert_eq!(read(at, "scores.csv"), scores);
-    // Another seed is another hologram.
+    // Another seed gives another hologram.
     run(&["--seed", "3"]);
     assert!(written(at, names[2]) > first[2] && read(at, "scores.csv") != scores);
 }
@@ -229,7 +229,7 @@ fn holograms_that_exist_are_measured_as_they_are() {
     refused(at, &evaluate(&["builtin:plane"], &["--hologram", "mine.zarr"]), "usage/value-validation NAME=FILE");
     let two = evaluate(&["builtin:chart", "builtin:points"], &["--color", "green", "--hologram", "mine=mine.zarr"]);
     refused(at, &two, "quality/input/other-scene");
-    // Its own size and colours, without being told.
+    // The comparison reads the size and the colors from the hologram.
     done(
         at,
         &["eval", "compare", "builtin:plane", "--hologram", "Mine & <co>=mine.zarr", "--engine", "cpu", "-o", "out"],
@@ -239,7 +239,7 @@ fn holograms_that_exist_are_measured_as_they_are() {
     assert_eq!(report["runs"][0]["method"], "Mine & <co>");
     let page = read(at, "report.html");
     assert!(page.contains("Mine &amp; &lt;co&gt;") && !page.contains("<co>"));
-    // And the same numbers as `eval score` looks at.
+    // One color has a header line and 92 pupils.
     assert!(read(at, "scores.csv").lines().count() == 93);
 }
 
@@ -267,14 +267,14 @@ fn mistakes_are_one_line_and_leave_nothing() {
     let mut zero = evaluate(&["builtin:plane"], &[]);
     zero[6] = "0";
     refused(at, &zero, "arguments/steps --steps");
-    // Folders of pictures of different sizes, with nothing said of what they are fitted to.
+    // The pictures of the folders have different sizes, and no option states the size of the display.
     views(at, "wide", "20x40");
     views(at, "tall", "40x36");
     refused(at, &["eval", "compare", "wide", "tall", "--engine", "cpu", "-o", "out"], "arguments/sizes 40 36 20");
-    // A view that is missing is found before anything is written.
+    // A missing view is found before anything is written.
     std::fs::remove_file(at.join("wide/view_02.png")).unwrap();
     refused(at, &evaluate(&["builtin:plane", "wide"], &[]), "scene/missing-view");
-    // A file where the folder should be.
+    // A file has the name of the folder, or of its parent.
     std::fs::write(at.join("file"), "kept").unwrap();
     let mut into = evaluate(&["builtin:plane"], &[]);
     for (place, what) in [("file", "file/taken/is-a-file"), ("file/out", "file/taken/not-ours")] {

@@ -6,13 +6,14 @@ use eyebox::low_level::files::read_npy;
 const BENCH: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 
-/// The mean PSNR that `eval score --json` prints.
+/// Returns the mean PSNR that `eval score --json` prints, in dB.
 fn decibels(text: &str) -> f64 {
     serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
 }
 
-/// Marks in the pupil cost a hologram of random phases little against what it shows a clear pupil, and the more the more light they
-/// stop. Without them nothing is compared, and a name that is none is refused with those that are.
+/// Obstructions in the pupil cost a hologram of random phases little, compared with its view through a clear pupil.
+/// They cost more if they stop more light. Without them nothing is compared, and an unknown name is refused with the
+/// known names.
 #[test]
 fn a_score_says_what_an_obstruction_costs() {
     let dir = folder();
@@ -45,7 +46,7 @@ fn a_score_says_what_an_obstruction_costs() {
     refused(at, &["eval", "score", "h.zarr", "--obstructed", "nose"], "x", "usage/invalid-value");
 }
 
-/// A hologram keeps the eye that it was solved for and is looked at with it, unless another is given.
+/// A hologram stores the eye for which it was solved. Views use this eye unless an option states another.
 #[test]
 fn a_hologram_keeps_its_eye() {
     let dir = folder();
@@ -82,7 +83,7 @@ fn a_hologram_keeps_its_eye() {
     assert!(own != perfect && !said.has("-0.1"), "{said}");
     assert!(view("near.zarr", "said.npy", &["--prescription", "-0.1"]).0 == own);
     assert!(view("file.zarr", "file.npy", &[]).0 == own);
-    // A pair of spectacles is weaker at the eye.
+    // The power of a pair of spectacles is weaker at the eye.
     std::fs::write(at.join("spectacles.toml"), "sphere = -0.1\nvertex_mm = 14\n").unwrap();
     assert!(view("near.zarr", "far.npy", &["--eye-file", "spectacles.toml"]).0 != own);
     let (plain, _) = view("plain.zarr", "plain.npy", &[]);
@@ -93,7 +94,7 @@ fn a_hologram_keeps_its_eye() {
     };
     let (kept, lost) = (score("near.zarr", &[]), score("plain.zarr", &["--prescription", "-0.1"]));
     assert!(kept > score("plain.zarr", &[]) - 0.5 && lost < kept, "{kept} {lost}");
-    // A refinement goes on with the same eye, or is for another.
+    // A refinement keeps this eye unless an option states another.
     let refine = ["refine", "near.zarr", "builtin:still-life", "--pupil=2,-1,4,0", "--steps", "2", "--engine", "cpu"];
     done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
     assert!(view("refined.zarr", "refined.npy", &[]).1.has("-0.1 D"));
@@ -104,7 +105,7 @@ fn a_hologram_keeps_its_eye() {
     assert_eq!(["sphere", "cylinder", "axis_deg"].map(|k| eye("other.zarr")[k].as_f64()), [0.05, -0.1, 90.0].map(Some));
 }
 
-/// The plan says what an eye takes, and the comparison of methods looks with it.
+/// The plan reports the eye, and the comparison of methods simulates it.
 #[test]
 fn a_plan_and_a_comparison_have_an_eye() {
     let dir = folder();
@@ -138,11 +139,11 @@ fn a_plan_and_a_comparison_have_an_eye() {
         done(at, &[&evaluate[..], &settings, more].concat())
     };
     let own = evaluate("out", &[]);
-    // What was measured for one eye is not taken for another's.
+    // Results for one eye are not used for another.
     assert!(evaluate("out", &["--prescription", "none"]) != own);
 }
 
-/// The simulated eye of a study is the hologram's own, or another: which is what it sees, and is refined for.
+/// The simulated eye of a study is the eye of the hologram or another one. Views and refinements are for this eye.
 #[test]
 fn a_study_follows_an_eye_with_its_prescription() {
     let dir = folder();

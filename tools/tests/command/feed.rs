@@ -1,4 +1,4 @@
-//! `eyebox feed`, an application for tests, as a display sees it.
+//! `eyebox feed`, an application for tests, as a display receives it.
 
 use super::common::{self, done, refused, text};
 use eyebox::low_level::optics::{Color, Display as Optics};
@@ -22,7 +22,7 @@ fn display(runtime: &Path) -> Display {
     Display::open_in(&runtime.join("eyebox"), "show", offer).unwrap()
 }
 
-/// Every frame that is taken is the light field of its place on the path, to the bit.
+/// Each received frame is bit-identical to the light field of its place on the path.
 #[test]
 fn a_path_is_fed_as_it_is_loaded() {
     let temp = common::folder();

@@ -1,4 +1,5 @@
-//! Files as laboratories have them: each is read with the right values, or refused with one line whose remedy works.
+//! Files as laboratories have them. Each file is read with the right values, or refused in one line with a remedy that
+//! works.
 
 use crate::common::made::tiff;
 use crate::common::{done, eyebox, folder, refusal, refused, text};
@@ -11,7 +12,7 @@ use std::process::Command;
 
 const N: u32 = 16;
 
-/// A view of a scene of two depths, as light that 8 bits hold.
+/// Returns a view of a scene with two depths, in values of 8 bits.
 fn view(row: i32, column: i32) -> RgbImage {
     RgbImage::from_fn(N, N, |x, y| {
         let near = (4..11).contains(&(x as i32 + column)) && (5..12).contains(&(y as i32 + row));
@@ -21,7 +22,7 @@ fn view(row: i32, column: i32) -> RgbImage {
     })
 }
 
-/// Nine views in `folder`, written by `save`, whose names end in `ending`.
+/// Writes nine views into `folder` with `save`. Their names end in `ending`.
 fn views(folder: &Path, ending: &str, save: impl Fn(&RgbImage, &Path)) {
     fs::create_dir_all(folder).unwrap();
     for i in 0..9 {
@@ -29,7 +30,7 @@ fn views(folder: &Path, ending: &str, save: impl Fn(&RgbImage, &Path)) {
     }
 }
 
-/// What a pupil sees of a scene: the values that another way to give it must have, too.
+/// Returns the view of a scene through one pupil. The scene in any other format must give the same values.
 fn seen(at: &Path, scene: &str, more: &[&str]) -> Vec<f32> {
     let words = ["render", scene, "--size", "16x16", "--pupil=0,0,8,0", "-o", "seen.npy", "--engine", "cpu"];
     done(at, &[&words[..], more].concat());
@@ -62,7 +63,7 @@ fn views_in_every_format_show_the_same() {
     views(&at.join("tif32"), "tif", |picture, file| {
         tiff(file, [N, N], [3, 32, 3], &picture.as_raw().iter().flat_map(|v| light(*v)).collect::<Vec<_>>());
     });
-    // What macOS, Windows and Linux leave beside pictures.
+    // macOS, Windows and Linux leave such files next to pictures.
     views(&at.join("beside"), "png", |picture, file| {
         picture.save(file).unwrap();
         let name = format!("._{}", file.file_name().unwrap().to_str().unwrap());
@@ -95,7 +96,7 @@ fn a_view_whose_name_is_not_utf8_is_named_and_read_once_it_is_renamed() {
         refused(at, &["info", "v"], "x", "scene/unreadable/name-not-utf8");
         fs::rename(&wrong, &right).unwrap();
         assert_eq!(seen(at, "v", &[]), whole);
-        // The scene's own name, too.
+        // The name of the scene itself has the same fault.
         let scene = at.join(OsStr::from_bytes(b"caf\xe9"));
         fs::rename(at.join("v"), &scene).unwrap();
         let mut command = crate::common::command(at, &["info"]);
@@ -103,7 +104,7 @@ fn a_view_whose_name_is_not_utf8_is_named_and_read_once_it_is_renamed() {
     }
 }
 
-/// Axes of an array in another order: `order` lists, for each axis of the result, the axis that it was.
+/// Reorders the axes of an array. `order` lists the former axis of each axis of the result.
 fn transposed(values: &[f32], shape: &[usize], order: &[usize]) -> (Vec<f32>, Vec<usize>) {
     let to: Vec<usize> = order.iter().map(|&i| shape[i]).collect();
     let place = |mut i: usize| {
@@ -125,7 +126,7 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
         (0..9).flat_map(|i| view(i / 3 - 1, i % 3 - 1).into_raw()).map(|v| f32::from(v) / 255.0).collect();
     write_npy(&at.join("right.npy"), &shape, &pixels).unwrap();
     let right = seen(at, "right.npy", &[]);
-    // The order of axes as stored, the remedy, and the order that it stands for.
+    // Each case has the order of axes as stored, the remedy, and the order of the remedy.
     for (order, remedy, back) in [
         ([2, 3, 4, 0, 1], "numpy.moveaxis(views, (3, 4), (0, 1))", [3, 4, 0, 1, 2]),
         ([4, 3, 2, 1, 0], "numpy.transpose(views)", [4, 3, 2, 1, 0]),
@@ -142,7 +143,7 @@ fn arrays_of_other_programs_are_turned_by_the_line_that_the_refusal_gives() {
         write_npy(&at.join("other.npy"), &its, &turned).unwrap();
         assert_eq!(seen(at, "other.npy", &[]), right, "{order:?}");
     }
-    // Gray views, and one picture.
+    // Gray views get a remedy too, and one picture is no light field.
     let gray: Vec<f32> = pixels.chunks(3).map(|p| p[1]).collect();
     let (stored, its) = transposed(&gray, &shape[..4], &[2, 3, 0, 1]);
     write_npy(&at.join("other.npy"), &its, &stored).unwrap();
@@ -163,7 +164,7 @@ fn depth_maps_in_every_format_show_the_same() {
     for (name, shape) in [("b.npy", vec![1, n, n]), ("c.npy", vec![n, n, 1]), ("d.npy", vec![1, 1, n, n])] {
         write_npy(&at.join(name), &shape, &depth).unwrap();
     }
-    // In MATLAB's order, which NumPy states.
+    // The values are in MATLAB's order, which the header of NumPy marks.
     let header = format!("{{'descr': '<f4', 'fortran_order': True, 'shape': ({n}, {n}), }}");
     let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
     bytes.extend(format!("{header:<117}\n").bytes());
@@ -183,13 +184,14 @@ fn depth_maps_in_every_format_show_the_same() {
     for map in ["b.npy", "c.npy", "d.npy", "e.npy", "g.tif", "h.tiff", "j.exr"] {
         assert!(near(&seen(at, "photo.png", &more(map)), &right, 1e-6), "{map}");
     }
-    // Sixteen bits of 700 in a PGM are stretched by its largest value, as the PNG's are not: the same in proportion.
+    // The largest value of the PGM stretches its 16-bit values, and the values of the PNG stay. The proportions are the
+    // same.
     for map in ["f.png", "i.pgm"] {
         assert!(near(&seen(at, "photo.png", &more(map)), &right, 1e-4), "{map}");
     }
 }
 
-/// Files that hold no scene, with their first bytes, their kind and the advice of the line.
+/// Files that hold no scene, with their name, first bytes, kind and remedy.
 const NO_SCENE: [(&str, &[u8], &str, &str); 22] = [
     ("lf.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64", "matlab", "scipy.io"),
     ("lf73.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "matlab73", "h5py"),
@@ -233,12 +235,12 @@ fn what_is_no_scene_is_called_what_it_is_with_the_line_that_converts_it() {
             let refusal = is(words, "scene/kind");
             assert!(refusal.message.contains(remedy), "{words:?}: {refusal:?}");
         }
-        // The same as a map, and as phases.
+        // The same file is refused as a depth map and as phases.
         view(0, 0).save(at.join("photo.png")).unwrap();
         is(&["info", "photo.png", "--depth-map", name], "scene/kind");
         is(&["convert", name, "x.zarr", "--display", "small", "--color", "green"], "file/kind");
     }
-    // Folders of them.
+    // A folder of such files is refused as well.
     fs::create_dir(at.join("webp")).unwrap();
     for i in 0..9 {
         fs::write(at.join(format!("webp/v_{i}.webp")), b"RIFF\0\0\0\0WEBPVP8 ").unwrap();
@@ -246,7 +248,7 @@ fn what_is_no_scene_is_called_what_it_is_with_the_line_that_converts_it() {
     refused(at, &["info", "webp"], "x", "scene/kind");
 }
 
-/// Runs the command that a refusal ends with. Returns false if this machine lacks a program that it calls.
+/// Runs the command at the end of a refusal. Returns false if Python lacks the modules that the command needs.
 fn follow(at: &Path, said: &str, needs: &str) -> bool {
     let has = Command::new("python").args(["-c", &format!("import {needs}")]).output();
     if !has.is_ok_and(|answer| answer.status.success()) {
@@ -286,7 +288,7 @@ fn the_lines_for_python_make_arrays_that_show_the_same() {
     }
 }
 
-/// Radians of a level.
+/// Returns the phase of a level in radians. `turn` is the number of levels per turn.
 fn radians(level: f32, turn: f32) -> f32 {
     let phase = level / turn * TAU;
     if phase >= TAU / 2.0 { phase - TAU } else { phase }
@@ -334,7 +336,7 @@ fn phases_as_pictures_are_imported_by_the_documented_rule() {
         .collect();
     assert!(near(&import("eight", &["--color", "green", "--phase-unit", "128"]), &half, 1e-5), "128 levels a turn");
 
-    // Without the color, with a hole, of two phases, and lossy.
+    // Pictures are refused if they lack the color or a sub-frame, have two phases only, or are lossy.
     let plain = ["convert", "eight", "x.zarr", "--display", "small", "--size", "16x16"];
     refused(at, &plain, "x.zarr", "hologram/doubtful/colors-not-named --color");
     fs::rename(at.join("eight/phase_001.bmp"), at.join("one.bmp")).unwrap();
@@ -370,7 +372,7 @@ fn phases_whose_last_axis_counts_sub_frames_are_refused_and_the_line_turns_them(
     let (last, its) = transposed(&values, &shape, &[1, 2, 0]);
     write_npy(&at.join("last.npy"), &its, &last).unwrap();
     refused(at, &import("last.npy", "24x24"), "h.zarr", "hologram/not-a-hologram/shape numpy.moveaxis(phases");
-    // Without a display's size its shape alone decides; of 12 columns only the display knows.
+    // Without the size of a display, the shape alone decides. A display decides by its rows and columns.
     let bare = ["--pitch", "8", "--wavelength", "520", "--focal-length", "400"];
     let (many, its) = transposed(&vec![0.5; 8 * 64 * 64], &[8, 64, 64], &[1, 2, 0]);
     write_npy(&at.join("many.npy"), &its, &many).unwrap();
@@ -383,7 +385,7 @@ fn phases_whose_last_axis_counts_sub_frames_are_refused_and_the_line_turns_them(
     let (some, its) = transposed(&vec![0.5; 16 * 24 * 24], &[16, 24, 24], &[1, 2, 0]);
     write_npy(&at.join("some.npy"), &its, &some).unwrap();
     refused(at, &import("some.npy", "24x24"), "h.zarr", "hologram/doubtful/sub-frames-last numpy.moveaxis(phases");
-    // The display of just these rows and columns is believed.
+    // If the display has just these rows and columns, `--force` accepts the array.
     done(at, &[&import("many.npy", "64x8")[..], &["--force"]].concat());
     let (turned, its) = transposed(&last, &its_of(&shape, &[1, 2, 0]), &[2, 0, 1]);
     write_npy(&at.join("last.npy"), &its, &turned).unwrap();
@@ -443,7 +445,7 @@ fn tables_in_every_encoding_encode_the_same() {
     let mut first = None;
     for (name, bytes) in cases {
         fs::write(at.join(name), bytes).unwrap();
-        // The display's own file in UTF-16, too.
+        // The display's own file is in UTF-16 as well.
         let text = display.replace("TABLE", name);
         let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
         fs::write(at.join("bench.toml"), [&b"\xff\xfe"[..], &wide].concat()).unwrap();
@@ -456,7 +458,7 @@ fn tables_in_every_encoding_encode_the_same() {
         let levels = image::open(picture.unwrap()).unwrap().into_luma8().into_raw();
         assert_eq!(*first.get_or_insert_with(|| levels.clone()), levels, "{name}");
     }
-    // A table of voltages, and a workbook.
+    // A table of voltages and a workbook are refused.
     let dac: String = (0..256).map(|i| format!("{i} {}\n", 727 + i * 13)).collect();
     for (name, bytes, says) in [
         ("m.lut", dac.as_bytes(), "encode/table/driver-values m.lut"),

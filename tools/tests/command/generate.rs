@@ -1,4 +1,4 @@
-//! `eyebox completions` and `eyebox man` as a user runs them, and the help they are made from.
+//! `eyebox completions` and `eyebox man` as a user runs them, and the help from which they are made.
 
 use crate::common::{done, folder, refused};
 
@@ -19,13 +19,13 @@ fn there_is_a_page_of_the_manual_for_every_command() {
     done(folder.path(), &["man", "-o", "man1"]);
     let pages = folder.path().join("man1");
     let read = |words: &[&str]| std::fs::read_to_string(pages.join(format!("{}.1", words.join("-")))).unwrap();
-    // All commands, and the commands of each group.
+    // The groups are the program itself and each group of commands.
     for group in
         [&["eyebox"][..], &["eyebox", "eval"], &["eyebox", "display"], &["eyebox", "device"], &["eyebox", "tracker"]]
     {
         let help = done(folder.path(), &[&["help"], &group[1..]].concat());
         let listed = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-        // A line that begins farther in goes on with what a command is for.
+        // A line with a deeper indent continues the description of a command.
         let names =
             listed.filter_map(|l| l.strip_prefix("  ")?.split(' ').next().filter(|n| !["", "help"].contains(n)));
         let names: Vec<_> = names.collect();

@@ -1,4 +1,4 @@
-//! `eyebox info`, and the order of views, as a user meets them.
+//! `eyebox info`, and the order of views, as a user sees them.
 
 use crate::common::{Printed, done, folder, refused};
 use serde_json::Value;
@@ -10,7 +10,7 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     let temp = folder();
     let at = temp.path();
     std::fs::create_dir(at.join("views")).unwrap();
-    // Rows run upwards.
+    // The rows of these views run upward.
     for i in 0..9 {
         let (x, y) = ((i % 3 - 1) * 7, (1 - i / 3) * 7);
         let (pupil, out) = (format!("--pupil={x},{y},2,0"), format!("views/view_{}_{}.png", i / 3, i % 3));
@@ -41,13 +41,14 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     }
     let sheet = image::image_dimensions(at.join("sheet.png")).unwrap();
     assert_eq!(sheet, (3 * 66 - 2, 3 * 66 - 2));
-    // A hologram remembers what was said.
+    // The hologram stores the stated order.
     done(at, &[&solve[..], &["--order", "flip-rows"]].concat());
     done(at, &["eval", "score", "x.zarr", "views", "--test-pupils", "random:1", "--engine", "cpu"]);
-    // Stated in the folder, it needs no flag.
+    // If the folder's own file states the order, no option is needed.
     std::fs::write(at.join("views/lightfield.toml"), "flip_rows = true\n").unwrap();
     assert_eq!(read(&info(&["--json"]))["order"], "flip-rows");
-    // Of which views photographs are made is planned, solved, remembered, and asked the same when it is scored.
+    // `--photographs` selects the views from which target images are made. The plan and the hologram have this choice,
+    // and a score uses it again.
     let plan = |how: &str| {
         let plan = ["solve", "views", "--dry-run", "--photographs", how, "--engine", "cpu", "--json"];
         let choices = read(&done(at, &[&plan[..], &SIZE].concat()))["choices"].clone();
@@ -66,7 +67,7 @@ fn a_scene_is_inspected_and_a_reversed_axis_is_refused_until_it_is_stated() {
     }
 }
 
-/// Blades that hide each other by pixels from view to view.
+/// Blades hide each other by pixels from view to view, so that the views do not show their depths.
 #[test]
 fn depths_that_the_views_do_not_show_are_asked_for() {
     let temp = folder();

@@ -1,4 +1,4 @@
-//! Things that a desktop does to an SLM while a hologram plays: they are reported while they happen, and in the statistics.
+//! A desktop disturbs an SLM while a hologram plays. Each disturbance is reported when it occurs and in the statistics.
 
 use crate::common::Printed;
 use crate::common::power::PowerSaving;
@@ -12,7 +12,7 @@ use x11rb::protocol::randr::ConnectionExt as _;
 use x11rb::protocol::xproto::{ConnectionExt as _, ScreenSaver};
 use x11rb::rust_connection::RustConnection;
 
-/// Loads a ramp that makes every level `share` of what it was.
+/// Loads a gamma ramp that multiplies each level by `share`.
 fn load_ramp(server: &RustConnection, root: u32, share: f64) {
     let resources = server.randr_get_screen_resources_current(root).expect("sent").reply().expect("resources");
     let crtc = resources.crtcs[0];
@@ -33,12 +33,12 @@ fn a_changed_ramp_and_a_screen_saver_are_reported() {
     load_ramp(&server, root, 1.0);
     let mut playing = play(here.path(), &screen, "planes24", &["--stats", "stats.json"]).spawn().expect("it starts");
     let mut lines = BufReader::new(playing.stderr.take().expect("standard error")).lines().map_while(Result::ok);
-    // The window is up when the first line describes it.
+    // The window is open when the first line describes it.
     let mut before = vec![lines.next().expect("a line")];
     load_ramp(&server, root, 0.8);
     before.push(lines.find(|line| line.has("51 255")).expect("a line about the ramp"));
     server.force_screen_saver(ScreenSaver::ACTIVE).expect("sent").check().expect("the screen saver");
-    // Its remedy is a command.
+    // The remedy is a command.
     before.push(lines.find(|line| line.contains("xset s off")).expect("a line about the screen saver"));
     assert!(Command::new("kill").args(["-INT", &playing.id().to_string()]).status().expect("kill").success());
     before.extend(lines);

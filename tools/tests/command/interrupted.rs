@@ -1,4 +1,5 @@
-//! Ctrl-C ends a command that has nothing to save, and no file stays. A solve keeps its hologram and ends at once on a second ctrl-C.
+//! Ctrl-C ends a command that has nothing to save, and no file stays. A solve keeps its hologram, and a second ctrl-C
+//! ends it at once.
 
 use crate::common::{self, Printed, command, done, folder, text};
 use std::io::{BufRead, BufReader};
@@ -6,7 +7,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 
-/// Waits until the command hears signals: a thread of that name does.
+/// Waits until the command handles signals, which a thread of that name does.
 fn wait_until_it_hears(child: &mut Child) {
     let tasks = format!("/proc/{}/task", child.id());
     let hears = || {
@@ -14,12 +15,12 @@ fn wait_until_it_hears(child: &mut Child) {
         names.filter_map(|task| std::fs::read_to_string(task.path().join("comm")).ok()).any(|name| name == "signals\n")
     };
     while !hears() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before it heard signals");
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it handled signals");
         std::thread::yield_now();
     }
 }
 
-/// Presses ctrl-C once the command hears it. Returns how the command ended and what it printed.
+/// Sends ctrl-C when the command handles it. Returns the exit status and the printed text.
 fn interrupt(at: &Path, line: &str) -> (ExitStatus, String) {
     let args: Vec<&str> = line.split_whitespace().collect();
     let mut child = command(at, &args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
@@ -36,7 +37,7 @@ fn a_command_that_has_nothing_to_save_ends_and_leaves_nothing() {
     let solve = "solve builtin:still-life --display small --size 64x64 --color green --steps 2 --frames 2 -o h.zarr --engine cpu";
     done(at, &solve.split(' ').collect::<Vec<_>>());
     std::fs::create_dir(at.join("out")).unwrap();
-    // Each takes seconds before there is anything to save, and the signal comes as soon as it is heard.
+    // Each command takes seconds before it has anything to save. The signal comes as soon as the command handles it.
     let lines = [
         "solve builtin:still-life --size 384x384 --views 17 -o out/x.zarr --engine cpu",
         "render builtin:still-life --size 384x384 --views 17 --pupil=0,0,4,0 -o out/x.png --engine cpu",
@@ -48,7 +49,8 @@ fn a_command_that_has_nothing_to_save_ends_and_leaves_nothing() {
     ];
     for line in lines {
         let (status, said) = interrupt(at, line);
-        // Ended by the signal, or as a shell reports it. A command that did not hear it would end with 0.
+        // The signal ends the command, or the code is the one that a shell reports. A command that ignores the signal
+        // ends with 0.
         assert!(status.signal() == Some(2) || status.code() == Some(130), "{line}: {status}\n{said}");
         let left: Vec<_> = std::fs::read_dir(at.join("out")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert!(left.is_empty(), "{line}: {left:?}");
@@ -59,7 +61,7 @@ fn a_command_that_has_nothing_to_save_ends_and_leaves_nothing() {
 fn an_interrupted_solve_leaves_a_whole_hologram() {
     let temp = folder();
     let at = temp.path();
-    // All colours: those that are left when ctrl-C comes must not take long.
+    // The solve has all colors. The colors that are left at ctrl-C must not take long.
     let args =
         ["solve", "builtin:still-life", "-o", "h.zarr", "--size", "40x48", "--steps", "1000000", "--engine", "cpu"];
     let mut child = command(at, &args).stderr(Stdio::piped()).spawn().unwrap();
@@ -72,7 +74,8 @@ fn an_interrupted_solve_leaves_a_whole_hologram() {
     done(at, &["render", "h.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
 }
 
-/// A step of it takes far longer than the second ctrl-C: it ends inside one, with nothing written.
+/// A step of this solve takes far longer than the wait for the second ctrl-C. The solve ends inside a step and writes
+/// nothing.
 #[test]
 fn a_second_interruption_ends_a_solve_at_once() {
     let temp = folder();

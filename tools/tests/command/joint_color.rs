@@ -1,4 +1,4 @@
-//! All colours at once, from the command line to the picture, the video frames and the report.
+//! Simultaneous color, from the command line to the picture, the video frames and the report.
 
 use crate::common::{Printed, document, done, figures_of, folder, refused};
 use eyebox::low_level::files::read_npy;
@@ -6,7 +6,8 @@ use std::path::Path;
 
 const SCENE: &str = "builtin:still-life";
 
-/// A hologram keeps its lasers, is seen by them, and is encoded as drives with a table of their powers, from which it is seen again.
+/// A hologram stores the powers of its lasers, and its views use them. Its video frames are drive values with a table
+/// of the powers, and the frames can be viewed with this table.
 #[test]
 fn a_hologram_of_all_colours_at_once() {
     let dir = folder();
@@ -30,7 +31,7 @@ fn a_hologram_of_all_colours_at_once() {
     let scored: serde_json::Value = serde_json::from_str(&done(at, &score)).unwrap();
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 14.0, "{scored}");
 
-    // One grey picture a sub-frame for all colours, and a line of powers.
+    // Each sub-frame has one gray picture for all colors and one line of powers.
     done(at, &[&["encode", "joint.zarr", "-o", "frames", "--engine", "cpu"][..], &display].concat());
     let table = std::fs::read_to_string(at.join("frames/powers.csv")).unwrap();
     assert!(table.starts_with("sub_frame,red,green,blue\n0,") && table.lines().count() == 7, "{table}");
@@ -52,11 +53,12 @@ fn a_hologram_of_all_colours_at_once() {
     let again = view("frames", "again.npy", &[]);
     let error = whole.iter().zip(&again).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
     let signal = whole.iter().map(|a| f64::from(*a).powi(2)).sum::<f64>();
-    // A drive of nearly a turn becomes level 0, by half a level in 256: the other colours of those pixels jump.
+    // A drive value of nearly one turn becomes level 0, with an error of half a level in 256. The other colors of those
+    // pixels jump.
     assert!(again.len() == whole.len() && error < 2e-2 * signal, "256 levels leave {error} of {signal}");
 }
 
-/// Solves the still life for all colours at once.
+/// Solves the still life in simultaneous color.
 fn solved(at: &Path, frames: &str) {
     let solve =
         ["solve", SCENE, "--views", "3", "--steps", "12", "--frames", frames, "--engine", "cpu", "--joint-color"];
@@ -67,7 +69,8 @@ fn json(text: &str) -> serde_json::Value {
     serde_json::from_str(text).expect("one JSON object")
 }
 
-/// All colours are refined together for where the eye is, in the light of the same lasers, and the file is as solve writes it.
+/// All colors are refined together for the tracked pupil in the light of the same lasers. The file is like a file of
+/// `solve`.
 #[test]
 fn it_is_refined_for_where_the_eye_is() {
     let dir = folder();
@@ -83,10 +86,10 @@ fn it_is_refined_for_where_the_eye_is() {
     assert_eq!(steps, [0, 1, 2, 4, 8, 9]);
     let db = |i: usize, what: &str| rows[i][what].as_f64().unwrap();
     assert!(db(5, "eye_db") > db(0, "eye_db") + 1.0 && db(5, "eyebox_db") > db(0, "eyebox_db") - 1.0, "{said}");
-    // What is kept is what was refined; its exposure is fitted anew.
+    // The file has the refined hologram, and its exposure is fitted again.
     let again = refine("there.zarr", &["--steps", "1"])["rows"][0]["eye_db"].as_f64().unwrap();
     assert!((again - db(5, "eye_db")).abs() < 0.7, "{again} dB, {} before it was written", db(5, "eye_db"));
-    // The lasers stay as they are, the drives do not.
+    // The lasers stay as they are, and the drive values change.
     for name in ["joint", "there"] {
         let encode = ["encode", &format!("{name}.zarr"), "-o", name, "--display", "grey8", "--size", "48x64"];
         done(at, &[&encode[..], &["--engine", "cpu"]].concat());
@@ -99,8 +102,9 @@ fn it_is_refined_for_where_the_eye_is() {
     refused(at, &[&eye[..], &["--set", "refine.storage=fp16"]].concat(), "x.zarr", "solve/setting fp32");
 }
 
-/// It is shown as it was solved, and refined for a simulated eye, whole or as it rolls: the drives' video frames, with the powers of the
-/// lasers beside them, twice the same.
+/// The hologram is shown as it was solved, and it is refined for a simulated eye in whole sets or with the rolling
+/// update. The recordings have the video frames of the drive values and the powers of the lasers. A second run is
+/// identical.
 #[test]
 fn it_is_shown_and_follows_the_eye() {
     let dir = folder();
@@ -125,7 +129,7 @@ fn it_is_shown_and_follows_the_eye() {
         done(at, &[&show[..], &brief, &[name], &eye, &display, more].concat());
         let said = json(&std::fs::read_to_string(at.join(&stats)).unwrap());
         let steps = said["steps"].as_u64().unwrap();
-        assert_eq!((steps > 20, steps % 3), (name != "still", 0), "a step is one of every colour: {said}");
+        assert_eq!((steps > 20, steps % 3), (name != "still", 0), "a step is one step of each color: {said}");
         assert_eq!(powers(name), powers("frames"), "{name}");
     }
     let all = |folder: &str| {
@@ -138,14 +142,15 @@ fn it_is_shown_and_follows_the_eye() {
         files
     };
     assert!(all("rolls") == all("again"));
-    // Unsteered it is the hologram for the whole eyebox, in one picture a sub-frame; steered it is not.
+    // The static show has the hologram for the whole eyebox, with one picture per sub-frame. The refined show has other
+    // pictures.
     let differs =
         |folder: &str, set: u32| (0..6).filter(|f| picture(folder, set, *f) != picture("played", 0, *f)).count();
     assert_eq!((differs("still", 1), differs("whole", 3)), (0, 6));
     assert!(all("rolls").len() > 20);
 }
 
-/// What steering gains for a simulated eye, and where content moves.
+/// The study has the gain of the refinement for a simulated eye and for content that moves.
 #[test]
 fn a_study_says_what_steering_gains() {
     let dir = folder();
@@ -192,7 +197,7 @@ fn a_study_says_what_steering_gains() {
             json(&done(at, &[&study[..], &jumps, &["--set", &format!("gaze.jumps_from={from}"), "-o", from]].concat()));
         said["summary"][2]["after_jumps_db"][1].as_f64().unwrap()
     };
-    // An SLM as small as this one has no table: there the last drives are gone on with.
+    // This SLM is too small for a table, so that the solve continues from the last drive values.
     let [last, random] = ["table", "random"].map(second);
     assert!(last > random + 2.0, "{last} {random}");
 }
@@ -219,7 +224,7 @@ fn what_cannot_be_is_refused_in_a_line() {
         std::fs::write(at.join("bad.toml"), format!("{bench}{more}")).unwrap();
         refused(at, &[&solve[..], &["--joint-color", "--display", "bad.toml"]].concat(), "out.zarr", says);
     }
-    // A file whose powers cannot be: no picture of it.
+    // A file with impossible powers gives no picture.
     done(at, &[&solve[..11], &["joint.zarr", "--joint-color"], &small[..]].concat());
     let file = at.join("joint.zarr/zarr.json");
     let mut document: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
@@ -231,7 +236,8 @@ fn what_cannot_be_is_refused_in_a_line() {
     refused(at, &render, "out.npy", "hologram/not-a-hologram/power -1 red");
 }
 
-/// The same number of sub-frames, the same lasers: a section of the report with its picture, and a table.
+/// The report compares simultaneous color with one color after another, at the same number of sub-frames with the same
+/// lasers. It has a section with a picture, and a table.
 #[test]
 fn the_report_compares_it_with_one_colour_after_another() {
     let dir = folder();
@@ -261,7 +267,8 @@ fn the_report_compares_it_with_one_colour_after_another() {
         "report",
     ];
     let said = done(at, &line);
-    // One color after another, and simultaneous color at one and three times the brightness, with three and six sub-frames.
+    // The ways are one color after another, simultaneous color at one and three times the brightness, and undimmed
+    // lasers. Each way has three and six sub-frames.
     let rows = document(&at.join("report/report.json"))["joint"].clone();
     let rows: Vec<[f64; 2]> = rows
         .as_array()
@@ -281,7 +288,7 @@ fn the_report_compares_it_with_one_colour_after_another() {
     let table = std::fs::read_to_string(at.join("report/joint-color.csv")).unwrap();
     let brightness = table.lines().skip(1).map(|line| line.split(',').nth(3).unwrap().parse::<f64>().unwrap());
     assert!(table.lines().count() == 9 && brightness.into_iter().any(|b| b == 1.0), "{table}");
-    // Nothing is solved again.
+    // The second run solves no hologram again.
     assert_eq!(done(at, &line), said);
     refused(
         at,

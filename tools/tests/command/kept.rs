@@ -1,4 +1,5 @@
-//! Nothing that was made is lost: several writers of one name, drafts of the dead, disks that are full.
+//! Finished work stays when several programs write one name, when a killed program has left temporary files, and when
+//! the disk is full.
 
 use crate::common::{Printed, Refusal, command, document, done, eyebox, folder, refusal, refused, text, written};
 use ::eyebox::low_level::hologram::{ColorHologram, Hologram, HologramError, SequenceWriter, Tiles};
@@ -24,7 +25,7 @@ fn names(at: &Path) -> Vec<String> {
     names
 }
 
-/// In a shell that has run `before`.
+/// Runs the command in a shell that has run `before`.
 #[cfg(unix)]
 fn after(at: &Path, before: &str, args: &[&str]) -> Output {
     let script = format!("{before}; exec \"$@\"");
@@ -50,7 +51,7 @@ fn four_solves_to_one_name_all_succeed_and_leave_one_hologram() {
     done(at, &["render", "h.zarr", "--pupil=0,0,4,0", "-o", "seen.png"]);
 }
 
-/// A sequence has one writer at a time: who comes second is refused, or finds it complete.
+/// A sequence has one writer at a time. A second writer is refused, or finds the sequence complete.
 #[test]
 fn two_writers_of_a_sequence_do_not_mix() {
     let temp = folder();
@@ -88,7 +89,7 @@ fn drafts_of_a_program_that_was_killed_are_removed_by_the_next_that_writes_there
     assert_eq!(names(at), ["h.zarr", "notes.part"]);
 }
 
-/// A command that does not catch ctrl-C, in the middle of its file.
+/// Ctrl-C ends a command that does not catch it, in the middle of its file.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_leaves_no_draft() {
@@ -123,7 +124,7 @@ fn a_full_disk_costs_a_sequence_what_was_not_whole_yet_and_it_is_gone_on_with() 
     let chunk = |i: usize| std::fs::read(at.join(format!("s.zarr/phases/c/{i}/0/0/0/0"))).unwrap();
     let whole = [0, 1, 2].map(chunk);
     (1..3).for_each(|i| std::fs::remove_dir_all(at.join(format!("s.zarr/phases/c/{i}"))).unwrap());
-    // Documents have room, holograms of 60 kB do not.
+    // The limit has room for documents, but not for holograms of 60 kB.
     let answer = after(at, "ulimit -f 16", &solve(&scenes, "s.zarr", &[]));
     assert_eq!(answer.status.code(), Some(2), "{}", text(&answer.stderr));
     Refusal::of(&answer).is("file/full");
@@ -133,7 +134,7 @@ fn a_full_disk_costs_a_sequence_what_was_not_whole_yet_and_it_is_gone_on_with() 
     assert_eq!(names(&at.join("s.zarr")), ["phases", "zarr.json"]);
 }
 
-/// Removing a draft takes open files as well, where it is a folder.
+/// The removal of a temporary folder needs open files as well.
 #[cfg(target_os = "linux")]
 #[test]
 fn too_few_open_files_leave_no_draft() {
@@ -154,7 +155,7 @@ fn too_few_open_files_leave_no_draft() {
     assert!(refused[0] >= 1 && refused[1] >= 2, "{refused:?} of 8 had too few");
 }
 
-/// A link in a hologram is not read through, whatever it leads to.
+/// A link in a hologram is refused for any target.
 #[cfg(unix)]
 #[test]
 fn links_in_a_hologram_are_not_followed() {
@@ -194,7 +195,7 @@ fn a_hologram_that_lacks_a_chunk_is_not_shown() {
 const DISPLAY: &str = "name = \"far\"\nresolution = [320, 320]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
                        wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
 
-/// A hologram for [`DISPLAY`], whose phases are random enough.
+/// Returns a hologram for [`DISPLAY`] with pseudorandom phases.
 fn random() -> Hologram {
     let display = Display::from_toml(DISPLAY, "far.toml").unwrap();
     let phases = (0..320 * 320).map(|i| (i % 6007 * i % 6007) as f32 / 1000.0 - 3.0).collect();
@@ -203,14 +204,14 @@ fn random() -> Hologram {
     Hologram::on(&display, 1, vec![ColorHologram { color, wavelength, exposure: 0.5, efficiency: 0.5, phases }])
 }
 
-/// What it says, with exit code 0.
+/// Runs a command that must succeed, and returns its standard output and standard error.
 fn told(at: &Path, args: &[&str]) -> (String, String) {
     let answer = eyebox(at, args);
     assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
     (text(&answer.stdout), text(&answer.stderr))
 }
 
-/// No picture of tiles of which none was solved is made without a word.
+/// A command that reads tiles reports that none of them is solved.
 #[test]
 fn every_look_at_unfinished_tiles_says_how_far_they_are() {
     let temp = folder();
@@ -264,7 +265,7 @@ fn every_look_at_an_unfinished_sequence_says_how_far_it_is() {
     done(at, &show);
 }
 
-/// Ended by force or by a terminal that is closed, a recording has all that came up to the last second, and is read.
+/// A recording that ends by force or with its terminal can be read. It has all samples up to the last second.
 #[cfg(unix)]
 #[test]
 fn a_recording_survives_whatever_ends_it() {
@@ -272,7 +273,7 @@ fn a_recording_survives_whatever_ends_it() {
     let at = temp.path();
     for (signal, code) in [("-KILL", None), ("-HUP", Some(0))] {
         let args = ["tracker", "record", "simulated:3", "--tracker-rate", "200", "-o", "r.jsonl"];
-        // Whoever runs the tests may have SIGHUP ignored.
+        // The environment of the tests can ignore SIGHUP.
         let plain = command(at, &args);
         let mut recorder = Command::new("env");
         recorder.arg("--default-signal=HUP").arg(plain.get_program()).args(plain.get_args()).current_dir(at);
@@ -307,14 +308,14 @@ fn a_full_disk_ends_a_recording_and_nothing_else() {
     assert!(kept.ends_with("}\n") && kept.len() > 7000, "{} bytes", kept.len());
     let read = done(at, &["tracker", "watch", "r.jsonl"]);
     assert_eq!(read.lines().count(), kept.lines().count());
-    // Cut in a line, as by a copy that stopped, it is read up to there, and that is said.
+    // A recording that is cut within a line, as by an incomplete copy, is read up to that line and reported.
     std::fs::write(at.join("cut.jsonl"), &kept[..kept.len() - 9]).unwrap();
     let (read, said) = told(at, &["tracker", "watch", "cut.jsonl"]);
     let count = kept.lines().count();
     assert_eq!((read.lines().count(), said.lines_with(&format!("{count}"))), (count - 1, 1), "{said}");
 }
 
-/// Pictures that are named as eyebox would name them are still somebody's.
+/// Pictures with the names of eyebox's own files can still belong to the user.
 #[test]
 fn video_frames_of_others_are_left_alone() {
     let temp = folder();
@@ -352,7 +353,7 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
         assert_eq!(names(&at.join("mine")).len(), if file.contains('/') { 1 } else { 2 }, "nothing else came");
         std::fs::remove_file(at.join("mine").join(file)).unwrap();
     }
-    // What was written here is written again; what was changed since is not.
+    // A folder that eyebox wrote is written again. A file that has changed since is not overwritten.
     let demo = ["demo", "--out", "d", "--size", "32", "--engine", "cpu", "--quality", "fast"];
     done(at, &demo);
     done(at, &demo);
@@ -361,7 +362,8 @@ fn files_of_others_where_a_report_goes_are_left_alone() {
     done(at, &[&demo[..], &["--overwrite"]].concat());
 }
 
-/// Without a home folder, what the machine takes is measured once all the same, where the system keeps things for the user.
+/// Without a home folder, the system's folder for the user has the cache. The speed of the machine is still measured
+/// only once.
 #[cfg(target_os = "linux")]
 #[test]
 fn without_a_home_the_machine_is_not_timed_again() {
@@ -381,13 +383,13 @@ fn without_a_home_the_machine_is_not_timed_again() {
     let mut homeless = command(at, &plan);
     homeless.env_remove("HOME").env_remove("XDG_CACHE_HOME").env("XDG_RUNTIME_DIR", at.join("run"));
     let answer = homeless.output().unwrap();
-    // The measurement is printed and stored in a file.
+    // A measurement would print a line and write a file.
     assert!(answer.status.success() && answer.stderr.is_empty(), "{}", text(&answer.stderr));
     assert!(!before.is_empty() && rates() == before);
 }
 
-/// Ended by force, what is shown has left its statistics and its trace up to the last second; a full disk ends neither the show
-/// nor what there is of them.
+/// A show that ends by force leaves its statistics and its trace up to the last second. A full disk ends neither the
+/// show nor the parts that are written.
 #[cfg(target_os = "linux")]
 #[test]
 fn statistics_and_traces_survive_whatever_ends_a_session() {

@@ -27,7 +27,7 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let at = temp.path();
     solved(at);
     let study = ["eval", "gaze", "h.zarr", "--display", "planes8", "--duration", "1", "--engine", "cpu", "--json"];
-    // As if the picture were seen so large that its grain is seen.
+    // At 20 pixels per degree, the grain of the picture is visible.
     let large = ["--set", "gaze.step_time=4", "--set", "viewing.pixels_per_degree=20", "-o", "out"];
     let said: Value = serde_json::from_str(&done(at, &[&study[..], &large].concat())).expect("one object");
     let all = json(&at.join("out/study.json"));
@@ -38,7 +38,7 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
     assert!(mean > 0.5, "{mean} dB");
     assert_eq!(said["summary"], all["summary"]);
-    // Only the last set of a fixation that came to its end is judged; what steering gains is seen.
+    // Only the last set of a complete fixation is judged. The gain of the refinement is visible.
     let judged = moments.iter().filter(|m| !m["jod"].is_null()).count() as u64;
     assert!(judged > 0 && judged == all["summary"]["fixations"], "{judged} sets are judged");
     let jod = |which: &str| all["summary"]["end_of_fixation_jod"][which].as_f64().unwrap();
@@ -51,7 +51,8 @@ fn a_study_says_what_steering_gains_and_shows_it() {
     common::figures_of(&at.join("out"), "study.html");
 }
 
-/// Content that stands still and moves, with and without steering and moments: on the page, in JSON and in a table.
+/// Content rests or moves, with and without refinement and motion compensation. The page, the JSON and a table have the
+/// results.
 #[test]
 fn a_study_of_content_says_what_moments_gain() {
     let temp = folder();
@@ -91,7 +92,7 @@ fn a_study_of_content_says_what_moments_gain() {
     assert_eq!(page.matches("<svg").count(), 3);
     assert!(page.contains(&format!("{with:.2}")) && page.contains(&format!("{without:.2}")));
     common::figures_of(&at.join("out"), "study.html");
-    // Content that jumps to other scenes: the first jump is to points, and not to the still life's mirror image.
+    // The content jumps to other scenes. The first jump goes to points and not to the still life's mirror image.
     let jumps = |more: &[&str], out: &str| {
         let how = [
             "--set",
@@ -132,13 +133,13 @@ fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
     let count = |name: &str| stats[name].as_u64().unwrap();
     let sets = stats["playback"]["sets"].as_u64().unwrap() - stats["playback"]["idle_sets"].as_u64().unwrap();
     assert_eq!(count("sets_new") + count("sets_repeated"), sets);
-    // How many are refined in the time there is depends on the machine; the first is there before time begins.
+    // The number of sets that are refined in time depends on the machine. The first set exists before the time begins.
     assert!(count("sets_new") >= 1 && count("steps") + 2 >= count("sets_new"), "{stats}");
     let late = stats["playback"]["late_sets"].as_object().unwrap();
     assert!(late.values().all(|v| v == 0), "{late:?}");
     let light = &stats["latency"]["stages"]["sample_to_light_ms"];
     assert!(light["count"].as_u64().unwrap() <= count("sets_new"), "{light}");
-    // Half a set's time lies between a set's beginning and the middle of its light.
+    // The middle of a set's light is half a set after its beginning.
     assert!(light["p50"].as_f64().is_none_or(|ms| ms > 8.0), "{light}");
     let trace = json(&at.join("t.json"));
     let names: Vec<&str> = trace.as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
@@ -151,8 +152,8 @@ fn a_scene_is_solved_and_followed_and_every_set_accounted_for() {
     assert!(pictures.count() >= 1);
 }
 
-/// A recorded eye that focuses near, as its tracker says, and then far, as both eyes' directions say: each set on the display is
-/// sharp where the eye focuses at that time.
+/// A recorded eye focuses near, which the tracker reports, and then far, which the directions of both eyes show. Each
+/// set on the display is sharp at the focus of its time.
 #[test]
 fn the_hologram_follows_a_focus_that_changes() {
     let temp = folder();
@@ -163,7 +164,7 @@ fn the_hologram_follows_a_focus_that_changes() {
     let scene = "builtin:still-life?span=4";
     let solve = ["solve", scene, "--frames", "1", "--steps", "4", "-o", "h.zarr"];
     done(at, &[&solve[..], &optics].concat());
-    // Behind 100 mm, 0.14 dioptres are 1.4 mm.
+    // 0.14 dioptres are 1.4 mm at a focal length of 100 mm.
     let degrees = (0.5 * 0.14 * 0.064_f64).atan().to_degrees();
     let line = |i: u32| {
         let (left, more) = if i < 100 { (0.0, "\"focus_d\": 0.14") } else { (-degrees, "\"ipd_mm\": 64") };
@@ -221,7 +222,7 @@ fn mistakes_are_one_line() {
     );
 }
 
-/// What follows nothing says so, and does not end as if it had.
+/// A session that follows no tracker ends with an error.
 #[test]
 fn a_tracker_that_says_nothing_or_nothing_of_use_ends_with_a_line_and_2() {
     let temp = folder();
@@ -238,7 +239,7 @@ fn a_tracker_that_says_nothing_or_nothing_of_use_ends_with_a_line_and_2() {
         let refusal = common::refusal(at, &[&show[..], &["--tracker", tracker]].concat());
         refusal.is("session/not-followed");
         assert!(refusal.fields["tracker"].as_str().is_some_and(|found| found.contains(name)), "{refusal:?}");
-        // What was shown is accounted for all the same.
+        // The statistics still have the sets that were shown.
         assert_eq!(json(&at.join("s.json"))["ended_by"], "the duration");
     }
     common::refusal(at, &["tracker", "watch", &silent, "--duration", "0.1"]).is("arguments/no-sample");
@@ -263,7 +264,7 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// In a window over a whole monitor, what is on the screen at the end is a video frame of a refined set or the idle picture.
+/// The window covers a whole monitor. At the end, the screen has a video frame of a refined set or the idle picture.
 #[test]
 fn a_window_shows_what_follows_the_eye() {
     let temp = folder();
@@ -272,7 +273,7 @@ fn a_window_shows_what_follows_the_eye() {
     let screen = Screen::new(at, [64, 72]);
     let show =
         ["show", "h.zarr", "--display", "planes8", "--tracker", "simulated", "--output", "window", "--validation"];
-    // On Vulkan, video frames go to the window from the device that engine, encoder and window share.
+    // On Vulkan, the engine, the encoder and the window share one device, which has the video frames.
     for engine in ["cpu", "vulkan"] {
         let more = ["--engine", engine, "--duration", "1.5", "--stats", "s.json"];
         let answer = common::command(at, &[&show[..], &more].concat())
@@ -293,16 +294,16 @@ fn a_window_shows_what_follows_the_eye() {
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
 }
 
-/// The mouse is the eye: the window shows what it sees, and a key steers or does not.
+/// The mouse is the eye. The window shows the view of this eye, and a key switches the refinement on and off.
 #[test]
 fn the_view_follows_the_mouse_and_a_key_stops_steering() {
     let temp = folder();
     let at = temp.path();
     solved(at);
     let desk = Desk::new(at, [720, 900]);
-    // Without a tracker the mouse in the view is one.
+    // Without a tracker, the mouse in the view is the tracker.
     let child = start(at, &desk, &["--stats", "s.json"]);
-    // Its title has lengths from the first picture on.
+    // The title of the window has lengths from the first picture on.
     let window = desk.window(" mm");
     // The title has decibels after the first comparison. Before, it has the mode and the place of the pupil.
     let plain = || {
@@ -312,7 +313,7 @@ fn the_view_follows_the_mouse_and_a_key_stops_steering() {
     let place = || plain().numbers()[..2].to_vec();
     let words = || plain().split_whitespace().filter(|w| w.numbers().is_empty()).collect::<Vec<_>>().join(" ");
     let (begun, steered) = (place(), words());
-    // Two pushes: a pupil is believed when it has been seen for a while.
+    // The mouse moves many times, because a pupil is accepted only after it has been seen for a while.
     for i in 0..40 {
         desk.point(window, [400, 100 + i % 2]);
         std::thread::sleep(Duration::from_millis(10));
@@ -330,8 +331,8 @@ fn the_view_follows_the_mouse_and_a_key_stops_steering() {
     assert_eq!(json(&at.join("s.json"))["ended_by"], "closed");
 }
 
-/// Three colours refined, encoded and shown over a whole monitor, and a view of them beside that: the Vulkan loader, which
-/// says whenever a device is made, says it once.
+/// Three colors are refined, encoded and shown over a whole monitor, with a view of them in another window. The Vulkan
+/// loader prints one line for each device that is made. It must print one.
 #[test]
 fn a_steered_colour_show_with_a_view_makes_one_device() {
     let temp = folder();

@@ -1,4 +1,4 @@
-//! The command `eyebox` as a user runs it, a module for each of its commands. One binary: it is linked once.
+//! Tests of the command `eyebox` as a user runs it. All modules are one binary, so that it is linked once.
 
 mod at;
 mod basics;

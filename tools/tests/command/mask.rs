@@ -1,4 +1,4 @@
-//! A static mask of finer pixels in front of the SLM, from the display file to the picture.
+//! A static etendue-expanding phase mask in front of the SLM, from the display file to the picture.
 
 use crate::common::{Printed, attributes, command, document, done, folder, json, refused, text, with_json_errors};
 use eyebox::low_level::files::{read_npy, write_npy};
@@ -6,8 +6,8 @@ use eyebox::low_level::files::{read_npy, write_npy};
 const BENCH: &str =
     "resolution = [48, 48]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 
-/// A hologram keeps the mask that it was solved through, and is looked at behind it, when the mask's file is gone; beyond the SLM's own
-/// eyebox too. Without phases and finer pixels there is no mask: the same bytes.
+/// A hologram stores the mask through which it was solved. Its views use this mask even if the mask's file is gone, and
+/// also beyond the SLM's own eyebox. A mask without phases and without finer pixels changes no byte.
 #[test]
 fn a_hologram_keeps_its_mask() {
     let dir = folder();
@@ -36,7 +36,7 @@ fn a_hologram_keeps_its_mask() {
     let chunk = |name: &str| std::fs::read(at.join(name).join("phases/c/0/0/0/0"));
     assert_eq!(chunk("plain.zarr").unwrap(), chunk("clear.zarr").unwrap());
     std::fs::remove_file(at.join("mask.npy")).unwrap();
-    // 18 mm from the axis is beyond the SLM's own eyebox of 26 mm, and inside of 52.
+    // 18 mm from the axis is outside the SLM's own eyebox of 26 mm and inside the 52 mm with the mask.
     let (seen, said) = view("plain.zarr", "plain.npy", &[]);
     assert!(!seen && said.contains("\"arguments/outside-eyebox\""), "{said}");
     let (seen, said) = view("mask.zarr", "masked.npy", &[]);
@@ -56,7 +56,7 @@ fn a_hologram_keeps_its_mask() {
     assert!(seen && said.has("--ideal") && said.has_sequence(&[2.0, 2.0]), "{said}");
     let factor = |hologram: &str| attributes(&at.join(hologram))["settings"]["mask"]["factor"].clone();
     assert_eq!(["plain.zarr", "mask.zarr", "refined.zarr"].map(factor), [serde_json::Value::Null, 2.into(), 2.into()]);
-    // The plan says what it costs, and a display what it makes of the eyebox.
+    // The plan reports the cost of the mask, and `display check` reports its effect on the eyebox.
     display("mask.toml", "[mask]\nfactor = 2\nseed = 3\nband = 0.5\ndistance_mm = 1\n");
     let plan = [&["solve", "builtin:still-life", "--dry-run", "--display", "mask.toml"][..], &settings].concat();
     let planned = json(at, &[&plan[..], &["--json"]].concat());
@@ -91,7 +91,7 @@ fn a_mask_that_cannot_be_is_refused_in_a_line() {
     refused(at, &[&solve[..], &["--method", "stft"]].concat(), "out.zarr", "solve/setting");
 }
 
-/// Masks against eyebox: a section of the report with its pictures, a table, and the numbers as JSON.
+/// The report compares masks and their eyeboxes in a section with pictures, in a table and in JSON.
 #[test]
 fn the_report_compares_masks() {
     let dir = folder();
@@ -113,7 +113,7 @@ fn the_report_compares_masks() {
         [&["eval", "compare", "builtin:still-life", "--set=compare.etendue=3,1,2d", "-o", "report"][..], &small, &rest]
             .concat();
     let said = done(at, &line);
-    // The factors of the masks, and their eyeboxes in mm.
+    // Each row has the factor of a mask and its eyebox in mm.
     let rows = document(&at.join("report/report.json"))["etendue"].clone();
     let rows = rows.as_array().unwrap().iter().map(|r| [&r["factor"], &r["eyebox_mm"]].map(|v| v.as_f64().unwrap()));
     let rows: Vec<[f64; 2]> = rows.map(|row| row.map(f64::round)).collect();
@@ -127,7 +127,7 @@ fn the_report_compares_masks() {
         [0, 1].map(|i| cells[i].parse::<f64>().unwrap().round())
     });
     assert_eq!(kept.collect::<Vec<_>>(), rows, "{table}");
-    // Nothing is solved again.
+    // The second run solves no hologram again.
     assert_eq!(done(at, &line), said);
     let json = done(at, &[&line[..], &["--json"]].concat());
     let rows = serde_json::from_str::<serde_json::Value>(&json).unwrap()["etendue"].as_array().unwrap().len();
@@ -136,7 +136,7 @@ fn the_report_compares_masks() {
     refused(at, &wrong, "other/report.html", "arguments/settings-value compare.etendue");
 }
 
-/// Behind a mask the default methods are those that know of it, and another mask's results are not taken for its own.
+/// Behind a mask, the default methods are the methods that support one. Results of another mask are not used.
 #[test]
 fn a_masked_display_is_evaluated() {
     let dir = folder();

@@ -8,12 +8,12 @@ const BENCH: &str =
 const MODEL: &str = "[model.green]\ncrosstalk = [[1.2, 2.03], [1.2, 2.03], [1.2, 2.03], [1.2, 2.03]]\nfill = 0.95\n\
                      undiffracted = [0.2, 0, 0, 0, 0]\nwavefront = { 4 = 0.1 }\niris = [0.1, 0, 1.01]\n";
 
-/// The mean PSNR that `eval score --json` prints.
+/// Returns the mean PSNR that `eval score --json` prints, in dB.
 fn decibels(text: &str) -> f64 {
     serde_json::from_str::<serde_json::Value>(text).unwrap()["psnr_db"]["mean"].as_f64().unwrap()
 }
 
-/// A hologram keeps the model that it was solved for, and is looked at through it.
+/// A hologram stores the model for which it was solved, and its views use this model.
 #[test]
 fn what_a_hologram_is_solved_for_is_what_it_is_looked_at_through() {
     let dir = folder();
@@ -36,21 +36,21 @@ fn what_a_hologram_is_solved_for_is_what_it_is_looked_at_through() {
     assert!(said.has("crosstalk fill iris undiffracted wavefront --ideal"), "{said}");
     let (past, said) = view("real.zarr", "past.npy", &["--ideal"]);
     assert!(!said.has("--ideal") && real != past, "{said}");
-    // The model makes no difference to who has none.
+    // For a display without a model, `--ideal` makes no difference.
     assert!(view("ideal.zarr", "a.npy", &[]).0 == view("ideal.zarr", "b.npy", &["--ideal"]).0);
     let score = |hologram: &str, more: &[&str]| {
         let pupils = ["builtin:still-life", "--json", "--engine", "cpu"];
         decibels(&done(at, &[&["eval", "score", hologram][..], &pupils, more].concat()))
     };
-    // It was solved for the display with its faults, and not for the ideal one.
+    // The hologram was solved for the display with its faults, and not for the ideal display.
     assert!(score("real.zarr", &[]) > score("real.zarr", &["--ideal"]) + 1.0);
-    // A refinement goes on with the same model.
+    // A refinement uses the same model.
     let refine = ["refine", "real.zarr", "builtin:still-life", "--pupil=1,-1,4,0", "--steps", "2", "--engine", "cpu"];
     done(at, &[&refine[..], &["-o", "refined.zarr"]].concat());
     assert!(view("refined.zarr", "c.npy", &[]).1.has("crosstalk"));
 }
 
-/// A plan says what each term adds to a step's work, and nothing of a display without a model.
+/// A plan reports the work that each term adds to a step. For a display without a model it has no such entry.
 #[test]
 fn a_plan_says_what_each_term_takes() {
     let dir = folder();
@@ -72,7 +72,7 @@ fn a_plan_says_what_each_term_takes() {
     assert!(share("iris").abs() < 0.1 && share("all") >= share("crosstalk"), "{terms}");
 }
 
-/// A plan says what each term is worth; a solve takes the terms that it is told to.
+/// A plan reports the value of each term, and `--model-terms` selects the terms of a solve.
 #[test]
 fn terms_are_chosen() {
     let dir = folder();
@@ -88,12 +88,12 @@ fn terms_are_chosen() {
     let auto = worth["auto"].as_array().unwrap();
     assert!(auto.contains(&"crosstalk".into()) && !auto.contains(&"lag".into()), "{worth}");
     let words = done(at, &[&["solve"], &scene[..], &["--dry-run"]].concat());
-    // The term that is left out is named in the line that has the decibels, and the size that they were measured at.
+    // The line with the decibels names the term that is left out and the size of the measurement.
     assert!(
         words.lines().any(|line| line.has("--model-terms lag crosstalk dB") && line.has_sequence(&[48.0, 48.0])),
         "{words}"
     );
-    // What a hologram was solved for is what it is looked at through.
+    // A view uses the terms for which the hologram was solved.
     let solved_for = |terms: &str| {
         let out = format!("{}.zarr", terms.replace(',', "-"));
         let more = ["--steps", "1", "--model-terms", terms, "-o", &out];
@@ -112,7 +112,8 @@ fn terms_are_chosen() {
     refused(at, &wrong, "h.zarr", "usage/value-validation");
 }
 
-/// A display whose picture is seen bent is shown it bent the other way, and what is looked at is what is seen.
+/// If the eye sees the picture of a display distorted, the display shows it with the inverse distortion. A view is the
+/// picture that the eye sees.
 #[test]
 fn a_picture_is_shown_where_it_is_seen() {
     let dir = folder();
@@ -136,7 +137,8 @@ fn a_picture_is_shown_where_it_is_seen() {
     let photograph = ["render", "builtin:still-life", "--display", "bent.toml", "--engine", "cpu"];
     done(at, &[&photograph[..], &["--pupil", "0,0,10,0", "-o", "scene.npy"]].concat());
     let scene = read_npy(&at.join("scene.npy")).unwrap().values;
-    // Of what is seen and what the display shows, the first is the scene. At the edges some of it has left the display.
+    // The seen picture is the scene, and the shown picture is not. At the edges, some of the scene has left the
+    // display.
     let middle = |v: &[f32]| {
         let values: Vec<f32> = (8..40).flat_map(|row| v[48 * row + 8..48 * row + 40].to_vec()).collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
@@ -152,7 +154,7 @@ fn a_picture_is_shown_where_it_is_seen() {
     refused(at, &solve("folded.toml", "h.zarr"), "h.zarr", "optics/display-file/picture-folds [picture.green]");
 }
 
-/// What makes no sense in the far field is refused, not left out.
+/// A term without meaning in the far field is refused, and not left out.
 #[test]
 fn a_fill_in_the_far_field_is_refused() {
     let dir = folder();

@@ -1,4 +1,4 @@
-//! Numbers in files of people who do not say what they mean: right, or refused with a remedy that works.
+//! Numbers without a stated meaning in files of other people. They are read right, or refused with a remedy that works.
 
 use crate::common::{self, Printed, done, folder};
 use eyebox::low_level::files::read_npy;
@@ -15,7 +15,7 @@ fn photo(at: &Path) {
     ImageBuffer::from_fn(SIZE[1], SIZE[0], pixel).save(at.join("photo.png")).unwrap();
 }
 
-/// Runs a command that is to be refused; answers its line.
+/// Runs a command that must be refused, and returns its message.
 fn refusal(at: &Path, args: &[&str]) -> String {
     common::refusal(at, args).message
 }
@@ -28,7 +28,8 @@ fn json(at: &Path, args: &[&str]) -> Value {
     serde_json::from_str(&done(at, args)).expect("one JSON object")
 }
 
-/// 16-bit distances of a depth camera: refused, and after the remedy the hologram is that of the same depths in 8 bits.
+/// A depth camera writes 16-bit distances. They are refused, and after the remedy the hologram is the same as from
+/// 8-bit depths.
 #[test]
 fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
     let temp = folder();
@@ -41,7 +42,7 @@ fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
     let said = refusal(at, &solve("photo.png", &["--depth-map", "tum.png"]));
     assert!(said.contains("--near") && !at.join("h.zarr").exists(), "{said}");
     done(at, &solve("photo.png", &["--depth-map", "tum.png", "--near", "small"]));
-    // From the side, near and far part.
+    // A side view separates near and far content.
     let seen = |map: &str, near: &str| {
         let words = ["render", "photo.png", "--size", "40x48", "--views", "5", "--color", "green", "--depth=-1..1"];
         done(at, &[&words[..], &["--depth-map", map, "--near", near, "--pupil=6,0,2,0", "-o", "seen.npy"]].concat());
@@ -53,13 +54,13 @@ fn a_depth_camera_s_map_is_refused_until_near_is_stated() {
     assert!(same < 0.1 * inside_out, "{same} from the same depths in 8 bits, {inside_out} from those inside out");
     let found =
         json(at, &["info", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "small", "--json"]);
-    // The text states the meaning of its values.
+    // The text states the meaning of the map's values.
     let other =
         json(at, &["info", "photo.png", "--size", "40x48", "--depth-map", "tum.png", "--near", "large", "--json"]);
     assert!(found["depth_map"].is_string() && found["depth_map"] != other["depth_map"], "{found}");
 }
 
-/// A black scene has no PSNR: null for programs, a word for people.
+/// A black scene has no PSNR. The report has null, and the text has a word.
 #[test]
 fn a_black_scene_has_no_psnr() {
     let temp = folder();
@@ -86,11 +87,11 @@ fn a_black_scene_has_no_psnr() {
     let scores = json(at, &[&score[..], &["--json"]].concat());
     assert!(scores["psnr_db"].is_null() && scores["pupils"][0]["psnr_db"].is_null(), "{scores}");
     let said = done(at, &score);
-    // The head of the table has the unit.
+    // The header of the table has the unit.
     assert!(said.lines().skip(1).any(no_number) && !said.has("inf") && !said.has("NaN"), "{said}");
 }
 
-/// View pitches and depths in meters, where millimeters are meant.
+/// View pitches and depths in meters or micrometers are refused, because the options expect millimeters.
 #[test]
 fn lengths_in_another_unit_are_refused_with_what_was_probably_meant() {
     let temp = folder();
@@ -122,7 +123,7 @@ fn lengths_in_another_unit_are_refused_with_what_was_probably_meant() {
         assert!(said.contains(meant), "{said}");
         assert!(!at.join("seen.png").exists());
     }
-    // What is meant is taken, and so is what is confirmed.
+    // The intended value is accepted, and so is a confirmed value.
     done(at, &solve("builtin:plane", &["--view-pitch", "2.2"]));
     done(at, &["render", "h.zarr", "--pupil=0,0,4,1", "-o", "seen.png"]);
     done(at, &["render", "h.zarr", "--pupil=0,0,4,1000", "--force", "-o", "seen.png"]);

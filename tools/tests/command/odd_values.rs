@@ -1,4 +1,4 @@
-//! Numbers that no command takes without a word: each is refused, with what would be right, before anything is made.
+//! Impossible numbers are refused before any file is made, and the message has possible ones.
 
 use crate::common::{done, folder, refusal, refused};
 

@@ -1,4 +1,4 @@
-//! Views in another order than their names say, and their depths, in the commands that steer and show.
+//! Views in an order that differs from their names, and their depths, in the commands that refine and show.
 
 use crate::common::{Printed, done, folder, made, refused};
 #[cfg(target_os = "linux")]
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const STILL_LIFE: &str = "builtin:still-life?span=0.7";
 const SMALL: [&str; 6] = ["--size", "64x64", "--color", "green", "--engine", "cpu"];
 
-/// The same views as they stand, and with rows that run upwards.
+/// Writes the same views twice, once in the order of their names and once with rows that run upward.
 fn both(at: &Path) {
     made::views(&at.join("right"), STILL_LIFE, |r, c| [r, c]);
     made::views(&at.join("upwards"), STILL_LIFE, |r, c| [2 - r, c]);
@@ -36,7 +36,8 @@ fn a_study_steers_by_views_in_the_order_that_is_stated() {
     assert_ne!(study(&["upwards", "--order", "as-named"], "c"), right);
 }
 
-/// What `show` with a tracker puts on the display of a scene that it solves first, without steering: one result on every machine.
+/// Returns the picture that `show` with a tracker puts on the display for a scene without refinement. The result is the
+/// same on every machine.
 fn shown(at: &Path, scene: &[&str], out: &str) -> Vec<u8> {
     let show = ["show", "--tracker", "simulated", "--display", "planes8", "--unsteered", "--quality", "fast"];
     done(at, &[&show[..], &["--duration", "0.2", "--record", out], &SMALL, scene].concat());
@@ -90,26 +91,26 @@ fn a_folder_of_rows_is_one_light_field_or_a_sequence_as_is_said() {
         refused(at, &[command, &SMALL[..4]].concat(), "hologram.zarr", "scene/rows");
     }
     done(at, &solve(&["flat"], "flat.zarr"));
-    // What is taken for the other.
+    // A hologram is refused as a scene, and a scene as a hologram.
     refused(at, &["solve", "flat.zarr"], "x.zarr", "scene/corrupt/hologram-not-scene flat.zarr");
     refused(at, &["encode", "builtin:plane", "--display", "paper", "-o", "x"], "x", "hologram/not-a-hologram/scene");
     refused(at, &["render", "none.npy", "--pupil=0,0,4,0", "-o", "x.png"], "x.png", "file/read");
     std::fs::write(at.join("rows/lightfield.toml"), "files = \"*/*\"\n").unwrap();
     done(at, &solve(&["rows"], "rows.zarr"));
     assert_eq!(phases("rows.zarr"), phases("flat.zarr"));
-    // Rows that say that they are light fields are frames.
+    // Rows with files that describe light fields are frames.
     std::fs::remove_file(at.join("rows/lightfield.toml")).unwrap();
     (0..3).for_each(|r| std::fs::write(at.join(format!("rows/row_{r}/lightfield.toml")), "grid = [1, 3]\n").unwrap());
     done(at, &[solve(&["rows"], "moving.zarr"), vec!["--rate", "5"]].concat());
     done(at, &["convert", "moving.zarr", "p.npy", "--at", "2"]);
-    // A view that is missing beside a folder of others is not a sequence of that folder.
+    // A missing view next to a folder of views does not make a sequence of that folder.
     std::fs::create_dir(at.join("flat/more")).unwrap();
     std::fs::copy(at.join("flat/view_0_0.png"), at.join("flat/more/view_0_0.png")).unwrap();
     std::fs::remove_file(at.join("flat/view_1_2.png")).unwrap();
     refused(at, &solve(&["flat"], "x.zarr"), "x.zarr", "scene/missing-view view_1_2.png");
 }
 
-/// Blades that hide each other by pixels from view to view: their depths cannot be measured.
+/// Blades hide each other by pixels from view to view, so that their depths cannot be measured.
 #[test]
 fn show_solves_for_the_depths_that_are_stated() {
     let temp = folder();
@@ -126,7 +127,7 @@ fn show_solves_for_the_depths_that_are_stated() {
     assert_eq!(grass(&[], "c"), near);
 }
 
-/// The figure in the title is that of the photograph which the views make as they stand.
+/// The title has the PSNR against the target image of the views in the stated order.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_preview_compares_with_views_in_the_order_that_is_stated() {
@@ -136,7 +137,7 @@ fn a_preview_compares_with_views_in_the_order_that_is_stated() {
     let solve = ["solve", "right", "-o", "h.zarr", "--steps", "8", "--order", "as-named"];
     done(at, &[&solve[..], &SMALL].concat());
     let decibels = |scene: &[&str]| {
-        // A desktop of its own: the window of a program that was ended stays for a moment.
+        // Each preview has a desktop of its own, because the window of a program that was killed stays for a moment.
         let desk = Desk::new(at, [720, 900]);
         let preview = ["preview", "h.zarr", "--engine", "cpu", "--pupil=0,7,10,0.6", "--force", "--scene"];
         let mut child = command(at, &[&preview[..], scene].concat())
@@ -145,7 +146,7 @@ fn a_preview_compares_with_views_in_the_order_that_is_stated() {
             .spawn()
             .expect("it starts");
         let window = desk.window("h.zarr");
-        // The mouse moves the pupil: down, where the order of the rows shows.
+        // The mouse moves the pupil down, because the order of the rows is visible there.
         desk.point(window, [520, 320]);
         let since = Instant::now();
         let decibels = loop {

@@ -1,4 +1,4 @@
-//! A hologram is sent to the display that it was solved for, cut as it was then, without saying so again.
+//! A hologram is sent to the display for which it was solved, with the same crop, and no option has to repeat this.
 
 use crate::common::{done, folder, refused};
 use eyebox::low_level::optics::PRESETS;
@@ -14,7 +14,7 @@ fn solve(at: &Path, more: &[&str]) {
     done(at, &[&words.split_whitespace().collect::<Vec<_>>()[..], more].concat());
 }
 
-/// What `encode` says of its frames.
+/// Returns the report of `encode`.
 fn encoded(at: &Path, words: &[&str]) -> Value {
     let _ = fs::remove_dir_all(at.join("frames"));
     let all = [&["encode"][..], words, &["--engine", "cpu", "--json", "-o", "frames"]].concat();
@@ -52,7 +52,7 @@ fn the_display_that_it_was_solved_for_is_found() {
             );
         }
     }
-    // Another display's size is not made up.
+    // The size of another display is not derived.
     refused(
         at,
         &["encode", "paper.zarr", "--display", "small", "--engine", "cpu", "-o", "x"],
@@ -89,11 +89,11 @@ fn a_display_file_is_found_where_it_is_and_refused_if_it_is_another() {
     fs::create_dir_all(&a).unwrap();
     fs::write(a.join("bench.toml"), BENCH).unwrap();
     solve(&a, &["--display", "bench.toml", "-o", "h.zarr"]);
-    // From elsewhere, and moved with the hologram.
+    // The file is found from elsewhere, and it is found when it has moved with the hologram.
     assert_eq!(encoded(temp.path(), &["a/h.zarr"])["display"], "bench");
     fs::rename(&a, &b).unwrap();
     assert_eq!(encoded(&b, &["h.zarr"])["display"], "bench");
-    // Its calibration of today.
+    // The current calibration in the file is used.
     let frame = |at: &Path| {
         encoded(at, &["h.zarr"]);
         let mut files: Vec<_> = fs::read_dir(at.join("frames")).unwrap().map(|e| e.unwrap().path()).collect();
@@ -103,7 +103,7 @@ fn a_display_file_is_found_where_it_is_and_refused_if_it_is_another() {
     let before = frame(&b);
     fs::write(b.join("bench.toml"), BENCH.replace("200", "150")).unwrap();
     assert_ne!(frame(&b), before);
-    // Another SLM under the name.
+    // Another SLM under the same name is refused.
     fs::write(b.join("bench.toml"), BENCH.replace("pitch_um = 8.0", "pitch_um = 6.4")).unwrap();
     refused(&b, &["encode", "h.zarr", "--engine", "cpu", "-o", "x"], "x", "hologram/display-not-found");
     fs::remove_file(b.join("bench.toml")).unwrap();

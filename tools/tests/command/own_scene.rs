@@ -1,4 +1,4 @@
-//! A hologram finds its scene again, wherever both are, reads it as it was solved, and takes no other for it.
+//! A hologram finds its scene from any folder, reads it as it was solved, and uses no other scene instead.
 
 use crate::common::{Printed, Refusal, command, done, folder, made, refusal, refused, text, with_json_errors, written};
 use serde_json::Value;
@@ -8,25 +8,26 @@ use std::path::Path;
 const SMALL: [&str; 10] = ["--size", "40x40", "--steps", "3", "--frames", "1", "--color", "green", "--engine", "cpu"];
 const PUPILS: [&str; 7] = ["--test-pupils", "random:3", "--jod", "none", "--engine", "cpu", "--json"];
 
-/// Solves `scene` in a folder into `out` there.
+/// Solves `scene` into `out`, both in the folder `at`.
 fn solve(at: &Path, scene: &str, out: &str, more: &[&str]) {
     done(at, &[&["solve", scene, "-o", out][..], &SMALL, more].concat());
 }
 
-/// Mean PSNR by `eval score`, dB.
+/// Returns the mean PSNR of `eval score`, in dB.
 fn psnr(at: &Path, words: &[&str]) -> f64 {
     let said = done(at, &[&["eval", "score"][..], words, &PUPILS].concat());
     serde_json::from_str::<Value>(&said).expect("JSON")["psnr_db"]["mean"].as_f64().expect("a number")
 }
 
-/// It is refused with one line that names another way, which works.
+/// Asserts that a score is refused in one line with the remedy `--force`, and that the remedy works.
 #[track_caller]
 fn refused_unless_asked(at: &Path, words: &[&str], what: &str) {
     refused(at, &[&["eval", "score"][..], words, &PUPILS].concat(), "nothing", &format!("{what} --force"));
     psnr(at, &[words, &["--force"]].concat());
 }
 
-/// A folder `a` with the light field `views` and its hologram `h.zarr`, and a folder `b` with another light field of that name.
+/// Makes a folder `a` with the light field `views` and its hologram `h.zarr`, and a folder `b` with another light field
+/// of the same name. Also returns the PSNR of the hologram, in dB.
 fn two_folders() -> (tempfile::TempDir, f64) {
     let temp = folder();
     let [a, b] = ["a", "b"].map(|name| temp.path().join(name));
@@ -45,26 +46,26 @@ fn its_scene_is_found_wherever_it_is_opened() {
         let found = psnr(at, words);
         assert!((found - right).abs() < 1e-9, "{words:?} in {}: {found} dB, not {right}", at.display());
     };
-    // Of itself; from elsewhere; from a folder that has another scene of its name.
+    // The scene is found from its own folder, from another one, and from one that has another scene of the same name.
     is(&a, &["h.zarr"]);
     is(temp.path(), &["a/h.zarr"]);
     is(&b, &["../a/h.zarr"]);
-    // A copy of the hologram beside another scene of the name finds its own where that was.
+    // A copy of the hologram next to another scene of the same name still finds its own scene.
     fs::create_dir_all(&c).unwrap();
     assert!(std::process::Command::new("cp").arg("-r").args([a.join("h.zarr"), b.clone()]).status().unwrap().success());
     is(&b, &["h.zarr"]);
     is(&c, &["../b/h.zarr"]);
-    // Refined and saved elsewhere, it still does.
+    // A refined copy in another folder finds the scene as well.
     let refine = ["refine", "../a/h.zarr", "--pupil=4,0,4,0", "--steps", "1", "--engine", "cpu", "-o", "refined.zarr"];
     done(&c, &refine);
     psnr(&b, &["../c/refined.zarr"]);
-    // Both moved together.
+    // The hologram and the scene move together.
     let moved = temp.path().join("moved/deep");
     fs::create_dir_all(moved.parent().unwrap()).unwrap();
     fs::rename(&a, &moved).unwrap();
     is(&moved, &["h.zarr"]);
     is(&b, &[&moved.join("h.zarr").display().to_string()]);
-    // The scene renamed, and named.
+    // The scene gets a new name, and the call states it.
     fs::rename(moved.join("views"), moved.join("still life")).unwrap();
     is(&moved, &["h.zarr", "still life"]);
     refused(&moved, &[&["eval", "score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/scene-not-found");
@@ -83,12 +84,12 @@ fn another_scene_and_one_that_changed_are_refused_unless_asked_for() {
     ] {
         refused(&b, &[named, &["--engine", "cpu", "-o", "out.zarr"]].concat(), "out.zarr", "arguments/other-scene");
     }
-    // One view of nine.
+    // One of the nine views changes.
     fs::copy(a.join("views/view_0_1.png"), a.join("views/view_0_0.png")).unwrap();
     refused_unless_asked(&b, &["../a/h.zarr"], "arguments/changed-scene");
     refused_unless_asked(&a, &["h.zarr", "views"], "arguments/other-scene");
     refused(&b, &["eval", "gaze", "../a/h.zarr", "--engine", "cpu", "-o", "out"], "out", "arguments/changed-scene");
-    // A view that is gone.
+    // One view is missing.
     fs::remove_file(a.join("views/view_0_0.png")).unwrap();
     refused(&a, &[&["eval", "score", "h.zarr"][..], &PUPILS].concat(), "nothing", "arguments/changed-scene");
 }
@@ -105,7 +106,7 @@ fn a_link_may_come_to_lead_elsewhere() {
     link("a/views");
     solve(at, "link", "linked.zarr", &[]);
     assert!((psnr(&at.join("b"), &["../linked.zarr"]) - right).abs() < 1e-9);
-    // The folder that it led to was moved, and the link with it.
+    // The folder behind the link moves, and the link follows it.
     fs::rename(at.join("a/views"), at.join("a/kept")).unwrap();
     link("a/kept");
     assert!((psnr(&at.join("b"), &["../linked.zarr"]) - right).abs() < 1e-9);
@@ -119,7 +120,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     let [at, away] = ["at", "away"].map(|name| temp.path().join(name));
     fs::create_dir_all(&away).unwrap();
     made::views(&at.join("views"), "builtin:still-life", |r, c| [r, c]);
-    // Views one after the other, which need their grid, with another pitch than by default.
+    // The views of the array are in one list and need a grid. Their pitch is not the default.
     let light: Vec<f32> = (0..6 * 64).map(|i| (i % 64 * 37 % 97) as f32 / 97.0).collect();
     eyebox::low_level::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
     solve(&at, "array.npy?grid=2x3", "array.zarr", &["--view-pitch", "2", "--depth", "0..0"]);
@@ -147,7 +148,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
         let found = psnr(&away, &[&format!("../at/{hologram}")]);
         assert!((found - right).abs() < 1e-9, "{hologram}: {found} dB, not {right}");
     }
-    // Another map is another scene; so is other content in the same array.
+    // Another map makes another scene, and so does other content of the same array.
     let other = ["render", "builtin:plane", "--size", "40x40", "--views", "3", "--pupil=0,0,2,0", "--color", "green"];
     done(&at, &[&other[..], &["-o", "other.png"]].concat());
     refused_unless_asked(&at, &["photo.zarr", "--depth-map", "other.png"], "arguments/other-scene");
@@ -158,7 +159,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
     eyebox::low_level::files::write_npy(&at.join("array.npy"), &[6, 8, 8], &light).unwrap();
     refused_unless_asked(&at, &["array.zarr"], "arguments/changed-scene");
     refused_unless_asked(&at, &["plane.zarr", "builtin:plane?depth=0.6"], "arguments/other-scene");
-    // What is under way in tiles is another job once the views have changed.
+    // A job in tiles is another job after its views have changed.
     fs::copy(at.join("views/view_0_1.png"), at.join("views/view_0_0.png")).unwrap();
     refused_unless_asked(&at, &["tiles.zarr"], "arguments/changed-scene");
 }
@@ -166,7 +167,7 @@ fn arrays_pictures_and_tiles_are_found_as_they_were_read() {
 const FAR: &str = "name = \"far\"\nresolution = [192, 192]\npitch_um = 4.0\nfocal_length_mm = 400.0\n\
                    wavelengths_nm = { green = 520 }\ngeometry = \"far-field\"\n";
 
-/// Each hologram of a sequence has a scene of its own, and a sequence under way is gone on with for the same scenes alone.
+/// Each hologram of a sequence has its own scene. An unfinished sequence continues only with the same scenes.
 #[test]
 fn a_sequence_knows_the_scene_of_each_hologram() {
     let temp = folder();
@@ -198,7 +199,7 @@ fn a_sequence_knows_the_scene_of_each_hologram() {
     Refusal::of(&answer).is("session/setting ../at/s.zarr --force");
 }
 
-/// The state that is written is the best and not the last: by `eval score` at the pupil more steps are never worse.
+/// `refine` writes the best state and not the last. More steps never lower the result of `eval score` at the pupil.
 #[test]
 fn refine_writes_the_best_state() {
     let temp = folder();
@@ -230,7 +231,7 @@ fn refine_writes_the_best_state() {
         let (best, written) = (said["best_db"][0].as_f64().unwrap(), score("r.zarr"));
         assert!((written - best).abs() < 0.01, "{steps} steps: {written} dB by score, {best} dB by refine");
         assert!(eye.iter().all(|db| *db <= best + 1e-9) && written >= before - 0.01, "{steps} steps: {said}");
-        // The state after as many steps as the best took, and no other.
+        // The file has the state after exactly the number of steps that the best state took.
         let at_best = said["best_steps"][0].to_string();
         json(&[
             "refine",

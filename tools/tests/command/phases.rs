@@ -11,7 +11,7 @@ const SIZE: [usize; 2] = [12, 20];
 const BENCH: &str = "resolution = [12, 20]\npitch_um = 8.0\nfocal_length_mm = 400.0\n\
                      wavelengths_nm = { red = 660, green = 520, blue = 440 }\n";
 
-/// Element of an array.
+/// Type of an array's elements, with the function that writes one.
 #[derive(Clone, Copy)]
 struct Element {
     descr: &'static str,
@@ -25,11 +25,11 @@ const U1: Element = Element { descr: "|u1", bytes: |v| vec![v as u8] };
 const I8: Element = Element { descr: "<i8", bytes: |v| (v as i64).to_le_bytes().to_vec() };
 const C8: Element = Element { descr: "<c8", bytes: |v| [v.cos(), v.sin()].map(f32::to_le_bytes).concat() };
 
-/// An `.npy` as NumPy writes it.
+/// Writes an `.npy` file as NumPy writes it.
 fn npy(at: &Path, name: &str, shape: &[usize], element: Element, fortran: bool, values: &[f32]) {
     let count: usize = shape.iter().product();
     let place = |mut i: usize| {
-        // The place in C order of what comes `i`-th in the file.
+        // This order gives the place in C order of the `i`-th element of the file.
         let order: Vec<usize> = if fortran { (0..shape.len()).collect() } else { (0..shape.len()).rev().collect() };
         let mut index = vec![0; shape.len()];
         for axis in order {
@@ -49,7 +49,7 @@ fn npy(at: &Path, name: &str, shape: &[usize], element: Element, fortran: bool, 
     std::fs::write(at.join(name), bytes).unwrap();
 }
 
-/// Radians, another in every pixel; so many turns.
+/// Returns `count` phases in radians that differ from pixel to pixel. Their range is `turns` turns.
 fn radians(count: usize, turns: f32) -> Vec<f32> {
     (0..count).map(|i| ((i * 7919 % 10007) as f32 / 10007.0 - 0.5) * TAU * turns).collect()
 }
@@ -58,12 +58,12 @@ fn wrapped(phase: f32) -> f32 {
     (phase + PI).rem_euclid(TAU) - PI
 }
 
-/// How an array is given, and what is read: the wanted phases, from and to, or a line.
+/// One form of an array with its expected result, which is a range of the phases or an error.
 struct Way<'a> {
     shape: &'a [usize],
     element: Element,
     fortran: bool,
-    /// What a turn is in the file.
+    /// Size of a turn in the unit of the file.
     turn: f32,
     turns: f32,
     more: &'a [&'a str],
@@ -91,7 +91,7 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
     let with = |unit: &'static str| ["--display", "bench.toml", "--color", "green", "--phase-unit", unit];
     let (levels, turns, degrees, rad) = (with("256"), with("turns"), with("deg"), with("rad"));
     let ways = [
-        // Shapes.
+        // These arrays differ in their shape.
         Way { shape: &[h, w], read: Ok([0, one]), ..plain },
         Way { ..plain },
         Way { shape: &[3, 2, h, w], more: all, read: Ok([0, 6 * one]), ..plain },
@@ -106,7 +106,7 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
         Way { shape: &[2 * one], read: Err("hologram/not-a-hologram/shape"), ..plain },
         Way { shape: &[64, 20, 2], read: Err("hologram/not-a-hologram/shape"), ..plain },
         Way { shape: &[w, h], read: Err("hologram/doubtful/across"), ..plain },
-        // What nothing says.
+        // These calls lack the colors or the optics, or have an option that does not apply.
         Way { more: all, read: Err("hologram/doubtful/colors-not-named --color"), ..plain },
         Way { more: &[], read: Err("hologram/no-optics --display --color"), ..plain },
         Way { more: &["--pitch", "8"], read: Err("arguments/optics-together"), ..plain },
@@ -115,12 +115,12 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
             read: Err("hologram/not-a-hologram/not-a-sequence --at"),
             ..plain
         },
-        // Elements and orders.
+        // These arrays differ in their element type and order.
         Way { element: F8, ..plain },
         Way { element: F4_BIG, ..plain },
         Way { fortran: true, ..plain },
         Way { element: C8, read: Err("file/content/npy-type numpy.angle"), ..plain },
-        // Units.
+        // These arrays differ in their unit.
         Way { turns: 6.0, ..plain },
         Way { element: U1, turn: 256.0, more: &levels, ..plain },
         Way { element: I8, turn: 256.0, more: &levels, ..plain },
@@ -161,7 +161,7 @@ fn every_way_to_give_phases_is_read_right_or_refused() {
     }
 }
 
-/// A small hologram, and its phases alone.
+/// Solves a small hologram as `h.zarr` and exports its phases as `p.npy`.
 fn solved(at: &Path) {
     let solve =
         ["solve", "builtin:plane", "--display", "small", "--size", "36x48", "--color", "green", "--frames", "2"];
@@ -206,7 +206,7 @@ fn every_command_takes_phases_as_it_takes_their_hologram() {
         "hologram/doubtful/colors-not-named --color",
     );
 
-    // Exposures are not known: they are fitted to the scene.
+    // The exposures of bare phases are unknown, so that they are fitted to the scene.
     let refine =
         ["refine", "IN", "builtin:plane", "--views", "3", "--depth=-0.1..0.1", "--pupil=0,0,5,0", "--steps", "1"];
     let gains = both(&[&refine[..], &["--engine", "cpu", "--json"]].concat(), &GREEN);
@@ -247,7 +247,7 @@ fn phases_are_imported_with_what_is_known_of_them() {
         let document = std::fs::read(at.join(name).join("zarr.json")).unwrap();
         serde_json::from_slice::<Value>(&document).unwrap()["attributes"]["eyebox"].take()
     };
-    // From pictures as from arrays; names of colours come with them.
+    // Pictures are imported in the same way as arrays. Their names state the colors.
     done(at, &["convert", "h.zarr", "frames"]);
     let said = import("frames", "f.zarr", &["--display", "small"]);
     let known = attributes("f.zarr");
@@ -256,13 +256,14 @@ fn phases_are_imported_with_what_is_known_of_them() {
     assert!(said.has("f.zarr") && !said.contains(&rounded(&known)), "{said}");
     assert_eq!((&known["colors"][0]["color"], &known["display"]), (&"green".into(), &"small".into()));
     assert_eq!(known["settings"]["exposure_assumed"], true);
-    // Fitted to the scene, that of the solve comes back.
+    // The exposure that is fitted to the scene is close to the exposure of the solve.
     let said = import("p.npy", "s.zarr", &[&["--scene", "builtin:plane"], &GREEN[..]].concat());
     let (own, fitted) = (attributes("h.zarr"), attributes("s.zarr"));
     assert!(said.has(&format!("s.zarr {}", rounded(&fitted))), "{said}");
     assert!((exposure(&own) / exposure(&fitted)).ln().abs() < 0.5, "{} {}", exposure(&own), exposure(&fitted));
     assert_eq!((&fitted["scene"], &fitted["settings"]["exposure_assumed"]), (&"builtin:plane".into(), &Value::Null));
-    // Its own folder is replaced; not with a picture of somebody else's in it, nor a set that is all theirs.
+    // `convert` replaces its own folder. It refuses a folder with a picture of the user, or with pictures of the user
+    // only.
     done(at, &["convert", "h.zarr", "frames"]);
     let kept = std::fs::read(at.join("frames/green-01.png")).unwrap();
     std::fs::write(at.join("frames/green-01.png"), std::fs::read(at.join("frames/green-00.png")).unwrap()).unwrap();
@@ -275,7 +276,7 @@ fn phases_are_imported_with_what_is_known_of_them() {
         done(at, &["render", folder, "--display", "small", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
     }
     assert_eq!(std::fs::read(at.join("mine/green-00.png")).unwrap(), kept);
-    // And back.
+    // The phases come back unchanged.
     done(at, &["convert", "s.zarr", "again.npy"]);
     assert_eq!(std::fs::read(at.join("again.npy")).unwrap(), std::fs::read(at.join("p.npy")).unwrap());
     refused(at, &["convert", "h.zarr", "x.zarr"], "x.zarr", "arguments/hologram-already");
@@ -310,14 +311,14 @@ fn a_hologram_is_not_measured_against_another_scene() {
     refused(at, &[&steer[..], &["--duration", "0.1"]].concat(), "x", shows);
 }
 
-/// What docs/hologram-format.md says is all that a program in Python needs, is.
+/// A program in Python needs only the description in docs/hologram-format.md.
 #[test]
 #[cfg(target_os = "linux")]
 fn the_documents_python_writes_a_hologram() {
     let here = folder();
     let at = here.path();
     let document = include_str!("../../../docs/hologram-format.md");
-    // The one that writes; others read.
+    // One of the programs writes, and the others read.
     let mut programs = document.split("```python\n").skip(1).map(|p| p.split("```").next().expect("its end"));
     let program = programs.find(|program| program.contains("grating.zarr")).expect("the program");
     assert!(program.lines().filter(|l| !l.trim().is_empty()).count() <= 25, "short enough to be read");
@@ -327,7 +328,7 @@ fn the_documents_python_writes_a_hologram() {
         assert!(ran.status.success(), "{}", text(&ran.stderr));
     };
     run(program);
-    // The log states that it has no checksum.
+    // The log states that the hologram has no checksum.
     let said = |words: &[&str]| {
         let answer = eyebox(at, &[words, &["convert", "grating.zarr", "p.npy"]].concat());
         assert!(answer.status.success(), "{}", text(&answer.stderr));
@@ -337,12 +338,12 @@ fn the_documents_python_writes_a_hologram() {
     let Npy { shape, values, .. } = read_npy(&at.join("p.npy")).unwrap();
     assert_eq!(shape, [1, 48, 64]);
     assert!(values.iter().enumerate().all(|(i, v)| (v - wrapped(0.1 * (i % 64) as f32)).abs() < 1e-5));
-    // Seen, scored, encoded, made a hologram of this program.
+    // The hologram is rendered, scored and encoded.
     done(at, &["render", "grating.zarr", "--pupil=0,0,5,0", "--engine", "cpu", "-o", "seen.png"]);
     done(at, &["eval", "score", "grating.zarr", "builtin:plane", "--test-pupils", "random:2", "--engine", "cpu"]);
     done(at, &["encode", "grating.zarr", "--display", "grey8", "--size", "48x64", "-o", "frames"]);
 
-    // What is wrong in it is said.
+    // Each mistake in the file is reported.
     let wrong = |from: &str, to: &str, what: &str| {
         assert!(program.contains(from), "{from}");
         let _ = std::fs::remove_dir_all(at.join("grating.zarr"));

@@ -1,4 +1,4 @@
-//! `eyebox solve --dry-run` as a user runs it, and what a solve makes of its plan.
+//! `eyebox solve --dry-run` as a user runs it, and the solve that uses its plan.
 
 use crate::common::{self, Printed, command, done, folder, refused, written};
 use serde_json::Value;
@@ -45,11 +45,11 @@ fn a_plan_says_what_why_and_how_much() {
     let (saved, whole) = (forecast(&flat, 0), forecast(&full, 0));
     assert!(saved["step_ms"].as_f64() < whole["step_ms"].as_f64(), "{saved} {whole}");
     assert!(saved["peak_memory_bytes"].as_u64() > Some(48 * 40 * 81 * 3 * 4), "{saved}");
-    // Nothing was written.
+    // A plan writes no file.
     assert_eq!(std::fs::read_dir(at).unwrap().count(), 0);
 }
 
-/// One view in place of 81 changes nothing that is seen, and the file remembers the scene as it is.
+/// One view instead of 81 makes no visible difference, and the file stores the scene as it is.
 #[test]
 fn a_flat_scene_solved_from_one_view_is_the_same() {
     let temp = folder();
@@ -88,7 +88,7 @@ fn sub_frames_follow_the_speckle_asked_for() {
     refused(at, &["solve", "builtin:none", "--dry-run"], "x", "scene/builtin/no-such-scene still-life");
 }
 
-/// A folder that cannot be written costs nothing but time; rates are measured once, and again where they are damaged.
+/// A cache folder that cannot be written costs only time. Rates are measured once, and again if their file is damaged.
 #[test]
 fn rates_are_a_convenience() {
     let temp = folder();
@@ -116,7 +116,7 @@ fn rates_are_a_convenience() {
     assert!(!run() && written(&file) == again.1, "the next plan knows the rates");
 }
 
-/// A side with a large prime factor is padded to one that transforms well, and that is said.
+/// A side with a large prime factor is padded to a size that transforms well. The plan reports the padding.
 #[test]
 fn a_side_that_would_transform_slowly_is_padded() {
     let temp = folder();
@@ -135,7 +135,7 @@ fn a_side_that_would_transform_slowly_is_padded() {
     assert!(choice_of(&padded).has("262 131"), "{padded}");
     done(at, &["render", "p.zarr", "--pupil=0,0,5,0", "-o", "v.png"]);
     assert_eq!(solved("n.zarr", &["--size", "12x264"])["padding"], serde_json::json!([0, 0]));
-    // Unless exactly the SLM's size is asked for.
+    // `padding=exact` keeps exactly the size of the SLM.
     let exact = solved("e.zarr", &["--size", "12x262", "--set", "padding=exact"]);
     assert_eq!(
         (&exact["padding"], &exact["settings"]["padding"]),
@@ -145,7 +145,8 @@ fn a_side_that_would_transform_slowly_is_padded() {
     done(at, &["render", "e.zarr", "--pupil=0,0,5,0", "-o", "e.png"]);
 }
 
-/// Steps recorded and not run: what they ask of a device, and what devices would make of it.
+/// Steps are recorded and not run. The report has their load on a device, and a model gives their time on several
+/// devices.
 #[test]
 fn a_bench_records_steps_and_runs_none() {
     let temp = folder();
@@ -177,6 +178,6 @@ fn a_bench_records_steps_and_runs_none() {
     for (kernel, of) in kernels {
         assert_eq!(said.lines_with(&format!("{kernel} {}", of["dispatches"])), 1, "{kernel}: {said}");
     }
-    // It has the given number of steps.
+    // The text has the given number of steps.
     assert!(said.has("4") && kernels.len() > 4, "{said}");
 }

@@ -18,7 +18,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What it said on standard error.
+/// Runs a command that must succeed, and returns its standard error.
 fn done(folder: &Path, args: &[&str]) -> String {
     let answer = eyebox(folder, args);
     assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
@@ -34,7 +34,7 @@ fn json(file: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(file).expect("a file")).expect("JSON")
 }
 
-/// Holograms that were not shown.
+/// Returns the number of holograms that were not shown.
 fn dropped(stats: &Value) -> u64 {
     stats["content_dropped"].as_object().expect("causes").values().filter_map(Value::as_u64).sum()
 }
@@ -58,7 +58,7 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
     let here = tempfile::tempdir().unwrap();
     let at = here.path();
     sequence(at);
-    // As if it had been stopped after its first hologram: the others are missing, the document says so.
+    // The copy is in the state of a solve that stopped after its first hologram, because the others are missing.
     let copy = |from: &str, to: &str| {
         assert!(Command::new("cp").args(["-r", from, to]).current_dir(at).status().unwrap().success());
     };
@@ -68,7 +68,7 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
     let first = written(&chunks("cut.zarr")[0]);
     let answer = solve(at, &SCENES, "cut.zarr", &["--rate", "20", "--json"]);
     assert!(answer.status.success(), "{}", text(&answer.stderr));
-    // The first one stays.
+    // The first hologram is not solved again.
     let report: Value = serde_json::from_slice(&answer.stdout).unwrap();
     assert_eq!(
         (report["frames"].as_array().map(Vec::len), written(&chunks("cut.zarr")[0])),
@@ -89,7 +89,7 @@ fn an_interrupted_sequence_is_gone_on_with_and_comes_out_the_same() {
     ] {
         refused(at, &[&["solve"], &SCENES[..], &SOLVE, &["-o", "s.zarr"], more].concat(), what);
     }
-    // One of its holograms by itself.
+    // Other commands read one hologram of the sequence.
     done(at, &["convert", "s.zarr", "two.npy", "--at", "2"]);
     done(at, &["render", "s.zarr", "--at", "1", "--pupil=0,0,4,0", "-o", "one.png"]);
     refused(at, &["convert", "s.zarr", "x.npy"], "hologram/not-a-hologram/is-a-sequence");
@@ -124,7 +124,7 @@ fn what_is_recorded_is_what_encode_writes() {
         ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--record", "shown", "--stats", "s.json"];
     done(at, &[&played[..], &["--trace", "t.json", "--set", "show.sync=0.1"]].concat());
     let stats = json(&at.join("s.json"));
-    // 20 a second on 60 Hz: each three times.
+    // At 60 Hz, each of 20 holograms per second is shown three times.
     assert_eq!((&stats["content_shown"], dropped(&stats)), (&3.into(), 0));
     assert_eq!(stats["sets"].as_u64().unwrap() - stats["idle_sets"].as_u64().unwrap(), 9);
     assert_eq!((&stats["ended_by"], &stats["missed_presents"]), (&"the end".into(), &0.into()));
@@ -196,14 +196,14 @@ fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
         command.args(show).args(more).current_dir(at).env("XDG_CACHE_HOME", at.join("cache"));
         let answer = crate::common::failed(&mut command);
         assert_eq!(text(&answer.stderr).trim().lines().count(), 1, "{}", text(&answer.stderr));
-        // Where there is a graphics card, it has no display of 48x64 pixels.
+        // If there is a graphics card, it has no display of 48x64 pixels.
         let refusal = Refusal::of(&answer);
         assert!(refusal.code.starts_with("present/display/no-"), "{refusal:?}");
     }
     refused(at, &[&show[..], &["direct", "--record", "r"]].concat(), "arguments/without-offscreen");
 }
 
-/// A second ctrl-C is not needed: the first leaves the idle picture, which is the phase 0, everywhere.
+/// The first ctrl-C is enough. It leaves the idle picture, which has phase 0 everywhere.
 #[test]
 #[cfg(unix)]
 fn interrupted_it_leaves_the_idle_picture() {
@@ -222,7 +222,7 @@ fn interrupted_it_leaves_the_idle_picture() {
         let since = std::time::Instant::now();
         let picture = || std::fs::read(at.join("shown")).map(|b| b.get(64..).unwrap_or_default().to_vec());
         while picture().map_or(true, |p| p.iter().all(|b| *b == 0)) {
-            assert!(since.elapsed().as_secs() < 60 && playing.try_wait().unwrap().is_none(), "nothing came");
+            assert!(since.elapsed().as_secs() < 60 && playing.try_wait().unwrap().is_none(), "no picture came");
             std::thread::sleep(std::time::Duration::from_millis(3));
         }
         assert!(Command::new("kill").args([signal, &playing.id().to_string()]).status().unwrap().success());
@@ -291,7 +291,7 @@ fn a_loop_in_real_time_ends_after_its_duration() {
     let stats = json(&at.join("s.json"));
     assert_eq!(stats["ended_by"], "the duration");
     let count = |name: &str| stats[name].as_u64().unwrap();
-    // However busy the machine is, the account adds up.
+    // The statistics add up under any load of the machine.
     assert_eq!(count("content_due"), count("content_shown") + dropped(&stats) + count("content_pending"));
     assert!(count("content_due") >= 3 && count("video_frames") >= 30, "{stats}");
 }

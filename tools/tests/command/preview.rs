@@ -1,4 +1,5 @@
-//! `eyebox preview` on a virtual desktop: what the window shows is what `eyebox render` writes, and mouse and keys change it.
+//! `eyebox preview` on a virtual desktop. Its window shows the picture that `eyebox render` writes, and the mouse and
+//! keys change it.
 
 use crate::common;
 use crate::common::desk::Desk;
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 
 const ESCAPE: u32 = 0xff1b;
 
-/// Two sub-frames of 36 x 64 in three colours.
+/// Makes a hologram with two sub-frames of 36 x 64 pixels in three colors.
 fn hologram(salt: usize) -> Hologram {
     made::hologram(&Display::preset("paper").expect("a preset"), 2, salt)
 }
@@ -27,31 +28,32 @@ fn start(folder: &Path, desk: &Desk, args: &[&str]) -> Child {
         .expect("it starts")
 }
 
-/// A picture that a command wrote.
+/// Reads a picture that a command wrote.
 fn written(file: &Path) -> Part {
     let image = image::open(file).expect("a picture").into_rgb8();
     Part { size: [image.height() as usize, image.width() as usize], rgb: image.into_raw() }
 }
 
-/// What `eyebox render` writes for this pupil.
+/// Returns the picture that `eyebox render` writes for this pupil.
 fn view(folder: &Path, file: &str, more: &[&str], pupil: &str) -> Part {
     let pupil = format!("--pupil={pupil}");
     done(folder, &[&["render", file, &pupil, "-o", "view.png"], more].concat());
     written(&folder.join("view.png"))
 }
 
-/// The columns `left .. left + width`.
+/// Returns the columns `left .. left + width`.
 fn columns(part: &Part, left: usize, width: usize) -> Part {
     let rows = part.rgb.chunks_exact(3 * part.size[1]);
     Part { size: [part.size[0], width], rgb: rows.flat_map(|r| r[3 * left..3 * (left + width)].to_vec()).collect() }
 }
 
-/// Equal but for a level where the command line's decimals round otherwise than a pixel's place.
+/// Returns whether two parts differ by one level at most. The decimals of the command line can round differently from
+/// the place of a pixel.
 fn near(a: &Part, b: &Part) -> bool {
     a.size == b.size && a.rgb.iter().zip(&b.rgb).all(|(a, b)| a.abs_diff(*b) <= 1)
 }
 
-/// Until it is so.
+/// Waits for a minute at most until `so` returns true.
 fn until(what: &str, child: &mut Child, mut so: impl FnMut() -> bool) {
     let since = Instant::now();
     while !so() {
@@ -61,7 +63,7 @@ fn until(what: &str, child: &mut Child, mut so: impl FnMut() -> bool) {
     }
 }
 
-/// It ends by itself with 0 and without complaints.
+/// Asserts that the preview ends with exit code 0 and without messages of validation. Returns its standard error.
 fn ends(child: Child) -> String {
     let answer = child.wait_with_output().expect("it ends");
     let said = text(&answer.stderr);
@@ -80,23 +82,23 @@ fn the_window_shows_what_render_writes_and_mouse_and_keys_change_it() {
     let args = ["x.zarr", "--pupil=1,-2,4,0", "--window", "36x132", "--validation", "--engine", "cpu"];
     let mut child = start(folder, &desk, &[&args[..], &scene].concat());
     let window = desk.window("x.zarr");
-    // One picture stands in the middle, pixel by pixel.
+    // One picture is in the middle, pixel by pixel.
     let alone = |desk: &Desk| columns(&desk.part(window), 34, 64);
     let first = view(folder, "x.zarr", &[], "1,-2,4,0");
     until("the first picture", &mut child, || alone(&desk) == first);
     let around = desk.part(window);
     assert!(columns(&around, 0, 34).rgb.iter().chain(&columns(&around, 98, 34).rgb).all(|v| *v == 0));
     until("the title", &mut child, || desk.title(window).has_sequence(&[1.0, -2.0, 4.0, 0.0]));
-    // Two sub-frames.
+    // The hologram has two sub-frames.
     assert!(desk.title(window).has("x.zarr mm 2 dB"), "{}", desk.title(window));
 
-    // A quarter of the eyebox of 22 mm to the right and a quarter down.
+    // The mouse is a quarter of the eyebox of 22 mm to the right and a quarter down.
     desk.point(window, [27, 34 + 48]);
     let moved = view(folder, "x.zarr", &[], "5.5,5.5,4,0");
     until("the mouse's pupil", &mut child, || near(&alone(&desk), &moved));
     assert!(!near(&moved, &first));
-    // Two turns up and one down; a wheel without an axis, as the virtual one, counts when it is pressed and when it is let
-    // go: two notches of 0.2 mm.
+    // The wheel makes two turns up and one down. A wheel without an axis, as on this desktop, counts when it is pressed
+    // and when it is released. The sum is two notches of 0.2 mm.
     [true, true, false].into_iter().for_each(|up| desk.turn(up));
     let focused = view(folder, "x.zarr", &[], "5.5,5.5,4,0.4");
     until("the wheel's focus", &mut child, || near(&alone(&desk), &focused));
@@ -126,7 +128,7 @@ fn the_window_shows_what_render_writes_and_mouse_and_keys_change_it() {
     desk.press(window, 'h'.into());
     until("no help", &mut child, || near(&alone(&desk), &wider));
 
-    // The target image beside it, then alone.
+    // The target image is next to the view, and then alone.
     desk.press(window, 'p'.into());
     let target = ["render", "builtin:still-life", "--size", "36x64", "--pupil=5.5,5.5,4.5,0.4", "-o", "p.png"];
     done(folder, &target);
@@ -138,7 +140,7 @@ fn the_window_shows_what_render_writes_and_mouse_and_keys_change_it() {
     desk.press(window, 'p'.into());
     until("the eye alone", &mut child, || near(&alone(&desk), &wider));
 
-    // Of another size, and back: the swapchain is made again.
+    // The window changes its size and changes it back, so that the swapchain is made again.
     desk.resize(window, [72, 200]);
     until("a larger window", &mut child, || {
         let part = desk.part(window);
@@ -165,7 +167,7 @@ fn a_sequence_is_played_and_stepped_through_and_ctrl_c_ends_it() {
     for i in [1.0, 2.0, 3.0, 1.0] {
         until(&format!("{i} of 3"), &mut child, || desk.title(window).has_sequence(&[i, 3.0]));
     }
-    // Standing still, one on from wherever it stood: each is the picture that its number says.
+    // The sequence pauses, and each key shows the next hologram. The picture must match the number in the title.
     desk.press(window, '.'.into());
     for _ in 0..3 {
         let before = desk.title(window);
@@ -180,7 +182,7 @@ fn a_sequence_is_played_and_stepped_through_and_ctrl_c_ends_it() {
     let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
     assert!(killed.success());
     ends(child);
-    // One of them alone.
+    // One hologram of the sequence is shown alone.
     let mut child = start(folder, &desk, &["moving.zarr", "--at", "2", "--pupil=0,0,4,0", "--zoom", "1"]);
     let window = desk.window("moving.zarr");
     let expected = view(folder, "moving.zarr", &["--at", "2"], "0,0,4,0");
@@ -205,8 +207,8 @@ fn bare_phases_are_shown_as_render_shows_them() {
     ends(child);
 }
 
-/// A far field in tiles: the window shows what `eyebox render` writes, from any place, and nothing but the tiles under the
-/// pupil is read.
+/// The hologram is a far field in tiles. The window shows the picture that `eyebox render` writes, from any place. Only
+/// the tiles under the pupil are read.
 #[test]
 fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
     let here = common::folder();
@@ -228,14 +230,14 @@ fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
         "h.zarr",
     ];
     done(folder, &[&solve[..], &few].concat());
-    // A tile that no pupil of this test covers is damaged: nobody who does not look there notices.
+    // One tile is damaged. A pupil that does not cover it is not affected.
     let far = folder.join("h.zarr/phases/c/1/0/7/7");
     let mut tile = std::fs::read(&far).expect("a tile");
     tile[9] ^= 1;
     std::fs::write(&far, &tile).expect("written");
     let first = view(folder, "h.zarr", &[], "-0.1,-0.2,0.3,0");
     let [n, wide] = first.size;
-    assert!(n == wide && n > 60 && n < 100, "what the pupil resolves: {n}");
+    assert!(n == wide && n > 60 && n < 100, "the pupil resolves {n} pixels");
     let desk = Desk::new(folder, [200, 320]);
     let window = format!("{n}x{}", 2 * n + 4);
     let args = ["h.zarr", "--pupil=-0.1,-0.2,0.3,0", "--window", &window, "--engine", "cpu", "--validation"];
@@ -245,25 +247,25 @@ fn a_far_field_in_tiles_is_shown_without_the_rest_of_it() {
     let alone = |desk: &Desk| columns(&desk.part(window), left, n);
     until("the first picture", &mut child, || alone(&desk) == first);
     until("the title", &mut child, || desk.title(window).has("dB"));
-    // The mouse moves the pupil: the picture stands for the eyebox of 1.024 mm.
+    // The mouse moves the pupil. The picture represents the eyebox of 1.024 mm.
     let at = [n / 4, left + n / 8];
     desk.point(window, at.map(|v| v as i16));
     let place = |at: usize, from: usize| ((at - from) as f64 / n as f64 - 0.5) * 1.024;
     let moved = view(folder, "h.zarr", &[], &format!("{},{},0.3,0", place(at[1], left), place(at[0], 0)));
     until("the mouse's pupil", &mut child, || near(&alone(&desk), &moved));
     assert!(!near(&moved, &first));
-    // What is kept is what render writes, at what the pupil resolves.
+    // The saved file is the picture that `render` writes, at the resolution of the pupil.
     desk.press(window, 's'.into());
     let saved = folder.join("h-seen-1.png");
     until("the PNG", &mut child, || saved.exists());
     assert!(near(&written(&saved), &moved));
     desk.press(window, 'p'.into());
-    until("the target image beside it", &mut child, || {
+    until("the target image next to it", &mut child, || {
         let part = desk.part(window);
         let target = columns(&part, n + 4, n);
         near(&columns(&part, 0, n), &moved) && target.rgb.iter().any(|v| *v > 120) && !near(&target, &moved)
     });
-    // Where the tile is damaged, that is said, and it ends.
+    // At the damaged tile, the preview ends with an error.
     desk.point(window, [n - 3, n - 3].map(|v| v as i16));
     let answer = child.wait_with_output().expect("it ends");
     let said = text(&answer.stderr);

@@ -20,7 +20,7 @@ fn the_eye_sees_better_and_the_file_says_how() {
     assert_eq!(steps, [0, 1, 2, 4, 8, 9]);
     let eye = |i: usize| rows[i]["eye_db"].as_f64().unwrap();
     assert!(eye(5) > eye(0) + 1.5, "{said}");
-    // What is kept is what was refined: begun there, refining gains little more.
+    // The file has the refined hologram, so that a refinement from there gains little more.
     let again = {
         let text = done(
             at,
@@ -39,14 +39,14 @@ fn the_eye_sees_better_and_the_file_says_how() {
         serde_json::from_str::<Value>(&text).unwrap()["rows"][0]["eye_db"].as_f64().unwrap()
     };
     assert!((again - eye(5)).abs() < 0.5, "{again} dB, {} dB before it was written", eye(5));
-    // The same seed, the same steps.
+    // The file of the refinement has as many entries as the file of the solve.
     let phases = |name: &str| std::fs::read_dir(at.join(name)).unwrap().count();
     assert_eq!(phases("there.zarr"), phases("h.zarr"));
     let adam = refine(&["--steps", "4", "--set", "refine.strategy=adam"]);
     assert_eq!(adam["steering"]["strategy"]["kind"], "adam");
 }
 
-/// A hologram in tiles: the tiles around the eye are read, refined and put into a copy; no other is touched.
+/// Only the tiles around the eye are read and refined. They go into a copy, and no other tile changes.
 #[test]
 fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
     let temp = folder();
@@ -77,7 +77,8 @@ fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
     let rows = said["rows"].as_array().unwrap();
     let eye = |i: usize| rows[i]["eye_db"].as_f64().unwrap();
     assert!(eye(rows.len() - 1) > eye(0) + 1.0 && rows[0]["piece_db"].as_f64().is_some(), "{said}");
-    // The eye, three deviations and half a pupil: 0.235 mm to each side, in tiles of 0.128 mm.
+    // The area is the place of the eye, three deviations and half a pupil. This is 0.235 mm to each side, in tiles of
+    // 0.128 mm.
     let number = |key: &str, i: usize| said["piece"][key][i].as_u64().unwrap() as usize;
     assert_eq!([number("first", 0), number("first", 1)], [160, 0], "{said}");
     assert_eq!([number("size", 0), number("size", 1)], [128, 160], "{said}");
@@ -93,19 +94,19 @@ fn a_hologram_in_tiles_is_refined_where_the_eye_is() {
         assert!(inside(row, column) || !other, "{color} {row} {column}");
         changed += usize::from(other);
     }
-    assert!((20..=40).contains(&changed), "{changed} tiles of two colours");
-    // What is kept is what was refined, and it can be looked at as any other.
+    assert!((20..=40).contains(&changed), "{changed} tiles of two colors");
+    // The file has the refined hologram, which can be rendered as any other.
     let again = refine("there.zarr", &["--steps", "1"]);
     let before = again["rows"][0]["eye_db"].as_f64().unwrap();
     assert!((before - eye(rows.len() - 1)).abs() < 0.3, "{before} dB, {} before it was written", eye(rows.len() - 1));
     done(at, &["render", "there.zarr", "--pupil=-0.3,0.25,0.3,0", "-o", "v.png", "--engine", "cpu"]);
-    // In its own place, too.
+    // A refinement can also replace its own input.
     refine("h.zarr", &["--steps", "8", "-o", "h.zarr"]);
     let tile = |name: &str| std::fs::read(at.join(format!("{name}/phases/c/1/0/7/2"))).unwrap();
     assert_eq!(tile("h.zarr"), tile("there.zarr"));
     let outside = ["refine", "h.zarr", "builtin:still-life", "--pupil=0.7,0,0.3,0", "-o", "x.zarr"];
     refused(at, &outside, "x.zarr", "arguments/outside-eyebox");
-    // One that is not finished is not copied.
+    // An unfinished hologram is not copied.
     std::fs::write(at.join("h.zarr/progress.json"), r#"{"done":1,"job":null,"pending":[]}"#).unwrap();
     let early = ["refine", "h.zarr", "builtin:still-life", "--pupil=0,0,0.3,0", "-o", "x.zarr"];
     refused(at, &early, "x.zarr", "arguments/unfinished");

@@ -1,5 +1,5 @@
-//! Nothing that is read is believed, nothing that was made is lost: files that are no files, sizes that no machine holds,
-//! readers that go away.
+//! All input is validated, and finished work stays. The tests use special files, sizes beyond the memory of any
+//! machine, and readers that close their end.
 
 use crate::common::{Printed, Refusal, command, done, eyebox, folder, refusal, refused, text};
 use std::path::Path;
@@ -71,7 +71,7 @@ fn files_that_are_no_files_are_refused_at_once() {
         std::fs::remove_file(&file).unwrap();
         std::fs::rename(&kept, &file).unwrap();
     }
-    // A file of 3 GB that is not there.
+    // The file has a length of 3 GB without any data.
     std::fs::File::create(at.join("sparse.toml")).unwrap().set_len(3 << 30).unwrap();
     refused(
         at,
@@ -81,7 +81,7 @@ fn files_that_are_no_files_are_refused_at_once() {
     );
 }
 
-/// A PNG's first bytes say how large it is: nothing is decoded of one that is too large.
+/// The first bytes of a PNG have its size. A picture that is too large is refused before it is decoded.
 #[test]
 fn a_picture_that_is_too_large_is_refused_by_its_header() {
     let temp = folder();
@@ -138,8 +138,8 @@ fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
     use std::io::{BufRead, BufReader, Read};
     let temp = folder();
     let at = temp.path();
-    // So many steps that they are not done before the signal comes, and a limit in case it never does.
-    // Whoever runs the tests may have the signal ignored.
+    // The many steps are not finished when the signal comes, and the duration is a limit if no signal comes. The
+    // environment of the tests can ignore the signal.
     for (before, stops) in [("exec env --default-signal=HUP", true), ("trap '' HUP; exec", false)] {
         let steps = if stops { "100000" } else { "60" };
         let args = ["solve", "builtin:plane", "-o", "h.zarr", "--size", "64x64", "--color", "green", "--engine", "cpu"];
@@ -147,7 +147,7 @@ fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
             format!("{before} '{}' {} --steps {steps} --duration 60", env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
         let mut child =
             Command::new("sh").args(["-c", &script]).current_dir(at).stderr(Stdio::piped()).spawn().unwrap();
-        // It says what it begins once it can be stopped.
+        // The first line appears when the command can be stopped.
         let (mut stderr, mut said) = (BufReader::new(child.stderr.take().unwrap()), String::new());
         stderr.read_line(&mut said).unwrap();
         let _ = Command::new("kill").args(["-HUP", &child.id().to_string()]).status();
@@ -191,7 +191,7 @@ fn absurd_numbers_of_threads_are_clamped_and_names_need_not_be_text() {
     assert!(answer.status.success() && at.join(name).exists(), "{}", text(&answer.stderr));
 }
 
-/// Little address space: the stacks of eight threads do not fit it, and the program does.
+/// The address space is small. The program fits into it, and the stacks of eight threads do not.
 #[cfg(target_os = "linux")]
 #[test]
 fn where_the_system_gives_fewer_threads_fewer_compute() {
@@ -221,7 +221,7 @@ fn where_the_system_gives_fewer_threads_fewer_compute() {
         let mut command = Command::new("sh");
         command.args(["-c", &script]).current_dir(at).env("RAYON_NUM_THREADS", "8").env("MALLOC_ARENA_MAX", "1");
         let answer = command.output().unwrap();
-        // A half, a quarter or an eighth of the threads is tried.
+        // The program then uses a half, a quarter or an eighth of the threads.
         let said = text(&answer.stderr);
         let tried = said.lines().any(|line| ["4", "2", "1"].iter().any(|n| line.has(n)) && line.numbers().len() == 1);
         answer.status.success() && said.lines().count() > usual && tried && at.join("h.zarr").exists()
@@ -229,7 +229,7 @@ fn where_the_system_gives_fewer_threads_fewer_compute() {
     assert!(fewer, "with little address space it ran with all threads or not at all");
 }
 
-/// A pipe that nobody reads is waited for, but not by somebody who was asked to end.
+/// A command waits for the reader of a pipe, but not after a signal to end.
 #[cfg(target_os = "linux")]
 #[test]
 fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
@@ -240,7 +240,7 @@ fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
     done(at, &solve(&["builtin:plane"], "h.zarr", &[]));
     mkfifo(&at.join("pipe"));
     let mut options = std::fs::File::options();
-    // O_NONBLOCK: it is filled until it takes no more.
+    // O_NONBLOCK makes the loop end when the pipe takes no more.
     let mut pipe = options.read(true).write(true).custom_flags(0o4000).open(at.join("pipe")).unwrap();
     while pipe.write(&[0; 4096]).is_ok() {}
     let show = ["show", "h.zarr", "--display", "planes8", "--size", "40x48", "--output", "raw:pipe"];
@@ -249,19 +249,19 @@ fn an_unread_pipe_does_not_keep_what_was_asked_to_end() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // It has begun.
+    // The show has begun when its trace exists.
     while !at.join("trace.json").exists() && child.try_wait().unwrap().is_none() {
         std::thread::sleep(Duration::from_millis(10));
     }
     std::thread::sleep(Duration::from_millis(300));
     let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     let answer = child.wait_with_output().unwrap();
-    // After a second.
+    // The command waits for one second.
     let line = |line: &str| line.has("pipe s") && line.number("s") == 1.0;
     assert!(text(&answer.stderr).lines().any(line), "{}", text(&answer.stderr));
 }
 
-/// A device that was never met is tried by the first that runs on it, once, and `device list` shows it.
+/// The first command that runs on a new device tests it once, and `device list` shows the test.
 #[test]
 fn devices_show_when_they_were_tried() {
     let temp = tempfile::tempdir().unwrap();

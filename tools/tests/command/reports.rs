@@ -98,7 +98,8 @@ fn every_report_names_its_schema_and_the_page_lists_its_keys() {
     );
 }
 
-/// Returns the keys of a report with the kinds of their values. `a.b` is a key within `a`, and `a[]` stands for the elements of a list.
+/// Returns the keys of a report with the kinds of their values. `a.b` is a key within `a`, and `a[]` represents the
+/// elements of a list.
 fn keys(report: &Value) -> BTreeMap<String, BTreeSet<&'static str>> {
     let mut all = BTreeMap::new();
     collect("", report, &mut all);

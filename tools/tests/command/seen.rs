@@ -1,4 +1,4 @@
-//! What people see: `eval score` in just-objectionable differences and the film of `render --path`, as a user runs them.
+//! `eval score` in just-objectionable differences and the film of `render --path`, as a user runs them.
 
 use crate::common::{Printed, done, folder, refused};
 use serde_json::Value;
@@ -21,7 +21,7 @@ fn a_score_says_what_people_see_and_where() {
     let judged = |score: &Value| score["pupils"].as_array().unwrap().iter().filter(|p| !p["jod"].is_null()).count();
     assert_eq!((judged(&coarse), coarse["viewing"]["pixels_per_degree"].as_f64()), (3, Some(20.0)));
     assert!((0..3).all(|i| at.join(format!("lost/pupil-{i:04}.png")).is_file()));
-    // Finer pixels show less, and the optics' own, 873 a degree, nearly nothing.
+    // Finer pixels show less. The pixels of the optics, 873 per degree, show nearly nothing.
     let fine = scored(at, &["--test-pupils", "random:3", "--set", "viewing.pixels_per_degree=80"]);
     let own = scored(at, &["--test-pupils", "random:3"]);
     assert!(mean(&coarse) < mean(&fine) && mean(&fine) < mean(&own) && mean(&own) > 9.0, "{coarse} {fine} {own}");
@@ -29,7 +29,7 @@ fn a_score_says_what_people_see_and_where() {
     let flicker =
         scored(at, &["--test-pupils", "random:3", "--set", "viewing.pixels_per_degree=20", "--sub-frame-rate", "60"]);
     assert!(mean(&flicker) < mean(&coarse), "{flicker} {coarse}");
-    // Some of many, all of them, none.
+    // `--jod` judges some of many pupils, all of them, or none.
     assert_eq!(judged(&scored(at, &["--test-pupils", "random:20"])), 16);
     assert_eq!(judged(&scored(at, &["--test-pupils", "random:20", "--jod", "all"])), 20);
     let none = scored(at, &["--test-pupils", "random:2", "--jod", "none"]);
@@ -39,7 +39,7 @@ fn a_score_says_what_people_see_and_where() {
     refused(at, &[&score[..], &["--jod", "none", "--jod-maps", "x"]].concat(), "x", "arguments/jod-none");
 }
 
-/// The score of the part that the eye looks at is printed and stored beside that of the whole picture.
+/// The score of the part at the gaze is printed, and stored next to the score of the whole picture.
 #[test]
 fn the_part_that_the_eye_looks_at_has_a_score() {
     let temp = folder();
@@ -66,7 +66,7 @@ fn the_part_that_the_eye_looks_at_has_a_score() {
     assert!(said.has_sequence(&[2.0, -1.5]), "{said}");
 }
 
-/// The number behind a word of a Y4M's first line.
+/// Returns the number after a letter in the first line of a Y4M file.
 fn word(head: &str, letter: char) -> usize {
     head.split(' ').find_map(|w| w.strip_prefix(letter)?.parse().ok()).expect("a number")
 }
@@ -85,7 +85,8 @@ fn a_film_follows_the_eye() {
         serde_json::from_str::<Value>(&done(at, &args)).expect("one JSON object")
     };
     let made = film("h.zarr", "a.y4m", &[]);
-    // Beside each other with one column between; five of the eleven frames are as the one before.
+    // The pictures are next to each other with one column between them. Five of the eleven frames repeat the frame
+    // before.
     assert_eq!(
         (&made["size"], &made["frames"], &made["looked"]),
         (&serde_json::json!([40, 97]), &11.into(), &6.into())
@@ -100,7 +101,7 @@ fn a_film_follows_the_eye() {
     assert_eq!(std::fs::read_dir(at.join("alone")).unwrap().count(), 11);
     // A scene is solved first.
     film("builtin:plane", "plane.y4m", &["--size", "40x48", "--color", "green", "--quality", "fast"]);
-    // What cannot be is said before anything is written.
+    // Errors are reported before anything is written.
     std::fs::write(at.join("bad.json"), r#"{"keys": [{"t_s": 0, "x": 1}]}"#).unwrap();
     let bad = |path: &'static str, out: &'static str| ["render", "h.zarr", "--path", path, "-o", out];
     refused(at, &bad("bad.json", "c.y4m"), "c.y4m", "film/path `x`");

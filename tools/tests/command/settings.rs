@@ -4,7 +4,7 @@ use crate::common::{done, folder, json, refusal, refused, text};
 
 const SMALL: [&str; 8] = ["--size", "16x16", "--color", "green", "--steps", "2", "--frames", "2"];
 
-/// The printed settings are a file that gives the same again, and nothing is computed.
+/// The printed settings are a file that gives the same settings again. No hologram is computed.
 #[test]
 fn a_call_prints_its_settings_as_a_file() {
     let temp = folder();
@@ -46,7 +46,7 @@ fn every_command_with_settings_prints_them_and_writes_nothing() {
     assert!(std::fs::read_dir(at).unwrap().next().is_none());
 }
 
-/// The tables that a command reads are printed with the defaults and with what is given.
+/// The tables that a command reads are printed with the defaults and with the given values.
 #[test]
 fn commands_print_their_tables() {
     let temp = folder();
@@ -116,7 +116,7 @@ fn options_come_before_single_settings_and_those_before_the_file() {
     refused(at, &[&solve[..], &["--set", "diameter=[2, '3s']"]].concat(), "x", "produce/job/other-dimension diameter");
 }
 
-/// A script of before learns the new name.
+/// An old script gets the new name.
 #[test]
 fn former_options_name_their_setting() {
     let temp = folder();

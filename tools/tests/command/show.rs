@@ -1,4 +1,4 @@
-//! `eyebox show`, whatever it is given.
+//! `eyebox show` with each kind of content.
 
 use super::common::{self, Printed, done, refused, text};
 use serde_json::Value;
@@ -20,7 +20,7 @@ fn run(at: &Path, all: &[&[&str]]) -> String {
     said
 }
 
-/// Every picture of a recording, and when it was shown.
+/// Returns the name and the bytes of each file of a recording, which are the pictures and their times.
 fn recorded(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let file = |e: std::io::Result<std::fs::DirEntry>| {
         let e = e.expect("an entry");
@@ -38,7 +38,8 @@ fn sequence(at: &Path) {
     done(at, &[&["solve"], &scenes[..], &solve, &SIZE].concat());
 }
 
-/// What was solved before is shown, byte for byte the same with its size and without; a scene and scenes are solved first.
+/// A solved hologram is shown with the same bytes with and without its size. One scene or several scenes are solved
+/// first.
 #[test]
 fn holograms_sequences_and_scenes_are_shown() {
     let temp = common::folder();
@@ -56,7 +57,7 @@ fn holograms_sequences_and_scenes_are_shown() {
     let two = ["show", "builtin:plane", "builtin:plane?shift=0.1", "--rate", "10", "--stats", "s.json"];
     let said = run(at, &[&two, &brief, &display, &SIZE]);
     assert!(said.lines().any(|line| line.has_sequence(&[2.0, 10.0, 32.0, 32.0])), "{said}");
-    // Ten per second for 0.2 s.
+    // Ten holograms per second for 0.2 s are two holograms.
     assert_eq!(json(&at.join("s.json"))["content_shown"], 2);
     // The settings decide the sub-frames if the option does not.
     let said = run(at, &[&two, &brief, &display, &SIZE, &["--set", "frames=16"]]);
@@ -83,7 +84,8 @@ fn a_far_field_in_tiles_is_shown() {
     assert!(recorded(&at.join("r")).iter().any(|f| f.0.starts_with("set-000000")));
 }
 
-/// A far field in tiles is refined where the eye is, piece after piece; what it is elsewhere stays lit. Twice the same.
+/// A far field in tiles is refined around the eye, piece after piece. The rest of it stays lit. A second run is
+/// identical.
 #[test]
 fn a_far_field_in_tiles_is_shown_and_steered() {
     let temp = common::folder();
@@ -100,7 +102,7 @@ fn a_far_field_in_tiles_is_shown_and_steered() {
         ["show", "f.zarr", "--display", "far.toml", "--color", "green", "--engine", "cpu", "--tracker", "simulated:3"];
     let time = ["--clock", "simulated", "--set", "show.step_time=5", "--duration", "0.8"];
     let said = run(at, &[&show, &time, &["--stats", "s.json", "--output", "raw:one.raw"]]);
-    // The size, and that of the tiles.
+    // The line has the size of the hologram and the size of its tiles.
     assert!(said.lines().any(|line| line.has_sequence(&[1024.0, 1024.0, 64.0])), "{said}");
     let stats = json(&at.join("s.json"));
     let content = &stats["content"];
@@ -112,7 +114,7 @@ fn a_far_field_in_tiles_is_shown_and_steered() {
     let read = |file: &str| std::fs::read(at.join(file)).unwrap();
     let one = read("one.raw");
     assert!(one == read("two.raw"));
-    // From the first set to the last: much of it as it was solved, and much not.
+    // Much of the content stays between the first and the last set, and much changes.
     let frames: Vec<&[u8]> = one.chunks(1024 * 1024).collect();
     let mut content = frames.into_iter().filter(|frame| frame.iter().any(|b| *b != frame[0]));
     let (first, last) = (content.next().expect("content"), content.next_back().expect("more of it"));
@@ -121,7 +123,8 @@ fn a_far_field_in_tiles_is_shown_and_steered() {
     assert!((0.02..0.9).contains(&share), "{share} of the pixels changed");
 }
 
-/// Every hologram of a sequence is refined for its own scene before it is lit; on a simulated clock twice the same.
+/// Every hologram of a sequence is refined for its own scene before it is lit. On a simulated clock, a second run is
+/// identical.
 #[test]
 fn a_sequence_is_steered() {
     let temp = common::folder();
@@ -134,7 +137,7 @@ fn a_sequence_is_steered() {
     let stats = json(&at.join("s.json"));
     let content = &stats["content"];
     let count = |of: &Value, name: &str| of[name].as_u64().unwrap_or_else(|| panic!("{name} in {of}"));
-    // 0.5 s at 20 a second, begun by the first.
+    // The first hologram starts 0.5 s at 20 holograms per second, which are about ten.
     assert!((9..=11).contains(&count(content, "shown")), "{content}");
     assert_eq!((count(content, "scenes") - count(content, "shown") <= 1, count(content, "refused")), (true, 0));
     assert!(count(content, "began_with_own_phases") + count(content, "went_on_with_phases_before") >= 8, "{content}");
@@ -145,7 +148,7 @@ fn a_sequence_is_steered() {
     let frames: std::collections::BTreeSet<u64> =
         sets.iter().filter_map(|s| s["args"]["content_frame"].as_u64()).collect();
     assert_eq!(frames.len() as u64, count(content, "shown"), "{frames:?}");
-    // Once a sequence is over without --loop, its show is.
+    // Without --loop, the show ends at the end of the sequence.
     let end = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu", "--stats", "e.json"];
     run(at, &[&end, &SIMULATED]);
     assert_eq!(json(&at.join("e.json"))["ended_by"], "the end");
@@ -167,7 +170,8 @@ fn start(at: &Path, all: &[&[&str]]) -> Child {
     command.env("XDG_RUNTIME_DIR", at).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts")
 }
 
-/// An application that gives what is asked for, is killed and comes again: the picture stays, and the account says why.
+/// An application sends the requested content, is killed and starts again. The picture stays, and the statistics have
+/// the cause.
 #[test]
 #[cfg(target_os = "linux")]
 fn an_application_is_shown_killed_and_shown_again() {
@@ -199,7 +203,7 @@ fn an_application_is_shown_killed_and_shown_again() {
     first.kill().unwrap();
     first.wait().unwrap();
     let gone = || std::fs::read_to_string(at.join("t.json")).unwrap_or_default().contains("application gone");
-    wait_for("the account of its end", gone);
+    wait_for("its end in the trace", gone);
     let before = {
         let trace = std::fs::read_to_string(at.join("t.json")).unwrap_or_default();
         trace.lines().filter(|l| l.contains("\"content\":\"new\"")).count() as u64
@@ -210,7 +214,7 @@ fn an_application_is_shown_killed_and_shown_again() {
     let ended = display.wait().unwrap();
     let said = second.wait_with_output().unwrap();
     assert!(ended.success() && said.status.success(), "{}", text(&said.stderr));
-    let given: Value = serde_json::from_slice(&said.stdout).expect("an account");
+    let given: Value = serde_json::from_slice(&said.stdout).expect("statistics");
     assert_eq!(given["ended"], "the display is gone");
     let stats = json(&at.join("s.json"));
     let content = &stats["content"];
@@ -219,7 +223,8 @@ fn an_application_is_shown_killed_and_shown_again() {
     assert!(sets["new"].as_u64().unwrap() >= 6 && sets["application_gone"].as_u64().unwrap() >= 1, "{content}");
     assert_eq!(content["shown"], sets["new"]);
     assert!(content["arrival_to_light_ms"]["count"].as_u64().unwrap() >= 6, "{content}");
-    // What was kept is shown again without the application, without the eye and without the time that it took: the same bytes.
+    // The journal is shown again without the application, without the eye and without the time of the computation. The
+    // bytes are the same.
     let again =
         ["show", "live:demo", "--display", "planes8", "--views", "3", "--replay", "kept", "--output", "raw:again.raw"];
     run(at, &[&again, &SIZE]);
@@ -233,8 +238,8 @@ fn an_application_is_shown_killed_and_shown_again() {
     assert!(live.len() > 6 && live == again, "{} video frames, {} again", live.len(), again.len());
 }
 
-/// Content that moves as a whole: its sub-frames are refined for their moments and phases go with it, unless that is switched off; on a
-/// simulated clock twice the same.
+/// The content moves as a whole. Its sub-frames are refined with motion compensation, and the phases move with the
+/// content. `show.moments=off` switches both off. On a simulated clock, a second run is identical.
 #[test]
 fn content_that_moves_is_refined_for_its_moments() {
     let temp = common::folder();
@@ -287,7 +292,7 @@ fn what_does_not_go_together_is_one_line() {
     refused(at, &show("live:x", &["--clock", "simulated", "--set", "show.step_time=3"]), "x", "arguments/live");
     refused(at, &show("s.zarr", &["--journal", "x"]), "x", "arguments/journal-without-live");
     common::refusal(at, &[&show("live:x", &["--replay", "s.zarr"])[..], &SIZE].concat()).is("file/read decisions");
-    // Before anything is computed: there is no such scene.
+    // The output is checked before any work, and before the scene, which does not exist.
     refused(at, &show("builtin:nothing", &["--output", "raw:s.zarr/zarr.json"]), "x", "file/taken/exists");
     refused(at, &["eval", "gaze", "s.zarr", "--display", "planes8", "-o", "x"], "x", "arguments/sequence");
 }

@@ -1,5 +1,5 @@
-//! A bench without hardware, by the definitions of OPTICS 10 and nothing of eyebox's own: sums over 5 x 5 sub-pixels, an iris, a
-//! turned and mirrored camera with noise. What is wrong with it comes from the environment.
+//! A bench without hardware, computed from the definitions of OPTICS 10 and without code of eyebox. It has sums over 5
+//! x 5 sub-pixels, an iris, and a turned and mirrored camera with noise. The environment sets its faults.
 
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
@@ -8,9 +8,9 @@ use std::io::{BufRead, Write};
 pub const N: usize = 64;
 const P: usize = 5;
 const CAMERA: usize = 88;
-/// Millimetres of the pupil plane per nm: 400 mm, 8 um.
+/// Size of the pupil plane in mm per nm of wavelength, for 400 mm and 8 um.
 const EYEBOX_PER_NM: f64 = 0.05;
-/// Of the shortest colour.
+/// Size of the eyebox of the shortest wavelength, in mm.
 const EYEBOX: f64 = 520.0 * EYEBOX_PER_NM;
 
 type Complex = [f64; 2];
@@ -27,11 +27,11 @@ fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
 
-/// The display and its camera; `Bench::faulty` has all faults of the model.
+/// Display and its camera. `Bench::faulty` has all faults of the model.
 #[derive(Clone)]
 pub struct Bench {
     pub level: [[f64; 3]; 3],
-    /// -1 if higher levels advance the light.
+    /// Sign of the phase, which is -1 if higher levels advance the light.
     pub sign: f64,
     pub bend: [f64; 2],
     pub lag: f64,
@@ -42,17 +42,17 @@ pub struct Bench {
     pub zernike_4: f64,
     pub zernike_8: f64,
     pub iris: [f64; 3],
-    /// Share of a second picture, some pixels aside, that no term describes.
+    /// Share of a second picture, moved by some pixels, that no term describes.
     pub ghost: f64,
-    /// The camera's lens: how large the picture is, in shares of the usual, k1, k2.
+    /// Lens of the camera as its magnification relative to the usual one, k1 and k2.
     pub lens: [f64; 3],
-    /// Where the iris stands that does not move; none where it does.
+    /// Place and diameter of a fixed iris in mm, or `None` for an iris that moves.
     pub still: Option<[f64; 3]>,
-    /// Memory shared with a display that shows the patterns; else they come in files.
+    /// Memory shared with a display that shows the patterns. Without it, the patterns come in files.
     pub shared: Option<std::path::PathBuf>,
-    /// Of the light that is on.
+    /// Wavelength of the light that is on, in nm.
     pub nm: f64,
-    /// Electrons at full scale come after so many ms of light of 1; 0 is darkness.
+    /// Factor of the light. At 1, an intensity of 1 reaches full scale in 1 ms. At 0, the bench is dark.
     pub light: f64,
 }
 
@@ -95,7 +95,7 @@ impl Bench {
         }
     }
 
-    /// What the environment names.
+    /// Reads the bench from the environment.
     fn of_environment() -> Self {
         let named = |name: &str| std::env::var(name).ok();
         let mut bench = if named("BENCH_IDEAL").is_some() { Self::ideal() } else { Self::faulty() };
@@ -114,7 +114,7 @@ impl Bench {
         bench
     }
 
-    /// The crosstalk along an axis: (sub-pixel, pixel).
+    /// Returns the crosstalk along an axis as (sub-pixel, pixel).
     fn blur(&self, below: usize, above: usize) -> Vec<Vec<f64>> {
         let count = N * P;
         let Some(sides) = self.crosstalk else {
@@ -147,7 +147,7 @@ impl Bench {
         (0..count).map(|i| (0..N).map(|j| share(i, j)).collect()).collect()
     }
 
-    /// The phases that pixels have come to, by sub-frame.
+    /// Returns the phases that the pixels have reached, by sub-frame.
     fn settled(&self, levels: &[f32], frames: usize) -> Vec<Vec<f64>> {
         let place = |i: usize| (2 * i + 1) as f64 / N as f64 - 1.0;
         let hat = |x: f64, node: usize| (1.0 - (x - node as f64 + 1.0).abs()).max(0.0);
@@ -168,7 +168,7 @@ impl Bench {
         (0..frames).map(|t| (0..N * N).map(|i| at(t, i)).collect()).collect()
     }
 
-    /// The bins around the iris, row by row; 0 where it passes nothing.
+    /// Returns the light of the bins around the iris, row by row. It is 0 in bins that the iris blocks.
     fn passed(&self, phases: &[f64], blurs: &[Vec<Vec<f64>>; 2], iris: [f64; 3]) -> Vec<Vec<Complex>> {
         let bin = self.nm * EYEBOX_PER_NM / N as f64;
         let scale = self.iris[2];
@@ -187,7 +187,7 @@ impl Bench {
         };
         let share = (1.0 - self.undiffracted.iter().map(|u| u[0] * u[0] + u[1] * u[1]).sum::<f64>()).sqrt();
         let side = N * P;
-        // Along x first: (pixel row, sub-pixel column).
+        // The sum along x is first, with the result (pixel row, sub-pixel column).
         let wide: Vec<Vec<f64>> = phases
             .chunks_exact(N)
             .map(|row| blurs[1].iter().map(|b| b.iter().zip(row).map(|(b, v)| b * v).sum()).collect())
@@ -250,7 +250,7 @@ impl Bench {
             .collect()
     }
 
-    /// Intensity at the camera's pixels.
+    /// Returns the intensity at the camera's pixels.
     fn seen(&self, levels: &[f32], frames: usize, iris: [f64; 3]) -> Vec<f64> {
         if self.light == 0.0 {
             return vec![0.0; CAMERA * CAMERA];
@@ -261,7 +261,7 @@ impl Bench {
         let light = |[x, y]: [f64; 2]| {
             let mut sum = 0.0;
             for rows in &passed {
-                // Where the bins begin turns the phase alone.
+                // The first bin changes only the phase.
                 let (step_x, step_y) = (cis(TAU * x / N as f64), cis(TAU * y / N as f64));
                 let mut v = [0.0; 2];
                 for row in rows.iter().rev() {
@@ -292,11 +292,12 @@ impl Bench {
         (0..CAMERA * CAMERA).map(pixel).collect()
     }
 
-    /// The camera's map, taken back: from a camera pixel to a place on the SLM, pixels.
+    /// Inverts the camera's map. Returns the place on the SLM of a camera pixel, in pixels.
     fn looks_at(&self, x: f64, y: f64) -> [f64; 2] {
         let side = CAMERA as f64;
         let [u, v] = [x, y].map(|p| (2.0 * p + 1.0 - side) / side);
-        // Mirrored, turned, in perspective, bent: found by Newton's way of small steps.
+        // The map mirrors, turns and bends the picture, and adds perspective. Newton steps with a constant slope invert
+        // it.
         let forth = |[x, y]: [f64; 2]| {
             let [zoom, k1, k2] = self.lens;
             let w = 0.01 * x - 0.006 * y + 1.0;
@@ -314,13 +315,13 @@ impl Bench {
     }
 }
 
-/// Serves a bench on standard input and output, and writes what it was asked for to `asked.txt`.
+/// Serves a bench on standard input and output, and writes each requested picture to `asked.txt`.
 pub fn serve() {
     let mut bench = Bench::of_environment();
     let wrong = std::env::var("BENCH_WRONG_PUPIL").ok();
     let mut random = fastrand::Rng::with_seed(7);
     let mut out = std::io::stdout();
-    // What the test harness has begun to say ends here.
+    // This ends the line that the test harness has begun.
     writeln!(out).expect("written");
     for line in std::io::stdin().lock().lines() {
         let ask: Value = serde_json::from_str(&line.expect("a line")).expect("JSON");
@@ -375,7 +376,7 @@ fn capture(bench: &Bench, ask: &Value, wrong: Option<&str>, random: &mut fastran
     let average = ask["average"].as_f64().unwrap_or(1.0);
     let mut normal = || (0..12).map(|_| random.f64()).sum::<f64>() - 6.0;
     let count = |i: &f64| {
-        // 12 bits, 10000 electrons, 60 counts in the dark.
+        // The camera has 12 bits, 10000 electrons at full scale and 60 counts in the dark.
         let electrons = 1e4 * i * exposure * bench.light;
         let noise = (electrons / average).sqrt().hypot(4.0 / average.sqrt()) * normal();
         ((electrons + noise) / 1e4 * 4095.0 + 60.0).clamp(0.0, 4095.0).round() as f32

@@ -1,4 +1,4 @@
-//! Light with a source, from the display file to the picture.
+//! A light source with a size or a linewidth, from the display file to the picture.
 
 use crate::common::{Printed, attributes, document, done, eyebox, figures_of, folder, json, refused, text};
 use eyebox::low_level::files::read_npy;
@@ -7,7 +7,8 @@ const BENCH: &str =
     "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = { green = 520 }\n";
 const SQUARE: &str = "[source.green]\nimage_mm = 2\nshape = \"square\"\n";
 
-/// A hologram keeps the light that it was solved for, with as few modes as the scene required, and is looked at in it.
+/// A hologram stores the light source for which it was solved, with as few modes as the scene required. Its views use
+/// this source.
 #[test]
 fn a_hologram_keeps_its_light() {
     let dir = folder();
@@ -46,7 +47,7 @@ fn a_hologram_keeps_its_light() {
     solve("plain.toml", "plain.zarr");
     solve("laser.toml", "laser.zarr");
     solve("wide.toml", "wide.zarr");
-    // A laser is no source: the same bytes.
+    // A laser needs no modes, so that the bytes are the same.
     assert!(view("laser.zarr", "laser.npy", &[]).0 == view("plain.zarr", "plain.npy", &[]).0);
     let (lit, said) = view("wide.zarr", "wide.npy", &[]);
     assert!(said.has("9 --ideal"), "{said}");
@@ -62,12 +63,13 @@ fn a_hologram_keeps_its_light() {
         "{}",
         source("wide.zarr")
     );
-    // The plan says how many modes, and what one more would change.
+    // The plan has the number of modes and the effect of one more.
     let plan = [&["solve", "builtin:still-life", "--dry-run", "--display", "wide.toml"][..], &settings].concat();
     let planned = json(at, &[&plan[..], &["--json"]].concat());
     let choice = planned["choices"].as_array().unwrap().iter().find(|choice| choice["what"] == "source").unwrap();
     assert!(choice["value"].as_str().unwrap().has("green 9"), "{choice}");
-    // Samples of its size and of its line, the contrast through the narrowest pupil of 3.5 mm and of the source itself, and with one more.
+    // The reason has the samples of the source's size and line, and the narrowest pupil of 3.5 mm. It also has the
+    // contrast through this pupil, the contrast of the source itself, and the contrast with one more sample.
     let why = choice["why"].as_str().unwrap();
     assert!(why.number("mm") == 3.5 && why.numbers().len() >= 6, "{choice}");
     assert_eq!(done(at, &plan).lines_with("green 9 3.5 mm"), 1);
@@ -91,7 +93,7 @@ fn a_bad_source_is_refused_in_a_line() {
     refused(at, &[&solve[..], &["--method", "dpac"]].concat(), "out.zarr", "solve/setting");
 }
 
-/// Sources of several sizes: a section of the report with its pictures, and a table.
+/// The report compares sources of several sizes in a section with pictures, and in a table.
 #[test]
 fn the_report_compares_sources() {
     let dir = folder();
@@ -123,7 +125,7 @@ fn the_report_compares_sources() {
     figures_of(&at.join("report"), "report.html");
     let table = std::fs::read_to_string(at.join("report/coherence.csv")).unwrap();
     assert!(table.lines().count() == 5 && table.contains("still-life,2,0,1,1,1,1,"), "{table}");
-    // Nothing is solved again.
+    // The second run solves no hologram again.
     assert_eq!(done(at, &line), said);
     let wrong = ["eval", "compare", "builtin:still-life", "--set=compare.coherence=99", "-o", "other"];
     refused(at, &wrong, "other/report.html", "arguments/coherence compare.coherence 99");

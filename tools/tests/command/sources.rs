@@ -9,7 +9,7 @@ use std::path::Path;
 const BENCH: &str = "resolution = [64, 64]\npitch_um = 8.0\nfocal_length_mm = 400.0\n";
 const GREEN: &str = "wavelengths_nm = { green = 520 }\n";
 
-/// 3 x 3 sources, spaced by an eyebox.
+/// Returns a display file with 3 x 3 sources at the spacing of an eyebox.
 fn nine(lit: &str) -> String {
     let mut text = format!("{BENCH}{GREEN}sources_lit = \"{lit}\"\n");
     for i in 0..9 {
@@ -32,14 +32,14 @@ fn view(at: &Path, hologram: &str, pupil: &str) -> Vec<f32> {
     read_npy(&at.join("seen.npy")).unwrap().values
 }
 
-/// Eyebox of a display with its sources, and the text of `eyebox display check`.
+/// Returns the eyebox of a display with its sources, and the text of `eyebox display check`.
 fn reach(at: &Path, display: &str) -> (Value, String) {
     let devices = ["display", "check", display];
     let all = json(at, &[&devices[..], &["--json"]].concat())["reach"]["sources"].clone();
     (all, done(at, &devices))
 }
 
-/// Plan of a display's sources, as data and as text.
+/// Returns the plan of a display's sources as data and as text.
 fn planned(at: &Path, display: &str) -> (Value, String) {
     let plan = ["solve", "builtin:still-life", "--dry-run", "--display", display, "--frames", "9", "--engine", "cpu"];
     let choices = json(at, &[&plan[..], &["--json"]].concat())["choices"].clone();
@@ -47,7 +47,7 @@ fn planned(at: &Path, display: &str) -> (Value, String) {
     (choice.unwrap_or_else(|| panic!("{choices}")).clone(), done(at, &plan))
 }
 
-/// Nine sources in turn: nine times the eyebox, each sub-frame with its own source, which `encode` writes.
+/// Nine sources in turn give nine times the eyebox. Each sub-frame has its own source, which `encode` writes.
 #[test]
 fn sources_take_turns_and_are_kept() {
     let dir = folder();
@@ -60,13 +60,13 @@ fn sources_take_turns_and_are_kept() {
     assert!(all["sources"] == 9 && size.iter().all(|mm| (mm - 78.0).abs() < 1e-6), "{all}");
     assert!(said.has_sequence(&[9.0, 78.0, 78.0, 9.0]), "{said}");
     let (choice, said) = planned(at, "nine.toml");
-    // All nine, each in one of nine sub-frames.
+    // All nine sources are lit, each in one of nine sub-frames.
     assert!(choice["value"].as_str().unwrap().has("green 9") && choice["why"].as_str().unwrap().has("1 9"), "{choice}");
     assert!(said.lines_with("green 9 1") > 0, "{said}");
     solve(at, "plain.toml", "plain.zarr");
     solve(at, "one.toml", "one.zarr");
     solve(at, "nine.toml", "nine.zarr");
-    // A single one in the middle is none: the same bytes.
+    // A single source in the middle changes no byte.
     assert!(view(at, "plain.zarr", "1,-1,4,0") == view(at, "one.zarr", "1,-1,4,0"));
     let light = |pupil: &str| view(at, "nine.zarr", pupil).iter().sum::<f32>();
     let middle = light("0,0,4,0");
@@ -80,11 +80,11 @@ fn sources_take_turns_and_are_kept() {
     assert!(table.starts_with("color,sub_frame,source_1,source_2"), "{table}");
     let line: Vec<&str> = table.lines().nth(3).unwrap().split(',').collect();
     assert_eq!((&line[..2], line[4]), (&["green", "2"][..], "9.000000"), "{table}");
-    // What is seen of the frames is what their sources show.
+    // A view of the frames is in the light of their sources.
     assert!(view(at, "frames", "26,26,4,0").iter().sum::<f32>() > 0.3 * middle);
 }
 
-/// What switching takes is missing from the light: white is dimmer, and the picture is as good.
+/// The time of switching is missing from the light. White is dimmer, and the picture is as good.
 #[test]
 fn switching_takes_its_light() {
     let dir = folder();
@@ -112,7 +112,7 @@ fn switching_takes_its_light() {
     refused(at, &["display", "check", "bad.toml"], "none", "optics/display-file/switching-times 17000");
 }
 
-/// A hologram that is refined for an eye keeps the sources that light it: near a border both.
+/// A hologram that is refined for an eye stores the sources that light it. Near a border there are two.
 #[test]
 fn refinement_chooses_the_source() {
     let dir = folder();
@@ -134,7 +134,8 @@ fn refinement_chooses_the_source() {
     }
 }
 
-/// Each set that is shown with a tracker says which sources light it; a study of gaze says how often an eye met the dark.
+/// Each set of a show with a tracker records the sources that light it. A study of gaze counts the sets that are dark
+/// for the eye.
 #[test]
 fn live_sets_say_their_sources() {
     let dir = folder();
@@ -154,7 +155,8 @@ fn live_sets_say_their_sources() {
     assert_eq!(said["summary"]["most_sources"], 1);
 }
 
-/// What an eye sees across the eyebox, by how the sources are lit, as a table, a plot and pictures.
+/// The report compares the views across the eyebox by the way in which the sources are lit. It has a table, a plot and
+/// pictures.
 #[test]
 fn sources_are_compared_across_the_eyebox() {
     let dir = folder();
@@ -177,7 +179,7 @@ fn sources_are_compared_across_the_eyebox() {
     done(at, &[&line[..], &["--display", "nine.toml", "--engine", "cpu", "-o", "report"]].concat());
     let report: Value = serde_json::from_slice(&std::fs::read(at.join("report/report.json")).unwrap()).unwrap();
     let places = report["sources"].as_array().unwrap();
-    // Three ways, seven places along x and six along the diagonal.
+    // There are three ways, with seven places along x and six along the diagonal.
     assert_eq!(places.len(), 3 * 13, "{places:?}");
     let steered: Vec<&Value> = places.iter().filter(|place| place["way"] == "steered").collect();
     assert!(steered.iter().all(|place| (1..=4).contains(&place["lit"].as_u64().unwrap())), "{steered:?}");

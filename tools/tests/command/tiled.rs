@@ -1,4 +1,4 @@
-//! Far-field holograms that are solved region by region, as a user runs it: memory, ends by force, looking.
+//! Far-field holograms that are solved region by region, as a user runs them, with their memory, kills and views.
 
 use crate::common::{Printed, command, done, folder, refused, text};
 use eyebox::low_level::files::write_png;
@@ -37,7 +37,7 @@ fn solve<'a>(out: &'a str, frames: &'a str) -> Vec<&'a str> {
     ]
 }
 
-/// Every file of a folder.
+/// Returns the name and the bytes of every file in a folder.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut left = vec![folder.to_path_buf()];
@@ -55,7 +55,7 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// Killed again and again, at any moment, it goes on, and the file is that of a solve that was left alone.
+/// A solve continues after each of several kills at any moment. Its file is the same as without a kill.
 #[test]
 fn killed_at_any_moment_it_ends_with_the_same_file() {
     let temp = folder();
@@ -72,15 +72,15 @@ fn killed_at_any_moment_it_ends_with_the_same_file() {
     loop {
         let before = progress().unwrap_or(0);
         let mut run = command(at, &solve("cut.zarr", "2")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        // Not before something came of it, then at once, wherever it is.
+        // The kill comes after some progress, at any place of the work.
         while run.try_wait().unwrap().is_none() && progress().is_none_or(|done| done < before + 2) {
             std::thread::sleep(Duration::from_millis(1 + 3 * (kills % 3)));
         }
         if run.try_wait().unwrap().is_some() {
             break;
         }
-        // What is there can be looked at, while it is solved and afterwards, and is not changed by that; what was never
-        // reached shows its first phases.
+        // The file can be rendered during the solve and afterwards, which does not change it. Places that were never
+        // reached show their first phases.
         let look = || done(at, &["render", "cut.zarr", "--pupil=0,0,0.4,0", "-o", "cut.png", "--engine", "cpu"]);
         if kills < 2 {
             look();
@@ -98,7 +98,7 @@ fn killed_at_any_moment_it_ends_with_the_same_file() {
     assert_eq!(contents(&at.join("whole.zarr")), contents(&at.join("cut.zarr")));
 }
 
-/// A plan says what the solve then does, and writes nothing.
+/// A plan reports the values that the solve then uses, and writes no file.
 #[test]
 fn what_is_solved_region_by_region_is_planned_so() {
     let temp = folder();
@@ -116,7 +116,7 @@ fn what_is_solved_region_by_region_is_planned_so() {
     let mib = (held["region"].as_u64().unwrap() + held["views"].as_u64().unwrap()) >> 20;
     assert_eq!(Some(mib), solved["planned_memory_mib"].as_u64());
     let words = done(at, &plan.iter().copied().filter(|word| *word != "--json").collect::<Vec<_>>());
-    // The region, the diameters of pupils, the steps, the memory of 600 MiB at most, the space on disk.
+    // The text has the region, the diameters of pupils, the steps, the limit of 600 MiB and the space on disk.
     let region = [0, 1].map(|i| planned["region"][i].as_f64().unwrap());
     let diameters = [0, 1].map(|i| planned["settings"]["diameter"][i].as_f64().unwrap() * 1e3);
     assert!(
@@ -129,7 +129,7 @@ fn what_is_solved_region_by_region_is_planned_so() {
     assert!(words.contains(planned["views"].as_str().unwrap()), "{words}");
 }
 
-/// The view comes out at what the pupil resolves, right, and without reading the rest of the file.
+/// The view is right and has the resolution of the pupil. The rest of the file is not read.
 #[test]
 fn a_view_reads_the_tiles_under_its_pupil() {
     let temp = folder();
@@ -143,7 +143,7 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     let first = view(pupil);
     assert!(first.status.success(), "{}", text(&first.stderr));
     let bytes = std::fs::read(at.join("v.npy")).unwrap();
-    // A tile far away is damaged: nobody notices who does not look there.
+    // A tile far away is damaged. A pupil that does not cover it is not affected.
     let far = at.join("h.zarr/phases/c/0/0/9/9");
     let mut tile = std::fs::read(&far).unwrap();
     tile[7] ^= 1;
@@ -156,7 +156,7 @@ fn a_view_reads_the_tiles_under_its_pupil() {
         "no.png",
         "hologram/damaged/checksum 9/9",
     );
-    // Scored as it was solved.
+    // The repaired hologram is scored as it was solved.
     tile[7] ^= 1;
     std::fs::write(&far, &tile).unwrap();
     let scored = done(
@@ -167,8 +167,8 @@ fn a_view_reads_the_tiles_under_its_pupil() {
     assert!(scored["psnr_db"]["mean"].as_f64().unwrap() > 15.0, "{scored}");
 }
 
-/// What the display does to the light is in the solve, in what is seen and in what is refined: solved for it a hologram regains
-/// most of what one that knows nothing of it loses. `--ideal` looks past it.
+/// The model of the display is in the solve, in the view and in the refinement. A hologram that is solved for it
+/// regains most of the loss of an unaware hologram. `--ideal` leaves out the model.
 #[test]
 fn a_display_as_it_is_is_solved_for_in_tiles() {
     let temp = folder();
@@ -210,7 +210,7 @@ fn a_display_as_it_is_is_solved_for_in_tiles() {
         let refine = ["refine", &out, "builtin:still-life", "--pupil=-0.3,0.25,0.3,0", "--steps", "4", "--json"];
         let said: Value = serde_json::from_str(&done(at, &refine)).unwrap();
         let eye = |i: usize| said["rows"][i]["eye_db"].as_f64().unwrap();
-        // After four steps, as little as the ideal display gains for this pupil: two tenths.
+        // Four steps gain as little as on the ideal display for this pupil, which is 0.2 dB.
         assert!(eye(3) > eye(0) + 0.1, "{said}");
     }
     let wrong = format!("{DISPLAY}[model.green]\nfill = 0.9\n");
@@ -218,7 +218,8 @@ fn a_display_as_it_is_is_solved_for_in_tiles() {
     refused(at, &solve("x.zarr", "1"), "x.zarr", "optics/display-file/model-far-field");
 }
 
-/// Three by three views of a built-in scene, 160 pixels wide, in a folder: content moves by two pixels from one to the next.
+/// Writes three by three views of a built-in scene, 160 pixels wide, into a folder. Content moves by two pixels from
+/// one view to the next.
 fn light_field(at: &Path) {
     let display = Display { height: 160, width: 160, ..Display::preset("far-field").unwrap() };
     let request = Request { views: 3, ..Request::new(&display, &[Color::Green]) };
@@ -232,8 +233,8 @@ fn light_field(at: &Path) {
     std::fs::write(at.join("lightfield.toml"), format!("disparity = [{low}, {high}]\n")).unwrap();
 }
 
-/// A light field of few views is solved from the views between them, goes on where it was cut off to the same bytes, and
-/// is as good for its scene as for itself.
+/// A light field of few views is solved from the views between them. A killed solve continues to the same bytes. The
+/// hologram is as good for its scene as for the light field.
 #[test]
 fn a_sparse_light_field_is_solved_from_between_its_views() {
     let temp = folder();
@@ -273,7 +274,7 @@ fn a_sparse_light_field_is_solved_from_between_its_views() {
     assert!(own > 20.0 && exact > own - 1.0, "{own} dB against the views, {exact} against the scene");
 }
 
-/// A picture with a depth map: its views are made around each region.
+/// The scene is a picture with a depth map, whose views are made around each region.
 #[test]
 fn a_picture_with_depths_is_solved() {
     let temp = folder();
@@ -306,7 +307,7 @@ fn mistakes_are_one_line() {
     refused(at, &with(&["--set", "optimizer=adam"]), "x.zarr", "arguments/in-tiles");
     let little = ["solve", "builtin:still-life", "--display", "far-field-16k", "--memory", "300MiB", "-o", "x.zarr"];
     refused(at, &little, "x.zarr", "tiled/memory");
-    // In a relay it is a limit alone.
+    // For a display with a relay, `--memory` is only a limit.
     let relay = |memory| {
         ["solve", "builtin:plane", "--size", "256x256", "--color", "green", "--memory", memory, "-o", "x.zarr"]
     };
@@ -319,7 +320,7 @@ fn mistakes_are_one_line() {
     );
 }
 
-/// The same job on Vulkan: what it comes to is as good, and no further off than rounding takes a few steps.
+/// The same job on Vulkan gives the same quality, with no more difference than rounding makes in a few steps.
 #[test]
 fn vulkan_solves_the_same() {
     let temp = folder();

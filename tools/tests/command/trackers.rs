@@ -21,7 +21,7 @@ fn done(folder: &Path, args: &[&str]) -> String {
     common::done(folder, &[&["tracker"], args].concat())
 }
 
-/// The last line alone: what was shown before it is the sample lines' business.
+/// Asserts the error in the last line and no line on standard output. The wording of earlier lines is free.
 #[track_caller]
 fn refused(folder: &Path, args: &[&str], what: &str) {
     let answer = common::failed(&mut trackers(folder, args));
@@ -29,10 +29,11 @@ fn refused(folder: &Path, args: &[&str], what: &str) {
     assert!(answer.stdout.is_empty(), "{args:?}");
 }
 
-/// An eye tracker that sends a gaze point: usage page 0x12, report 1, two times 32 bits in micrometres.
+/// Report descriptor of an eye tracker that sends a gaze point. It has usage page 0x12, report 1 and two values of 32
+/// bits in micrometers.
 const TRACKER: &str = "05 12 09 01 a1 01 09 10 a1 02 85 01 65 11 55 0c 17 80 7b e1 ff 27 80 84 1e 00 \
                        09 24 a1 00 75 20 95 02 09 21 09 22 81 03 c0 c0 c0";
-/// A mouse.
+/// Report descriptor of a mouse.
 const MOUSE: &str = "05 01 09 02 a1 01 09 30 09 31 15 81 25 7f 75 08 95 02 81 06 c0";
 
 fn bytes(hex: &str) -> Vec<u8> {
@@ -113,7 +114,8 @@ fn a_recording_is_shown_and_recorded_again() {
     assert!(real.elapsed() >= Duration::from_millis(10));
 }
 
-/// Recordings as laboratories have them: how many of 60 samples are placed, and where the pupil is at the end, mm.
+/// Recordings as laboratories have them, with the number of 60 samples that are placed and the place of the pupil at
+/// the end in mm.
 #[test]
 fn recordings_of_other_trackers_are_placed() {
     let temp = tempfile::tempdir().unwrap();
@@ -137,13 +139,13 @@ fn recordings_of_other_trackers_are_placed() {
         ("NaN", Box::new(|i| format!("\"t\": {}, {}", seconds(i), eye(i, ", \"diameter\": NaN"))), 60, end),
         ("set back", Box::new(|i| format!("\"t\": {}, {}", seconds(i) - f64::from(i / 30) * 2.0, eye(i, ""))), 60, end),
         (
-            "metres",
+            "meters",
             Box::new(|i| format!("\"t\": {}, \"x\": {}, \"y\": 0, \"diameter\": 0.004", seconds(i), x(i) * 1e-3)),
             60,
             end,
         ),
         (
-            "stated metres",
+            "stated meters",
             Box::new(|i| format!("\"t\": {}, \"unit\": \"m\", \"x\": {}, \"y\": 0", seconds(i), x(i) * 1e-3)),
             60,
             end,
@@ -174,7 +176,7 @@ fn recordings_of_other_trackers_are_placed() {
     }
 }
 
-/// What no unit makes plausible is refused, and the remedy that the line names works.
+/// If no unit makes the numbers plausible, they are refused. The remedy in the line works.
 #[test]
 fn numbers_of_an_unknown_unit_are_refused_until_it_is_stated() {
     let temp = tempfile::tempdir().unwrap();
@@ -206,7 +208,7 @@ fn a_simulated_eye_is_watched_and_its_pupil_found() {
     let stages = done(at, &[&args[..], &["--predict", "20", "--json"]].concat());
     let last: serde_json::Value = serde_json::from_str(stages.lines().last().unwrap()).unwrap();
     assert!(last["pupil"]["spread"].as_f64().unwrap() < 5e-3 && last["stages"]["phase"].is_string(), "{last}");
-    // The text has its place with the spread, its diameter, and the share of pupils anywhere.
+    // The text has the place of the pupil with its spread, its diameter, and the share of pupils anywhere.
     let said = done(at, &[&args[..], &["--predict"]].concat());
     let last = said.lines().last().unwrap();
     assert!(last.has("mm %") && last.numbers().len() >= 8, "{last}");
@@ -215,7 +217,7 @@ fn a_simulated_eye_is_watched_and_its_pupil_found() {
 #[test]
 fn lines_over_udp_are_shown() {
     let temp = tempfile::tempdir().unwrap();
-    // A port that was free a moment ago.
+    // The port was free a moment ago.
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let child = trackers(temp.path(), &["watch", &format!("udp://:{port}"), "--duration", "3", "--json"])
         .stdout(Stdio::piped())
@@ -246,7 +248,7 @@ fn a_user_is_calibrated() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // Where the tracker sees the eye, sent all the time: 100 counts a degree, x mirrored.
+    // The tracker sees the eye at this place. It is sent all the time, at 100 counts per degree with x mirrored.
     let place = Arc::new(Mutex::new([0.0; 2]));
     let (theirs, over) = (Arc::clone(&place), Arc::new(AtomicBool::new(false)));
     let until = Arc::clone(&over);
@@ -274,13 +276,13 @@ fn a_user_is_calibrated() {
     let text = std::fs::read_to_string(temp.path().join("ada.toml")).unwrap();
     assert!(text.contains("user = \"ada\"") && text.contains("[left]") && !text.contains("[right]"), "{text}");
     assert!(text.contains(&format!("tracker = \"udp://127.0.0.1:{port}\"")), "{text}");
-    // 11 mm x sin(8 degrees) for 800 counts, mirrored.
+    // The row is 11 mm x sin(8 degrees) for 800 counts, mirrored.
     let row = text.lines().find(|l| l.starts_with("x_mm")).expect("the row of x");
     let first: f64 = row.split(['[', ',']).nth(1).unwrap().trim().parse().unwrap();
     assert!((first + 11.0 * 8f64.to_radians().sin() / 800.0).abs() < 1e-6, "{row}");
 }
 
-/// Two trackers of one unit place the same reading differently.
+/// Two trackers with the same unit place the same reading differently.
 #[test]
 fn a_calibration_made_with_another_tracker_is_reported() {
     let temp = tempfile::tempdir().unwrap();
@@ -309,8 +311,8 @@ fn what_is_connected_is_listed() {
     assert!(json["hid"].is_array());
 }
 
-/// The senders beside the command say what docs/trackers.md says, and the focus reaches the pupil: 1 dioptre before an eyepiece of
-/// 300 mm is 90 mm.
+/// The senders send the samples that docs/trackers.md describes, and the focus reaches the pupil. A focus of 1 dioptre
+/// is 90 mm with an eyepiece of 300 mm.
 #[test]
 fn senders_are_heard_and_the_focus_reaches_the_pupil() {
     let temp = common::folder();
@@ -339,7 +341,7 @@ fn senders_are_heard_and_the_focus_reaches_the_pupil() {
         });
         sending.kill().and_then(|()| sending.wait()).expect("it ends");
         watched.kill().and_then(|()| watched.wait()).expect("it ends");
-        let focus = &seen.expect("a believed sample")["pupil"]["focus"];
+        let focus = &seen.expect("an accepted sample")["pupil"]["focus"];
         for end in focus.as_array().expect("a range") {
             assert!((end.as_f64().unwrap() * 1e3 - focus_mm).abs() < 1e-6, "{sender}: {focus}");
         }

@@ -1,4 +1,4 @@
-//! `eyebox eval tune` and `--quality` as a user meets them.
+//! `eyebox eval tune` and `--quality` as a user sees them.
 
 use crate::common::{self, Printed, folder, text};
 use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-/// The command, with a cache that no other test has.
+/// Runs the command with a cache that no other test has.
 fn eyebox(at: &Path, args: &[&str]) -> Output {
     common::command(at, args).env("XDG_CACHE_HOME", at.join("cache")).output().expect("the command starts")
 }
@@ -42,7 +42,7 @@ fn read(at: &Path, name: &str) -> String {
 fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     let temp = folder();
     let at = temp.path();
-    // How much a second is enough for depends on the machine and on who else works on it: longer until it was enough.
+    // The number of trials per second depends on the machine and its load. The duration grows until it is enough.
     let longer_until = |start: u32, enough: usize| -> (u32, Value) {
         for budget in [start, 2 * start, 4 * start, 8 * start] {
             let (said, _) = done(at, &tune(&["--duration", &budget.to_string(), "--json", "--no-store"]));
@@ -60,8 +60,8 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert_eq!(read(at, "trials.csv").lines().count(), 1 + trials.len());
     assert!(!at.join("cache").exists(), "nothing is to be kept");
 
-    // Every trial is judged by what people see: the best of them by PSNR about as good as the worst of them, or better. Few trials of a
-    // slow machine lie near each other, and JOD do not follow PSNR to the last digit.
+    // Every trial is judged in JOD. The best trial by PSNR is about as good as the worst one, or better. Few trials of
+    // a slow machine are close to each other, and JOD do not follow PSNR to the last digit.
     let jod = |t: &Value| [0, 1].map(|i| t["jod"][i].as_f64().expect("JOD"));
     assert!(trials.iter().map(jod).all(|[mean, worst]| worst <= mean && mean < 10.0));
     let by_mean = |a: &&Value, b: &&Value| a["mean"].as_f64().unwrap().total_cmp(&b["mean"].as_f64().unwrap());
@@ -69,7 +69,7 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert!(most > least - 0.1, "{most} and {least} JOD");
     assert!(read(at, "trials.csv").lines().next().unwrap().contains("worst_db,jod_mean,jod_worst"));
 
-    // What is on a front is beaten by nothing.
+    // No trial beats a trial on a front.
     let number = |t: &Value, key: &str| t[key].as_f64().unwrap();
     for (front, cost, good) in
         [("mean", "milliseconds", "mean"), ("worst", "milliseconds", "worst"), ("memory", "bytes", "mean")]
@@ -93,10 +93,10 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
         assert!(!page.contains(outside), "{outside}");
     }
     assert_eq!(page.matches("<svg").count(), 4);
-    // Every trial says under the mouse what it did, in each plot.
+    // Every trial has a tooltip in each plot.
     assert!(page.matches("<title>").count() > 4 * trials.len());
 
-    // The same command goes on: its time is spent, so nothing is added, and with more time it is.
+    // The same command continues. Its time is used up, so that nothing is added until it has more time.
     let (said, _) = done(at, &tune(&["--duration", &budget.to_string(), "--json", "--no-store"]));
     let again: Value = serde_json::from_str(&said).unwrap();
     let kept = |found: &Value| -> Vec<Value> {
@@ -105,22 +105,22 @@ fn a_sweep_is_a_page_and_the_same_numbers_and_goes_on() {
     assert_eq!(kept(&again), kept(&found));
     let (_, more) = longer_until(budget + 2, trials.len() + 1);
     assert!(kept(&more).starts_with(&kept(&found)));
-    // Another seed is another sweep.
+    // Another seed makes another sweep.
     let (said, _) = done(at, &tune(&["--duration", "1", "--json", "--no-store", "--seed", "4"]));
     let other: Value = serde_json::from_str(&said).unwrap();
     assert_ne!(other["trials"][0]["mean"], found["trials"][0]["mean"]);
 
-    // Its three settings, measured beside another run's front.
+    // The three settings of this run are measured next to the front of another run.
     std::fs::rename(at.join("out"), at.join("first")).unwrap();
     let check = ["--duration", "1", "--json", "--no-store", "--seed", "5", "--check", "first/tradeoff.json"];
     let answer = eyebox(at, &tune(&check));
-    // Times of milliseconds decide nothing here: both answers are sound.
+    // Times of milliseconds vary, so that both exit codes are valid here.
     let checked: Value = serde_json::from_str(&text(&answer.stdout)).unwrap();
     let rows = checked["check"].as_array().unwrap();
     assert_eq!(rows.len(), 3);
     let far = rows.iter().filter(|r| r["short_db"].as_f64().unwrap() > 0.3).count();
     assert_eq!(answer.status.code(), Some(if far > 0 { 2 } else { 0 }), "{}", text(&answer.stderr));
-    // They have a heading of their own.
+    // The check has a heading of its own.
     let first = std::fs::read_to_string(at.join("first/index.html")).unwrap();
     assert!(read(at, "index.html").matches("<h3").count() > first.matches("<h3").count());
 }
@@ -172,7 +172,7 @@ fn mistakes_are_one_line_and_leave_nothing() {
     refused(at, &solve(&["--quality", "best"]), "usage/value-validation --quality");
     refused(at, &solve(&["--quality", "fast", "--quality", "9ms"]), "usage/argument-conflict");
     refused(at, &solve(&["--quality", "0ms"]), "usage/value-validation --quality");
-    // Nothing was measured: a built-in setting knows nothing of this machine's milliseconds.
+    // Without a measurement, a built-in setting has no time on this machine.
     refused(at, &solve(&["--quality", "1000000ms"]), "arguments/nothing-measured");
 }
 
@@ -180,7 +180,7 @@ fn solve<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&["solve", "builtin:still-life", "-o", "x.zarr"][..], &SMALL, more].concat()
 }
 
-/// What a solve said that it did.
+/// Returns the settings that a solve reports.
 fn settings(at: &Path, more: &[&str]) -> Value {
     let (said, _) = done(at, &[&solve(more)[..], &["--json"]].concat());
     std::fs::remove_dir_all(at.join("x.zarr")).unwrap();
@@ -191,7 +191,7 @@ fn trial(recipe: Settings, milliseconds: f64, mean: f64) -> Trial {
     Trial::new(recipe, milliseconds, vec![mean; 2], 1 << 20)
 }
 
-/// Keeps measurements as if `eval tune` had made them on this machine, with 32 x 40 pixels and 8 sub-frames.
+/// Stores measurements as if `eval tune` had made them on this machine, with 32 x 40 pixels and 8 sub-frames.
 fn keep(at: &Path, all: [Trial; 3]) -> std::path::PathBuf {
     let front = all.to_vec();
     let recommended =
@@ -234,12 +234,12 @@ fn built_in_qualities_hold_until_they_are_measured_and_what_is_given_wins() {
         assert_eq!((found["steps"].as_u64(), found["pupils"].as_u64()), (Some(steps), Some(5)), "{name}");
     }
     let (_, said) = done(at, &solve(&["--quality", "balanced"]));
-    // It has the steps, the pupils and the scene of the measurement.
+    // The line has the steps, the pupils and the scene of the measurement.
     assert!(said.lines().any(|line| line.has("balanced still-life") && line.has_sequence(&[5.0, 5.0])), "{said}");
-    // Without being asked for, nothing changes.
+    // Without `--quality`, the settings do not change.
     assert_eq!(settings(at, &["--steps", "3"]), plain);
 
-    // A file that is damaged, or of another device, is passed over in one line.
+    // A damaged file, or a file of another device, is ignored with one line.
     let whole = std::fs::read(&file).unwrap();
     for broken in [&whole[..whole.len() / 2], b"", b"\xff\xfe", b"eyebox tradeoff 1 00000000\n{}"] {
         std::fs::write(&file, broken).unwrap();
@@ -266,7 +266,7 @@ fn a_quality_of_a_time_takes_what_fits_and_refuses_what_does_not() {
         &[&["solve", "builtin:plane", "-o", "x.zarr"][..], &SMALL, &["--quality", "9ms"]].concat(),
         "arguments/nothing-measured",
     );
-    // Half of the sub-frames take half of the time; three colours three times as long.
+    // Half of the sub-frames take half of the time, and three colors take three times as long.
     assert_eq!(steps(&["--quality", "500ms", "--frames", "4"]), 9);
     let all = |time| {
         [
@@ -289,7 +289,7 @@ fn a_quality_of_a_time_takes_what_fits_and_refuses_what_does_not() {
     assert_eq!(serde_json::from_str::<Value>(&said).unwrap()["settings"]["steps"], 5);
 }
 
-/// Fewer views, sub-frames that repeat, coarse pixels, padding: the hologram is whole all the same.
+/// Fewer views, repeated sub-frames, coarse pixels and padding still give complete holograms.
 #[test]
 fn holograms_of_reduced_problems_are_whole() {
     let temp = folder();
@@ -314,7 +314,7 @@ fn holograms_of_reduced_problems_are_whole() {
     let coarse = phases("balanced");
     assert_eq!(coarse[..4 * frame], coarse[4 * frame..]);
     assert!((0..frame).all(|i| coarse[i] == coarse[(i / 40 / 2 * 2) * 40 + i % 40 / 2 * 2]));
-    // Of 16 levels.
+    // The phases have 16 levels.
     let mut seen: Vec<u32> = phases("accurate").iter().map(|p| p.to_bits()).collect();
     seen.sort_unstable();
     seen.dedup();
@@ -326,7 +326,7 @@ fn holograms_of_reduced_problems_are_whole() {
         (&8.into(), &4.into()),
         "two are solved"
     );
-    // Sub-frames that are asked for are solved, all of them.
+    // With `--frames`, all of these sub-frames are solved.
     let (said, _) = done(at, &solve(&["--quality", "fast", "--frames", "8", "--json"]));
     let solved = serde_json::from_str::<Value>(&said).unwrap();
     assert_eq!((&solved["settings"]["frames"], &solved["settings"]["repeats"]), (&8.into(), &Value::Null));

@@ -1,4 +1,4 @@
-//! `render`, `info` and `convert`, which replace several commands, and the names of before.
+//! `render`, `info` and `convert`, which replace several former commands, and the names of those commands.
 
 use crate::common::{done, folder, json, refusal};
 use eyebox::low_level::files::read_npy;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 const SMALL: [&str; 8] = ["--size", "24x32", "--color", "green", "--views", "3", "--engine", "cpu"];
 
-/// The shape and the values of an array.
+/// Reads the shape and the values of an array.
 fn array(file: &Path) -> (Vec<usize>, Vec<f32>) {
     let array = read_npy(file).expect("an array");
     (array.shape, array.values)
@@ -16,7 +16,7 @@ fn solve(at: &Path, more: &[&str]) {
     done(at, &[&["solve", "builtin:still-life", "--steps", "3", "--frames", "2"][..], &SMALL, more].concat());
 }
 
-/// The picture of both has the image at its exposure on the left and the target image on the right.
+/// `--what both` has the image at its exposure on the left and the target image on the right.
 #[test]
 fn both_are_the_image_beside_the_target() {
     let temp = folder();
@@ -38,7 +38,7 @@ fn both_are_the_image_beside_the_target() {
         let (left, right) = both[64 * row..64 * (row + 1)].split_at(32);
         for column in 0..32 {
             let (seen, wanted) = (image[32 * row + column] * exposure as f32, target[32 * row + column]);
-            // The exposure of both is fitted to the scene. The solve fitted the exposure of the file.
+            // `both` fits the exposure to the scene. The solve fitted the exposure of the file.
             assert!((left[column] - seen).abs() <= 0.05 * seen.abs() + 0.02, "{row} {column}");
             assert!((right[column] - wanted).abs() < 1e-5 && (own[32 * row + column] - wanted).abs() < 1e-5);
         }
@@ -80,7 +80,7 @@ fn info_names_the_kind_of_a_file() {
         }
     }
     assert_eq!(json(at, &["info", "s.zarr", "--json"])["holograms"], 2);
-    // Without a display phases have a size and no optics.
+    // Without a display, phases have a size and no optics.
     let bare = json(at, &["info", "phases.npy", "--color", "green", "--json"]);
     assert!(bare["size"] == serde_json::json!([24, 32]) && bare["pitch_um"].is_null(), "{bare}");
     assert!(bare["colors"][0]["wavelength_nm"].is_null(), "{bare}");
@@ -100,7 +100,7 @@ fn options_of_one_picture_of_a_hologram_are_refused_elsewhere() {
     }
 }
 
-/// `convert` takes video frames back to phases, a level of the SLM at most away.
+/// `convert` changes video frames back to phases, with an error of one level of the SLM at most.
 #[test]
 fn video_frames_become_phases_again() {
     let temp = folder();

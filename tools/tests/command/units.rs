@@ -1,4 +1,4 @@
-//! People's units: dioptres and degrees beside millimetres, what diffraction leaves, and mistakes that are refused.
+//! Dioptres and degrees next to millimeters, the diffraction limit of scores, and mistakes that are refused.
 
 use crate::common::{Printed, done, folder, refused};
 use eyebox::low_level::hologram::Hologram;
@@ -9,7 +9,7 @@ fn json(at: &Path, args: &[&str]) -> Value {
     serde_json::from_str(&done(at, args)).expect("one JSON object")
 }
 
-/// Both ends of a range.
+/// Returns both ends of a range.
 fn ends(of: &Value) -> [f64; 2] {
     [0, 1].map(|i| of[i].as_f64().expect("a number"))
 }
@@ -18,7 +18,7 @@ fn ends(of: &Value) -> [f64; 2] {
 fn depths_and_displays_are_said_in_people_s_units() {
     let temp = folder();
     let at = temp.path();
-    // How deep the still life is nobody was told.
+    // No option states the depth of the still life.
     let solve = ["solve", "builtin:still-life", "--size", "512x512", "--color", "green", "--views", "3"];
     let plan = json(at, &[&solve[..], &["--dry-run", "--json"]].concat());
     let ([far, near], [least, most]) = (ends(&plan["depth_mm"]), ends(&plan["depth_dioptres"]));
@@ -46,7 +46,7 @@ fn dioptres_are_taken_where_millimetres_are() {
         let args = ["solve", "builtin:plane", depth, "--frames", "1", "--steps", "2", "--json", "-o", out];
         json(at, &[&args[..], &small].concat())
     };
-    // f^2 is 160 mm a dioptre.
+    // f^2 is 160 mm per dioptre.
     let solved = solve("--depth=-0.01D..0.02D", "d.zarr");
     solve("--depth=-1.6..3.2", "mm.zarr");
     let phases = |name: &str| Hologram::load(&at.join(name)).unwrap().colors.remove(0).phases;
@@ -96,11 +96,11 @@ fn scores_stand_beside_what_diffraction_leaves() {
     let (narrow, usual) = (number(0, "ceiling_db").unwrap(), number(1, "ceiling_db").unwrap());
     assert!(narrow < usual, "a wider pupil shows more: {narrow}, {usual}");
     assert!((0..2).all(|i| number(i, "psnr_db") <= number(i, "ceiling_db")), "{pupils:?}");
-    // The widest passes the difference of any two frequencies: diffraction takes nothing.
+    // The widest pupil passes the difference of any two frequencies, so that diffraction has no effect.
     assert!(pupils[2]["ceiling_db"].is_null(), "{pupils:?}");
     assert!((number(1, "finest_cycles_per_degree").unwrap() - 134.26).abs() < 0.1, "4 mm of green");
     let table = done(at, &["eval", "score", "c.zarr", "builtin:chart", "--test-pupils", "pupils.json"]);
-    // The widest has one number fewer.
+    // The row of the widest pupil has one number fewer.
     let rows: Vec<&str> = table.lines().filter(|l| l.numbers().len() > 6 && !l.contains(':')).collect();
     assert!(rows.len() == 3 && rows[0].has(&format!("{narrow:.2}")) && rows[1].has(&format!("{usual:.2}")), "{table}");
     assert_eq!(rows[2].numbers().len() + 1, rows[0].numbers().len(), "{table}");
@@ -139,24 +139,24 @@ fn what_is_most_likely_a_mistake_is_refused_and_taken_with_force() {
     ];
     for (i, (args, what)) in mistakes.iter().enumerate() {
         refused(at, args, "x.png", what);
-        // Optics so far from any display's make nothing to look at: there it is enough that the check lets them pass.
+        // Some optics are unlike any display and show nothing. For those, the check is enough.
         if i < 5 || i == 8 {
             done(at, &[&args[..], &["--force"]].concat());
             std::fs::remove_file(at.join("x.png")).unwrap();
         }
     }
-    // What no number can be is refused whoever insists, with what is probably meant.
+    // Impossible numbers are refused even with `--force`, and the line has the probable value.
     refused(
         at,
         &with(&[&["--display", "um.toml", "--force"], &pupil]),
         "x.png",
         "optics/display-file/out-of-range 520",
     );
-    // A portrait that says so is taken.
+    // A file with `portrait = true` is accepted.
     let upright = std::fs::read_to_string(at.join("upright.toml")).unwrap();
     std::fs::write(at.join("upright.toml"), format!("portrait = true\n{upright}")).unwrap();
     done(at, &with(&[&["--display", "upright.toml"], &pupil]));
-    // Every command that computes asks the same.
+    // Every command that computes makes the same check.
     let scene = "builtin:plane";
     let out = &["-o", "y.zarr"][..];
     for (command, more) in [

@@ -1,8 +1,8 @@
-//! Mistakes on the command line: one line that says what would be right.
+//! Mistakes on the command line give one line with the right form.
 
 use crate::common::{Printed, Refusal, done, eyebox, folder, refusal, text};
 
-/// Arguments, the code of the error, and the options, values and numbers that the line must have.
+/// Arguments with the code of their error, and the options, values and numbers that the line must have.
 const MISTAKES: [(&[&str], &str, &str); 16] = [
     (
         &["render", "h.zarr", "--pupil", "1,2,3", "-o", "a.png"],
@@ -41,7 +41,7 @@ fn each_mistake_is_one_line_with_what_would_be_right() {
         assert_eq!(refusal(here.path(), words).code, format!("usage/{code}"), "{words:?}");
         assert!(!said.contains("-- -"), "{words:?} advises what does not work: {said}");
     }
-    // Negative values go where they are meant.
+    // Options that allow negative values accept them.
     let at = here.path();
     let plain = ["solve", "builtin:plane", "--size", "16x16", "--color", "green", "--frames", "1", "--engine", "cpu"];
     done(at, &[&plain[..], &["--steps", "1", "--psnr", "-5", "-o", "x.zarr"]].concat());

@@ -1,4 +1,4 @@
-//! `eyebox show --output window` on a virtual X server: what is on the screen, byte for byte.
+//! `eyebox show --output window` on a virtual X server, whose screen is compared byte for byte.
 
 use crate::common::screen::{Screen, hologram, play};
 use crate::common::{Refusal, document};
@@ -31,7 +31,7 @@ fn the_screen_shows_every_packing_byte_for_byte() {
             })
             .collect();
         let screen = Screen::new(here.path(), [frames.height, frames.width]);
-        // Slow enough that a busy machine sees every video frame.
+        // The rate is low enough for a slow machine to see every video frame.
         let mut playing =
             play(here.path(), &screen, preset, &["--validation", "--display-rate", "20", "--stats", "s.json"])
                 .spawn()
@@ -43,7 +43,7 @@ fn the_screen_shows_every_packing_byte_for_byte() {
             assert!(playing.try_wait().expect("its state").is_none(), "{preset}: it ended");
             std::thread::sleep(Duration::from_millis(3));
         }
-        // As ctrl-C does.
+        // Ctrl-C sends this signal.
         let killed = Command::new("kill").args(["-INT", &playing.id().to_string()]).status().expect("kill");
         assert!(killed.success());
         let answer = playing.wait_with_output().expect("it ends");

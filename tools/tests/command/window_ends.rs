@@ -1,5 +1,5 @@
-//! How `eyebox show --output window` ends, or goes on: the window closed, destroyed, resized, the server ended, the process
-//! stopped for a while.
+//! `eyebox show --output window` when the window is closed, destroyed or resized, when the server ends, and when the
+//! process stops for a while.
 
 use crate::common::screen::{Screen, hologram, play};
 use crate::common::{self, Refusal};
@@ -22,12 +22,12 @@ struct Playing {
 }
 
 impl Playing {
-    /// Content is on the screen, 30 video frames a second.
+    /// Starts a show at 30 video frames per second and waits until content is on the screen.
     fn new(more: &[&str]) -> Self {
         Self::at("30", more)
     }
 
-    /// So many video frames a second.
+    /// Starts a show at `rate` video frames per second and waits until content is on the screen.
     fn at(rate: &str, more: &[&str]) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let display = Display { height: SIZE[0], width: SIZE[1], ..Display::preset("planes24").expect("a preset") };
@@ -46,27 +46,27 @@ impl Playing {
                 let is = connection.get_geometry(*window).ok()?.reply().ok()?;
                 Some(state == MapState::VIEWABLE && [is.height, is.width].map(usize::from) == SIZE)
             };
-            let tree = connection.query_tree(root).expect("asked").reply().expect("windows");
+            let tree = connection.query_tree(root).expect("sent").reply().expect("windows");
             let found = tree.children.into_iter().find(|w| shown(w).unwrap_or(false));
             if let Some(window) = found.filter(|_| screen.picture().iter().any(|b| *b != 0)) {
                 break window;
             }
             std::thread::sleep(Duration::from_millis(5));
         };
-        // So that some sets were shown.
+        // Some sets are shown in this time.
         std::thread::sleep(Duration::from_millis(200));
         Self { folder, screen, process, connection, window }
     }
 
     fn sync(&self) {
-        self.connection.get_input_focus().expect("asked").reply().expect("an answer");
+        self.connection.get_input_focus().expect("sent").reply().expect("an answer");
     }
 
     fn signal(&self, signal: &str) {
         assert!(Command::new("kill").args([signal, &self.process.id().to_string()]).status().expect("kill").success());
     }
 
-    /// Its answer, within a minute.
+    /// Returns the output of the process, which must end within a minute.
     fn answer(mut self) -> (Output, tempfile::TempDir) {
         let since = Instant::now();
         while self.process.try_wait().expect("its state").is_none() {
@@ -79,14 +79,14 @@ impl Playing {
         (self.process.wait_with_output().expect("its output"), self.folder)
     }
 
-    /// It ends normally for this cause.
+    /// Asserts that the show ends normally for this cause, and returns its statistics.
     fn ends_by(self, cause: &str) -> serde_json::Value {
         let (stats, _) = self.ends(0);
         assert_eq!(stats["ended_by"], cause);
         stats
     }
 
-    /// It ends because the display is lost, with this error.
+    /// Asserts that the show ends with this error because the display is lost, and returns the message.
     fn loses_its_display(self, what: &str) -> String {
         let (_, answer) = self.ends(3);
         let refusal = Refusal::of(&answer);
@@ -94,7 +94,7 @@ impl Playing {
         refusal.message
     }
 
-    /// It ends with this code, without noise, and the statistics are there and add up.
+    /// Asserts that the show ends with this code and without noise, and that its statistics exist and add up.
     fn ends(self, code: i32) -> (serde_json::Value, Output) {
         let (answer, folder) = self.answer();
         let text = String::from_utf8_lossy(&answer.stderr).into_owned();
@@ -102,7 +102,7 @@ impl Playing {
         for noise in ["panicked", "XIO", "X connection", "validation:"] {
             assert!(!text.contains(noise), "{text}");
         }
-        // What is played, where, that it flickers, two lines of what came of it, and, where it did not end well, why.
+        // The lines are the content, the output, the flicker and two results. An error adds its line.
         assert!(text.lines().count() <= 6, "{text}");
         (stats(folder.path()), answer)
     }
@@ -124,7 +124,7 @@ fn stats(folder: &Path) -> serde_json::Value {
 fn a_user_closes_the_window() {
     let playing = Playing::new(&["--validation"]);
     let atom = |name: &str| {
-        playing.connection.intern_atom(false, name.as_bytes()).expect("asked").reply().expect("an atom").atom
+        playing.connection.intern_atom(false, name.as_bytes()).expect("sent").reply().expect("an atom").atom
     };
     let data = [atom("WM_DELETE_WINDOW"), 0, 0, 0, 0];
     let message = ClientMessageEvent::new(32, playing.window, atom("WM_PROTOCOLS"), data);
@@ -162,7 +162,7 @@ fn the_server_ends_or_cuts_the_connection() {
     assert_eq!(playing.loses_its_display("lost/display"), ended, "either way the server is gone");
 }
 
-/// As in a suspend: nothing runs for some seconds, and then it goes on in time.
+/// The process stops for some seconds, as in a suspend, and then continues in time.
 #[test]
 fn the_process_stands_still_for_some_seconds() {
     let playing = Playing::new(&["--validation"]);
@@ -172,11 +172,12 @@ fn the_process_stands_still_for_some_seconds() {
     std::thread::sleep(Duration::from_secs(1));
     playing.signal("-INT");
     let stats = playing.ends_by("ctrl-C");
-    // 90 video frames, less what a busy machine takes longer to stop and to go on.
+    // Three seconds have 90 video frames. A slow machine takes longer to stop and to continue, which leaves fewer.
     assert!(stats["missed_presents"].as_u64().is_some_and(|n| n >= 60), "{stats}");
 }
 
-/// At two video frames a second the first one's idle picture takes half a second or more: the second does not wait for it.
+/// At two video frames per second, the idle picture of the first interruption takes half a second or more. The second
+/// interruption does not wait for it.
 #[test]
 fn a_second_interruption_ends_it_at_once() {
     let playing = Playing::at("2", &[]);
@@ -184,7 +185,7 @@ fn a_second_interruption_ends_it_at_once() {
     let (answer, folder) = playing.answer();
     let text = String::from_utf8_lossy(&answer.stderr).into_owned();
     assert_eq!(answer.status.code(), Some(130), "{text}");
-    // It has the content, the output and the flicker. It has no statistics except those of the running session.
+    // The text has the content, the output and the flicker. Only the running session can have left statistics.
     assert!(text.lines().count() <= 3, "{text}");
     let stats = std::fs::read_to_string(folder.path().join("stats.json")).unwrap_or("{}".into());
     assert!(

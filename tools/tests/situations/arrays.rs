@@ -1,4 +1,4 @@
-//! Light fields in one NumPy array.
+//! Situations with light fields in one NumPy array.
 
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
 use crate::judge::Judge;
@@ -7,17 +7,17 @@ use crate::write::{file, npy, zip};
 
 const SHAPE: [usize; 5] = [GRID[0], GRID[1], SIZE[0], SIZE[1], 3];
 
-/// All values of the views in C order.
+/// Returns all values of the views in C order.
 fn codes() -> Vec<u8> {
     all().into_iter().flat_map(image::RgbImage::into_raw).collect()
 }
 
-/// Elements as little-endian float32 of linear light.
+/// Converts values to linear light in little-endian float32.
 fn floats(codes: &[u8]) -> Vec<u8> {
     codes.iter().flat_map(|v| light(*v).to_le_bytes()).collect()
 }
 
-/// Elements with their axes in another order: for each axis of the result, the axis that it was.
+/// Returns the values with their axes in another order. `order` has the old axis for each new axis.
 fn turned<T: Copy>(values: &[T], shape: &[usize], order: &[usize]) -> (Vec<T>, Vec<usize>) {
     let to: Vec<usize> = order.iter().map(|&i| shape[i]).collect();
     let from = |mut i: usize| {
@@ -30,12 +30,12 @@ fn turned<T: Copy>(values: &[T], shape: &[usize], order: &[usize]) -> (Vec<T>, V
     ((0..values.len()).map(|i| values[from(i)]).collect(), to)
 }
 
-/// `v.npy` with these elements of the views.
+/// A situation with the views in `v.npy`. The type of its elements is `descr`, and `bytes` encodes them.
 fn array(have: &str, descr: &'static str, bytes: impl Fn(&[u8]) -> Vec<u8> + Send + Sync + 'static) -> Case {
     case(have, "render v.npy", move |at| file(&at.join("v.npy"), npy(descr, false, &SHAPE, &bytes(&codes()))))
 }
 
-/// `v.npy` of 8 bits with its axes in this order.
+/// A situation with the views in `v.npy` of 8 bits, with its axes in this order.
 fn axes(have: &str, order: &'static [usize]) -> Case {
     case(have, "render v.npy", move |at| {
         let (values, shape) = turned(&codes(), &SHAPE, order);
@@ -47,20 +47,20 @@ fn plain() -> Vec<u8> {
     npy("|u1", false, &SHAPE, &codes())
 }
 
-/// Bits of a half float that is rounded down, of a value in 0 to 1.
+/// Returns the bits of a half float for a value from 0 to 1, rounded down.
 fn half(v: f32) -> [u8; 2] {
     let bits = v.to_bits();
     let exponent = (bits >> 23) as i32 - 127 + 15;
     (if exponent <= 0 { 0 } else { ((exponent as u32) << 10 | (bits >> 13 & 0x3ff)) as u16 }).to_le_bytes()
 }
 
-/// The hologram was scored against the array that it was solved from.
+/// Checks that the hologram has a score against the array from which it was solved.
 const SCORED: Judge = Judge::By(|outcome| {
     let words = ["eval", "score", "h.zarr", "--jod", "none", "--engine", "cpu", "--json"];
     let said = crate::common::done(outcome.folder, &words);
     let score: serde_json::Value = serde_json::from_str(&said).map_err(|e| e.to_string())?;
     match score["psnr_db"]["mean"].as_f64() {
-        // One step of a bright scene.
+        // The score is low because the hologram has one step, and the scene is bright.
         Some(psnr) if psnr > 9.0 => Ok(()),
         found => Err(format!("{found:?} dB")),
     }
@@ -69,7 +69,7 @@ const SCORED: Judge = Judge::By(|outcome| {
 const SOLVED: &str =
     "--order as-named --depth=-1..1 --size 48x64 --color green --frames 1 --steps 1 --engine cpu -o h.zarr";
 
-/// Holograms of arrays whose white is stated.
+/// Returns situations that solve a hologram of an array and state its white.
 fn solved() -> Vec<Situation> {
     let of = |have: &str, scene: &str, descr: &'static str, bytes: fn(u8) -> Vec<u8>| {
         case(have, format!("solve {scene} {SOLVED}"), move |at| {
@@ -79,7 +79,7 @@ fn solved() -> Vec<Situation> {
         })
     };
     vec![
-        of("Floats of 0 to 255 are solved.", "a/v.npy", "<f4", |v| f32::from(v).to_le_bytes().into()).refused(
+        of("Floats from 0 to 255 are solved.", "a/v.npy", "<f4", |v| f32::from(v).to_le_bytes().into()).refused(
             "scene/full-scale",
             Remedy::As("?full_scale=255", "a/v.npy", "a/v.npy?full_scale=255"),
             SCORED,
@@ -98,7 +98,7 @@ pub fn chapter() -> Chapter {
             v.iter().flat_map(|v| (u16::from(*v) * 257).to_le_bytes()).collect()
         })
         .right(EXACT),
-        array("An array of 16 bits has the order of bytes of another machine.", ">u2", |v| {
+        array("An array has big-endian integers of 16 bits.", ">u2", |v| {
             v.iter().flat_map(|v| (u16::from(*v) * 257).to_be_bytes()).collect()
         })
         .right(EXACT),
@@ -125,7 +125,7 @@ pub fn chapter() -> Chapter {
         )
         .right(EXACT),
         case(
-            "An array has floats from 0 to 1 by the sRGB curve, and the command says so.",
+            "An array has floats from 0 to 1 by the sRGB curve, and the command states it.",
             "render v.npy?srgb",
             |at| {
                 let bytes: Vec<u8> = codes().iter().flat_map(|v| (f32::from(*v) / 255.0).to_le_bytes()).collect();

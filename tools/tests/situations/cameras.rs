@@ -1,4 +1,4 @@
-//! Cameras that stand in no even grid, and focal stacks.
+//! Situations with cameras that form no even grid, and with focal stacks.
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, mended};
@@ -9,18 +9,18 @@ use crate::write::{file, png};
 use image::RgbImage;
 use std::path::Path;
 
-/// Through a small pupil 4 mm left of the middle.
+/// Words of the command for a small pupil 4 mm left of the middle.
 const ASIDE: &str = "--pupil=-4,0,2,0 --size 48x64 --engine cpu -o out.npy";
-/// Millimeters of the pupil plane for one step of the scene.
+/// Distance in the pupil plane [mm] for one step of the scene.
 const STEP: f32 = 4.0;
-/// Columns of cameras that are not evenly spaced [mm].
+/// Columns of cameras with uneven distances [mm].
 const UNEVEN: [f32; 5] = [-8.0, -6.0, 1.0, 3.0, 8.0];
 
 fn from([x, y]: [f32; 2]) -> RgbImage {
     view([y / STEP, x / STEP])
 }
 
-/// Cameras at every millimeter of one row, each of which looks from where `x` says.
+/// Makes a row of one camera per millimeter. `x` maps the position of a camera to the position of its view.
 fn dense(at: &Path, x: impl Fn(f32) -> f32) -> String {
     let views: Vec<_> = (-8..=8).map(|mm| from([x(mm as f32), 0.0])).collect();
     format!("{} --view-pitch 1", array(at, [1, 17], &views, light))
@@ -32,12 +32,12 @@ static ROW: Canon = Canon::through(
     &[
         ("mirrored", |at| dense(at, |x| -x)),
         ("from the middle", |at| dense(at, |_| 0.0)),
-        // The second of five cameras stands at -6 mm.
+        // The second of five cameras is at -6 mm.
         ("as if it were evenly spaced", |at| dense(at, |_| -6.0)),
     ],
 );
 
-/// Layers that are made of few views leave an error.
+/// Allows the error of layers that come from few views.
 const OF_LAYERS: Judge = Judge::Like(&ROW, 0.06);
 
 fn uneven(have: &str, toml: &'static str, name: impl Fn(usize) -> String + Send + Sync + 'static) -> Case {
@@ -53,7 +53,7 @@ fn uneven(have: &str, toml: &'static str, name: impl Fn(usize) -> String + Send 
 
 const STILL_LIFE: &str = "builtin:still-life?span=1";
 
-/// Photographs through a wide pupil, each focused at another depth.
+/// Renders pictures through a wide pupil, each with its focus at another depth.
 fn stack(at: &Path) {
     for (i, z) in DEPTHS.into_iter().enumerate() {
         let (pupil, out) = (format!("--pupil=0,0,12,{z}"), format!("stack/focus_{i}.png"));
@@ -73,11 +73,11 @@ static FLAT: Canon = Canon::new(
     &[("upside down", |at| array(at, GRID, &vec![image::imageops::flip_vertical(&view([0.0, 0.0])); 15], light))],
 );
 
-/// Rows of cameras whose names or positions are not evenly spaced.
+/// Returns situations with rows of cameras whose names or positions are not evenly spaced.
 fn uneven_rows() -> Vec<Situation> {
     vec![
         uneven(
-            "lightfield.toml states where each camera of a row stands.",
+            "lightfield.toml states the position of each camera of a row.",
             "positions_mm = [-8, -6, 1, 3, 8]\n",
             |i| format!("IMG_{}.png", 4026 + i),
         )
@@ -104,7 +104,7 @@ fn uneven_rows() -> Vec<Situation> {
             Remedy::State("views/lightfield.toml", "positions_mm = { x = [-8.0, -6.0, 1.0, 3.0, 8.0], y = [0.0] }"),
             OF_LAYERS,
         ),
-        uneven("Names have the positions of cameras with decimals, and two cameras stand far apart.", "", |i| {
+        uneven("Names have the positions of cameras with decimals, and two cameras are far apart.", "", |i| {
             format!("cam_x{:.1}.png", UNEVEN[i] + 8.0)
         })
         .refused(
@@ -112,7 +112,7 @@ fn uneven_rows() -> Vec<Situation> {
             Remedy::State("views/lightfield.toml", "positions_mm = [0.0, 2.0, 9.0, 11.0, 16.0]"),
             OF_LAYERS,
         ),
-        case("One row of 15 cameras is named by the seconds at which pictures were taken.", "render views", |at| {
+        case("The names of one row of 15 cameras have the times of their exposures.", "render views", |at| {
             for (i, view) in row().into_iter().enumerate() {
                 file(&at.join(format!("views/IMG_20240501_1000{:02}.png", 1 + i * 5 / 3)), png(view));
             }
@@ -122,7 +122,7 @@ fn uneven_rows() -> Vec<Situation> {
             change("`grid = [rows columns]`", |at| file(&at.join("views/lightfield.toml"), "grid = [1, 15]\n")),
             OF_ROW,
         ),
-        uneven("lightfield.toml has a position too few.", "positions_mm = [-8, -6, 1, 3]\n", |i| format!("{i}.png"))
+        uneven("lightfield.toml lacks one position.", "positions_mm = [-8, -6, 1, 3]\n", |i| format!("{i}.png"))
             .refused(
                 "scene/not-a-grid/positions-count positions_mm",
                 mended("give one for each", |at| {
@@ -159,7 +159,7 @@ pub fn chapter() -> Chapter {
             change("`focus_mm` `aperture_mm`", move |at| file(&at.join("stack/lightfield.toml"), stated)),
             OF_STACK,
         ),
-        case("A focal stack states a depth too few.", format!("render stack {WITHIN}"), |at| {
+        case("A focal stack lacks one of the depths in lightfield.toml.", format!("render stack {WITHIN}"), |at| {
             stack(at);
             file(&at.join("stack/lightfield.toml"), "focus_mm = [-1, -0.5, 0, 0.5]\naperture_mm = 12\n");
         })

@@ -1,4 +1,4 @@
-//! A picture and its depth map.
+//! Situations with a picture and its depth map.
 
 use crate::common::made::tiff;
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
@@ -12,7 +12,8 @@ use std::sync::LazyLock;
 const H: usize = SIZE[0];
 const W: usize = SIZE[1];
 
-/// Nearness of each pixel, 20 to 240: a disc and a bar before a floor that comes nearer towards the bottom.
+/// Returns the nearness of each pixel, from 20 to 240. A disc and a bar are in front of a floor that comes nearer
+/// towards the bottom.
 pub fn codes() -> Vec<u8> {
     let one = |i: usize| {
         let (x, y) = ((i % W) as f32, (i / W) as f32);
@@ -25,7 +26,7 @@ pub fn codes() -> Vec<u8> {
     (0..H * W).map(one).collect()
 }
 
-/// Pixels of the floor beside the disc, which a depth camera does not see.
+/// Returns whether a pixel is in the part of the floor next to the disc that a depth camera cannot measure.
 fn is_hole(i: usize) -> bool {
     (37..41).contains(&(i % W)) && (12..20).contains(&(i / W))
 }
@@ -35,10 +36,10 @@ pub fn photo() -> RgbImage {
     PHOTO.clone()
 }
 
-/// Words of the command behind the picture, for maps whose depths are stated.
+/// Words at the end of the command, which state the depths of the map.
 const STATED: &str = "--depth=-1..1 --views 5";
 
-/// Each value as `of` makes it of the nearness and the index of the pixel.
+/// Returns a value for each pixel, which `of` makes from the nearness and the index of the pixel.
 fn map<T>(of: impl Fn(u8, usize) -> T) -> Vec<T> {
     codes().into_iter().enumerate().map(|(i, v)| of(v, i)).collect()
 }
@@ -50,7 +51,7 @@ fn floats(values: &[f32]) -> Vec<u8> {
 fn canon(at: &Path, values: &[f32]) -> String {
     file(&at.join("photo.png"), png(photo()));
     file(&at.join("map.npy"), floats(values));
-    // Every value counts.
+    // With `dark`, every stored value counts.
     format!("photo.png --depth-map map.npy --near dark {STATED}")
 }
 
@@ -94,7 +95,7 @@ fn tiff_of(bits_format: [u16; 2], bytes: &[u8]) -> Vec<u8> {
     std::fs::read(path).expect("a TIFF")
 }
 
-/// `photo.png` and a map; `more` stands behind both.
+/// A situation with `photo.png` and a map. The words `more` follow both in the command.
 fn with(have: &str, name: &'static str, more: &str, bytes: impl Fn() -> Vec<u8> + Send + Sync + 'static) -> Case {
     let words = format!("render photo.png --depth-map {name}{more} {STATED}");
     case(have, words, move |at| {
@@ -103,18 +104,19 @@ fn with(have: &str, name: &'static str, more: &str, bytes: impl Fn() -> Vec<u8> 
     })
 }
 
-/// Pixels between neighboring views that stand for -1 to 1 mm at 5 views on the usual display.
+/// Returns the disparity of neighboring views [pixels]. The range of all codes is -1 to 1 mm with 5 views on the usual
+/// display.
 fn disparity(code: u8) -> f32 {
     (f32::from(code) - 130.0) / 110.0 * 1.375
 }
 
 pub fn chapter() -> Chapter {
     let mut situations = vec![
-        with("The map has 8 bits, as of MiDaS, Depth Anything or a phone's portrait.", "depth.png", "", || {
+        with("The map has 8 bits, as from MiDaS, Depth Anything or a phone's portrait.", "depth.png", "", || {
             png(of_bytes(|v, _| v))
         })
         .right(EXACT),
-        with("The map of 8 bits is an RGB picture of three like channels.", "depth.png", "", || {
+        with("The map of 8 bits is an RGB picture with three equal channels.", "depth.png", "", || {
             png(image::DynamicImage::from(of_bytes(|v, _| v)).to_rgb8())
         })
         .right(EXACT),
@@ -176,10 +178,10 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// Maps whose names or words say what they hold.
+/// Returns situations with maps whose names or commands state the meaning of their values.
 fn read() -> Vec<Situation> {
     vec![
-        with("Disparities of Middlebury are a PFM file with infinity where nothing is known.", "disp0.pfm", "", || {
+        with("Disparities of Middlebury are a PFM file with infinity at unknown pixels.", "disp0.pfm", "", || {
             pfm(SIZE, &map(|v, i| if is_hole(i) { f32::INFINITY } else { 10.0 + f32::from(v) / 4.0 }), false)
         })
         .right(EXACT),
@@ -217,7 +219,7 @@ fn read() -> Vec<Situation> {
         })
         .right(EXACT),
         with(
-            "Distances are a TIFF file of 16 bits, and the command says which are near.",
+            "Distances are a TIFF file of 16 bits, and the command states which are near.",
             "depth.tif",
             " --near small",
             || tiff_of([16, 1], &map(|v, _| (distance(v) as u16).to_le_bytes()).concat()),
@@ -228,7 +230,7 @@ fn read() -> Vec<Situation> {
         })
         .right(EXACT),
         case(
-            "A phone's picture is stored lying, and its map is upright.",
+            "A phone stores its picture sideways, and its map is upright.",
             format!("render photo.jpg --depth-map depth.png {STATED}"),
             |at| {
                 file(&at.join("photo.jpg"), jpeg(&imageops::rotate270(&photo()), 6));
@@ -249,30 +251,33 @@ fn read() -> Vec<Situation> {
             npy("|u1", false, &SIZE, &codes())
         })
         .refused("scene/ambiguous/values", Remedy::Add("--near bright"), EXACT),
-        with("Disparities of Middlebury 2003 have 8 bits and zeros where nothing is known.", "disp2.png", "", || {
+        with("Disparities of Middlebury 2003 have 8 bits and zeros at unknown pixels.", "disp2.png", "", || {
             png(of_bytes(|v, i| if is_hole(i) { 0 } else { v }))
         })
         .right(EXACT),
     ]
 }
 
-/// Maps that do not say which values are near.
+/// Returns situations with maps that do not show which values are near.
 fn ambiguous() -> Vec<Situation> {
     let asks = "scene/ambiguous/values";
     vec![
-        with("Distances of TUM RGB-D do not say which values are near.", "depth.png", "", || {
+        with("Distances of TUM RGB-D do not show which values are near.", "depth.png", "", || {
             of_words(|v, i| if is_hole(i) { 0 } else { 40000 - 100 * u16::from(v) })
         })
         .refused(asks, Remedy::Add("--near small"), EXACT),
-        with("Distances of RGBD Scenes, 10000 per meter, do not say which values are near.", "1_depth.png", "", || {
-            of_words(|v, i| if is_hole(i) { 0 } else { 60000 - 200 * u16::from(v) })
-        })
+        with(
+            "Distances of RGBD Scenes, 10000 per meter, do not show which values are near.",
+            "1_depth.png",
+            "",
+            || of_words(|v, i| if is_hole(i) { 0 } else { 60000 - 200 * u16::from(v) }),
+        )
         .refused(asks, Remedy::Add("--near small"), EXACT),
-        with("Distances of ZoeDepth, 256 per meter, do not say which values are near.", "zoe.png", "", || {
+        with("Distances of ZoeDepth, 256 per meter, do not show which values are near.", "zoe.png", "", || {
             of_words(|v, _| 3000 - 10 * u16::from(v))
         })
         .refused(asks, Remedy::Add("--near small"), EXACT),
-        with("Disparities of KITTI, 256 per pixel, do not say which values are near.", "000000_10.png", "", || {
+        with("Disparities of KITTI, 256 per pixel, do not show which values are near.", "000000_10.png", "", || {
             of_words(|v, i| if is_hole(i) { 0 } else { 3000 + 64 * u16::from(v) })
         })
         .refused(asks, Remedy::Add("--near large"), EXACT),
@@ -286,11 +291,11 @@ fn ambiguous() -> Vec<Situation> {
             Remedy::Add("--near small"),
             EXACT,
         ),
-        with("An array of inverse depths says so by its name.", "inv_depth.npy", "", || {
+        with("The name of an array shows that it has inverse depths.", "inv_depth.npy", "", || {
             floats(&map(|v, _| f32::from(v)))
         })
         .refused(asks, Remedy::Add("--near large"), EXACT),
-        with("An array of the name depth is normalized to 0 to 1, near is 1.", "depth.npy", "", || {
+        with("An array with the name depth is normalized to 0 to 1, and near is 1.", "depth.npy", "", || {
             floats(&map(|v, _| (f32::from(v) - 20.0) / 220.0))
         })
         .refused("scene/ambiguous/normalized-distances", Remedy::Add("--near bright"), EXACT),
@@ -298,7 +303,7 @@ fn ambiguous() -> Vec<Situation> {
             floats(&map(|v, _| -distance(v)))
         })
         .refused("scene/ambiguous/negative-distances", Remedy::Add("--near large"), EXACT),
-        with("Disparities are stated to be small where they are near.", "disp.npy", " --near small", || {
+        with("The command states that near disparities are small.", "disp.npy", " --near small", || {
             floats(&map(|v, _| f32::from(v)))
         })
         .refused("scene/ambiguous/disparities", Remedy::As("large", "--near small", "--near large"), EXACT),
@@ -374,7 +379,7 @@ fn refused() -> Vec<Situation> {
     ]
 }
 
-/// Maps in files of other kinds, and with more in them than one map.
+/// Returns situations with maps in files of other kinds, and with files of more than one map.
 fn refused_files() -> Vec<Situation> {
     vec![
         with("The map is a table of comma-separated values.", "depth.csv", "", || {

@@ -1,4 +1,4 @@
-//! Files of displays.
+//! Situations with files of displays.
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, Situation, case, change, mended};
@@ -13,7 +13,7 @@ const RIGHT: &str = "name = \"bench\"\nresolution = [24, 32]\npitch_um = 8.0\nfo
 const SEEN: &str =
     "render builtin:still-life --display bench.toml --color green --views 3 --pupil=1,0,1,0.2 --engine cpu -o p.npy";
 
-/// The picture is that of the right file.
+/// Checks that the picture equals the picture of the right file.
 const SAME: Judge = Judge::By(same);
 
 fn same(outcome: &Outcome) -> Result<(), String> {
@@ -25,15 +25,15 @@ fn same(outcome: &Outcome) -> Result<(), String> {
         read_npy(&temp.path().join("p.npy")).expect("a picture").values
     });
     let found = read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
-    if &found == right { Ok(()) } else { Err("the picture is another one".into()) }
+    if &found == right { Ok(()) } else { Err("the picture differs".into()) }
 }
 
-/// The right file in the place of a wrong one.
+/// Writes the right file and replaces a wrong one.
 fn bench(at: &Path) {
     file(&at.join("bench.toml"), RIGHT);
 }
 
-/// The right file with `from` written as `to`.
+/// A situation with a display file that has `to` instead of `from`.
 fn with(have: &str, from: &'static str, to: &'static str) -> Case {
     case(have, SEEN, move |at| {
         assert!(RIGHT.contains(from));
@@ -108,10 +108,10 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// Situations with keys and values that no display file has.
+/// Returns situations with keys and values that no display file has.
 fn keys_and_values() -> Vec<Situation> {
     vec![
-        with("A key of another program's file is left.", "name =", "vendor = \"x\"\nname =").refused(
+        with("A key of another program's file remains.", "name =", "vendor = \"x\"\nname =").refused(
             "optics/display-file/toml `vendor`",
             mended("line 1", bench),
             SAME,
@@ -126,7 +126,7 @@ fn keys_and_values() -> Vec<Situation> {
             mended("an array of length 2", bench),
             SAME,
         ),
-        with("A color has a name of its own.", "green = 520", "amber = 520").refused(
+        with("A color has an unknown name.", "green = 520", "amber = 520").refused(
             "optics/display-file/toml `amber`",
             change("`green`", bench),
             SAME,
@@ -142,7 +142,7 @@ fn keys_and_values() -> Vec<Situation> {
             "red = 450, green = 520, blue = 640",
         )
         .refused("arguments/unusual", mended("red is the longer wavelength", bench), SAME),
-        with("A key is there twice.", "name =", "pitch_um = 9.0\nname =").refused(
+        with("A key occurs twice.", "name =", "pitch_um = 9.0\nname =").refused(
             "optics/display-file/toml",
             mended("line 4", bench),
             SAME,

@@ -1,4 +1,4 @@
-//! Folders of views: their names and numbers, and what lies beside them.
+//! Situations with folders of views, with their names and numbers, and with other files in these folders.
 
 use crate::frame::{Case, Chapter, Remedy, case, change, mended};
 use crate::judge::Judge;
@@ -7,7 +7,8 @@ use crate::write::file;
 use std::fs;
 use std::path::Path;
 
-/// The usual views in a folder `views`, named by row and column, and what `more` does to the folder.
+/// A situation with the usual views in a folder `views`. `name` makes a file name from a row and a column, and `more`
+/// changes the folder.
 fn named(
     have: &str,
     name: impl Fn(usize, usize) -> String + Send + Sync + 'static,
@@ -44,7 +45,7 @@ pub fn chapter() -> Chapter {
             .right(EXACT),
         named("Names have the column before the row, with letters.", |r, c| format!("x{c}_y{r}.png"), nothing)
             .right(EXACT),
-        named("Names say u and v instead of x and y.", |r, c| format!("u{c:02}v{r:02}.png"), nothing).right(EXACT),
+        named("Names have u and v instead of x and y.", |r, c| format!("u{c:02}v{r:02}.png"), nothing).right(EXACT),
         named(
             "Indices are signed and count from the middle camera.",
             |r, c| format!("cam_{:+}_{:+}.png", r as i32 - 1, c as i32 - 2),
@@ -65,32 +66,32 @@ pub fn chapter() -> Chapter {
             nothing,
         )
         .right(EXACT),
-        named("Names have spaces and letters that are no ASCII.", |r, c| format!("Ansicht für Ü {r} {c}.png"), nothing)
+        named("Names have spaces and letters outside ASCII.", |r, c| format!("Ansicht für Ü {r} {c}.png"), nothing)
             .right(EXACT),
         named("The ending of the names is in capitals.", |r, c| format!("VIEW_{r}_{c}.PNG"), nothing).right(EXACT),
         named(
-            "A running number counts 15 views, which are no square.",
+            "A running number counts 15 views, which form no square.",
             |r, c| format!("{:04}.png", number(r, c)),
             nothing,
         )
         .right(EXACT),
         named(
-            "A running number has no zeros before it and begins with 1.",
+            "A running number has no leading zeros and begins with 1.",
             |r, c| format!("{}.png", 1 + number(r, c)),
             nothing,
         )
         .right(EXACT),
         named("A running number counts by tens.", |r, c| format!("IMG_{:04}.png", 10 * number(r, c)), nothing)
             .right(EXACT),
-        named("Hidden files of macOS and Windows are beside the views.", usual, by_hidden_files).right(EXACT),
-        named("The same views are there as PNG and as small JPEG files.", usual, |views| {
+        named("Hidden files of macOS and Windows are next to the views.", usual, by_hidden_files).right(EXACT),
+        named("The folder has the same views as PNG and as small JPEG files.", usual, |views| {
             for (i, view) in all().iter().enumerate() {
                 let name = format!("view_{}_{}.jpg", i / GRID[1], i % GRID[1]);
                 image::imageops::thumbnail(view, 16, 12).save(views.join(name)).expect("a picture");
             }
         })
         .right(EXACT),
-        named("Depth maps and thumbnails are beside the views.", usual, |views| {
+        named("Depth maps and thumbnails are next to the views.", usual, |views| {
             for (i, view) in all().iter().enumerate() {
                 for kind in ["depth", "thumb"] {
                     let name = format!("{kind}_{}_{}.png", i / GRID[1], i % GRID[1]);
@@ -99,11 +100,11 @@ pub fn chapter() -> Chapter {
             }
         })
         .right(EXACT),
-        named("A copy of one view is beside the views.", usual, |views| {
+        named("A copy of one view is next to the views.", usual, |views| {
             fs::copy(views.join("view_1_2.png"), views.join("view_1_2 (1).png")).expect("a copy");
         })
         .right(EXACT),
-        named("A text file, a script and a folder of results are beside the views.", usual, |views| {
+        named("A text file, a script and a folder of results are next to the views.", usual, |views| {
             file(&views.join("README.txt"), "recorded in May");
             file(&views.join("render_1_2.py"), "import bpy");
             file(&views.join("results/view_0_0.png"), "");
@@ -111,7 +112,7 @@ pub fn chapter() -> Chapter {
         .right(EXACT),
     ];
     situations.push(
-        case("One wants to see how eyebox reads a folder.", "info views --size 48x64 --json", |at| {
+        case("You want to see how eyebox reads a folder.", "info views --size 48x64 --json", |at| {
             save(&at.join("views"), usual);
         })
         .right(Judge::By(|outcome| {
@@ -130,7 +131,7 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// What `lightfield.toml` states.
+/// Returns situations with descriptions of the views, such as `lightfield.toml`.
 fn stated() -> Vec<crate::frame::Situation> {
     vec![
         named(
@@ -146,7 +147,7 @@ fn stated() -> Vec<crate::frame::Situation> {
         )
         .right(EXACT),
         named(
-            "parameters.cfg of the 4D Light Field Benchmark is beside the views.",
+            "parameters.cfg of the 4D Light Field Benchmark is next to the views.",
             |r, c| format!("input_Cam{:03}.png", number(r, c)),
             |views| {
                 file(
@@ -165,7 +166,7 @@ fn stated() -> Vec<crate::frame::Situation> {
             },
         )
         .right(EXACT),
-        named("lightfield.toml has a key that eyebox does not know.", usual, |views| {
+        named("lightfield.toml has a key that eyebox does not read.", usual, |views| {
             file(&views.join("lightfield.toml"), "grid = [3, 5]\ncolour = \"sRGB\"\n");
         })
         .refused(
@@ -223,7 +224,7 @@ fn refused() -> Vec<crate::frame::Situation> {
             file(&views.join("view_1_3.png"), "");
         })
         .refused("scene/kind view_1_3.png", mended("empty", to_upright), EXACT),
-        named("One view has another size than the others.", usual, |views| {
+        named("One view differs in size from the others.", usual, |views| {
             let name = views.join("view_1_3.png");
             fs::rename(&name, views.join("../elsewhere.png")).expect("moved");
             image::imageops::thumbnail(&view_of(GRID, 1, 3), 32, 24).save(name).expect("a picture");
@@ -232,7 +233,7 @@ fn refused() -> Vec<crate::frame::Situation> {
     ]
 }
 
-/// Orders of views that names do not say, or say in another way.
+/// Returns situations with orders of views that the names do not show, or show in another way.
 fn orders() -> Vec<crate::frame::Situation> {
     vec![
         named("Rows are counted upwards.", |r, c| usual(GRID[0] - 1 - r, c), nothing).refused(
@@ -245,13 +246,13 @@ fn orders() -> Vec<crate::frame::Situation> {
             Remedy::State("views/lightfield.toml", "flip_columns = true"),
             EXACT,
         ),
-        named("The first number is the column, and no letter says so.", |r, c| usual(c, r), nothing).refused(
+        named("The first number is the column, and no letter shows it.", |r, c| usual(c, r), nothing).refused(
             "scene/order/moves-otherwise",
             Remedy::Add("--order transpose"),
             EXACT,
         ),
         named(
-            "A gantry takes every second row backwards and counts on.",
+            "A gantry takes every second row backwards, with a running number.",
             |r, c| format!("{:03}.png", r * GRID[1] + if r % 2 == 0 { c } else { GRID[1] - 1 - c }),
             |views| file(&views.join("lightfield.toml"), "grid = [3, 5]\n"),
         )

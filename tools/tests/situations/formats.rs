@@ -1,4 +1,4 @@
-//! Formats of views, and what their values mean.
+//! Situations with formats of views and with the meaning of their values.
 
 use crate::common::made::tiff;
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, mended};
@@ -9,10 +9,10 @@ use image::buffer::ConvertBuffer;
 use image::{DynamicImage, ImageBuffer, Rgb, RgbImage, Rgba, RgbaImage};
 use std::path::Path;
 
-/// JPEG files of the best quality.
+/// Allows the error of JPEG files of the best quality.
 const JPEG: Judge = Judge::Like(&VIEWS, 0.015);
 
-/// The usual views, each as `bytes` makes a file of it.
+/// Writes the usual views to files, which `bytes` encodes.
 fn written(folder: &Path, ending: &str, bytes: impl Fn(&RgbImage) -> Vec<u8>) {
     for (i, view) in all().iter().enumerate() {
         file(&folder.join(format!("v_{}_{}.{ending}", i / GRID[1], i % GRID[1])), bytes(view));
@@ -23,7 +23,7 @@ fn views(have: &str, ending: &'static str, bytes: impl Fn(&RgbImage) -> Vec<u8> 
     case(have, "render views", move |at| written(&at.join("views"), ending, &bytes))
 }
 
-/// What the `image` crate writes for an ending.
+/// Encodes a picture in a format of the `image` crate.
 fn saved(picture: impl Into<DynamicImage>, format: image::ImageFormat) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.into().write_to(&mut bytes, format).expect("a picture");
@@ -37,17 +37,17 @@ fn tiff_of(channels_bits_format: [u16; 3], bytes: &[u8]) -> Vec<u8> {
     std::fs::read(path).expect("a TIFF")
 }
 
-/// 16 bits, each value as `value` makes it.
+/// Returns a picture of 16 bits, whose values `value` makes.
 fn words(view: &RgbImage, value: impl Fn(u8) -> u16) -> ImageBuffer<Rgb<u16>, Vec<u16>> {
     ImageBuffer::from_fn(view.width(), view.height(), |x, y| Rgb(view.get_pixel(x, y).0.map(&value)))
 }
 
-/// Stored values of `white` at most.
+/// Returns a picture of 16 bits with white at the value `white`.
 fn of_white(view: &RgbImage, white: f32) -> ImageBuffer<Rgb<u16>, Vec<u16>> {
     words(view, |v| (f32::from(v) / 255.0 * white).round() as u16)
 }
 
-/// Chromaticities of BT.2020 and of ACES2065-1, and the light of sRGB's red, green and blue in each, by float64.
+/// Chromaticities of BT.2020, and the light of sRGB's red, green and blue in it, computed in float64.
 const WIDE: ([f32; 8], [[f64; 3]; 3]) = (
     [0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290],
     [
@@ -56,6 +56,7 @@ const WIDE: ([f32; 8], [[f64; 3]; 3]) = (
         [0.0163914389, 0.0880133079, 0.8955952532],
     ],
 );
+/// Chromaticities of ACES2065-1, and the light of sRGB's red, green and blue in it, computed in float64.
 const ACES: ([f32; 8], [[f64; 3]; 3]) = (
     [0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767],
     [
@@ -65,18 +66,19 @@ const ACES: ([f32; 8], [[f64; 3]; 3]) = (
     ],
 );
 
-/// The light of a pixel in other primaries.
+/// Returns the light of a pixel in other primaries.
 fn light_in(mix: [[f64; 3]; 3], pixel: [u8; 3]) -> [f64; 3] {
     let [r, g, b] = pixel.map(|v| f64::from(light(v)));
     mix.map(|row| row[0] * r + row[1] * g + row[2] * b)
 }
 
-/// A view as EXR in other primaries, and 16 bits of linear light in them.
+/// Returns a view as EXR in other primaries.
 fn exr_of_primaries(view: &RgbImage, (at, mix): ([f32; 8], [[f64; 3]; 3])) -> Vec<u8> {
     let plane = |c: usize| view.pixels().map(|p| light_in(mix, p.0)[c] as f32).collect::<Vec<f32>>();
     exr_in(SIZE, Some(at), &[("B", plane(2)), ("G", plane(1)), ("R", plane(0))])
 }
 
+/// Returns a view as PNG in other primaries, with 16 bits of linear light.
 fn words_of_primaries(view: &RgbImage, mix: [[f64; 3]; 3]) -> Vec<u8> {
     let words: ImageBuffer<Rgb<u16>, Vec<u16>> = ImageBuffer::from_fn(view.width(), view.height(), |x, y| {
         Rgb(light_in(mix, view.get_pixel(x, y).0).map(|v| (v * 65535.0).round() as u16))
@@ -84,16 +86,16 @@ fn words_of_primaries(view: &RgbImage, mix: [[f64; 3]; 3]) -> Vec<u8> {
     png(words)
 }
 
-/// The chunk `cHRM`: white first.
+/// Returns the data of a chunk `cHRM`, which begins with white.
 fn chrm(at: [f32; 8]) -> Vec<u8> {
     let steps = |v: &f32| ((v * 1e5).round() as u32).to_be_bytes();
     at[6..].iter().chain(&at[..6]).flat_map(steps).collect()
 }
 
-/// The rounding of linear light to 16 bits.
+/// Allows the rounding of linear light to 16 bits.
 const LINEAR: Judge = Judge::Like(&VIEWS, 1e-4);
 
-/// The rounding of values of 10, 12 or 14 bits.
+/// Allows the rounding of values to 10, 12 or 14 bits.
 const ROUNDED: Judge = Judge::Like(&VIEWS, 1e-3);
 
 pub fn chapter() -> Chapter {
@@ -130,12 +132,12 @@ pub fn chapter() -> Chapter {
             with_chunk(&png(v.clone()), b"gAMA", &45455u32.to_be_bytes())
         })
         .right(EXACT),
-        views("Views are PNG files of linear light, and say so by a gamma of 1.", "png", |v| {
+        views("Views are PNG files of linear light, and a gamma of 1 states it.", "png", |v| {
             let linear = words(v, |v| (light(v) * 65535.0).round() as u16);
             with_chunk(&png(linear), b"gAMA", &100_000u32.to_be_bytes())
         })
         .right(Judge::Like(&VIEWS, 1e-4)),
-        views("A phone took the views upright and stores them lying, with an EXIF orientation.", "jpg", |v| {
+        views("A phone took the views upright and stores them sideways, with an EXIF orientation.", "jpg", |v| {
             jpeg(&image::imageops::rotate270(v), 6)
         })
         .right(JPEG),
@@ -147,7 +149,7 @@ pub fn chapter() -> Chapter {
         views("Names end in .png, and the files are JPEG.", "png", |v| jpeg(v, 1)).right(JPEG),
     ];
     situations.extend(refused());
-    Chapter { title: "Formats and values of views", about: "The views are those of the chapter above.", situations }
+    Chapter { title: "Formats and values of views", about: "The same views in other formats.", situations }
 }
 
 fn refused() -> Vec<Situation> {
@@ -196,7 +198,7 @@ fn refused() -> Vec<Situation> {
             mended("convert it to sRGB", |at| written(&at.join("views"), "png", |v| png(v.clone()))),
             EXACT,
         ),
-        views("EXR views state primaries that no colors lie between.", "exr", |v| {
+        views("EXR views state primaries that enclose no colors.", "exr", |v| {
             exr_of_primaries(
                 v,
                 ([0.2, 0.2, 0.3, 0.3, 0.4, 0.4, 0.3127, 0.3290], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -207,7 +209,7 @@ fn refused() -> Vec<Situation> {
             change("lightfield.toml", |at| file(&at.join("views/lightfield.toml"), "transfer = \"linear\"\n")),
             EXACT,
         ),
-        views("PNG views have color primaries that have no name.", "png", |v| {
+        views("PNG views state color primaries with an undefined code.", "png", |v| {
             with_chunk(&png(v.clone()), b"cICP", &[77, 13, 0, 1])
         })
         .refused(

@@ -1,4 +1,4 @@
-//! The frame: one situation, how the command is run, and how a remedy is followed.
+//! Runs the command of a situation, follows the remedy of a refusal and judges the result.
 
 use crate::common::{Refusal, folder, text};
 use crate::ground::{self, Ground};
@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The words that every picture of a scene ends in, unless the situation states a pupil of its own. The pupil is off the axis, so
-/// that views in another order and depths inside out give another picture. Of cells, because that is quick.
+/// The last words of each `render` command, unless the situation states its own pupil. The pupil is off the axis, so
+/// views in another order and inverted depths give another picture. `cells` is the quick method.
 pub const RENDER: &str = "--pupil=9,-4,2,0.5 --size 48x64 --photographs cells --engine cpu -o out.npy";
 
 /// Makes files in a folder.
@@ -27,15 +27,15 @@ pub struct Chapter {
 }
 
 impl Situation {
-    /// Has the command run on this ground.
+    /// Makes the command run on this ground.
     pub fn on(self, ground: Ground) -> Self {
         Self { ground, ..self }
     }
 }
 
-/// Files, a command, and its answer.
+/// Files of a user, a command, and its right answer.
 pub struct Situation {
-    /// What people have: one plain sentence of at most 160 characters, the same in no other situation.
+    /// One plain sentence about the user's files, of at most 160 characters. Each situation has its own sentence.
     pub have: String,
     /// The words of the command, without `eyebox`. Single quotes keep a space, and `\xE9` is a byte.
     pub words: String,
@@ -44,39 +44,41 @@ pub struct Situation {
     ground: Ground,
 }
 
-/// What the command does.
+/// The right answer of a command.
 pub enum Answer {
-    /// It ends with exit code 0, and the result is right.
+    /// The exit code is 0, and the result is right.
     Right(Judge),
-    /// It ends with exit code 2 and one line. `cause` is the error's code and names that the line must hold. The result is right
-    /// after the remedy.
+    /// The exit code is 2, and the command prints one line. `cause` has the code of the error and words that the line
+    /// must contain. The result is right after the remedy.
     Refused { cause: &'static str, remedy: Remedy, then: Judge },
 }
 
-/// Advice of the line of a refusal. The line must hold the options, keys, files and numbers that are given here.
+/// The advice in the line of a refusal. The line must contain the options, keys, files and numbers that are given here.
 #[allow(dead_code, reason = "not every form is needed at any time")]
 pub enum Remedy {
     /// Words to add to the command.
     Add(&'static str),
-    /// A word of the command, and another to write instead. Only the other must occur in the line.
+    /// A word of the command and its replacement. Only the replacement must occur in the line.
     Replace(&'static str, &'static str),
-    /// A form that the line names, a word of the command, and what that form makes of it.
+    /// A form that the line names, a word of the command, and the replacement of the word in this form.
     As(&'static str, &'static str, &'static str),
     /// Advice for the page, a word of the command, and the word that replaces it.
     By(&'static str, &'static str, &'static str),
     /// Another command, without `eyebox`.
     Instead(&'static str),
-    /// A text file in the folder, and lines to add to it, separated by `\n`. Every line must occur in the line of the refusal.
+    /// A text file in the folder, and lines to add to it, separated by `\n`. Every line must occur in the line of the
+    /// refusal.
     State(&'static str, &'static str),
-    /// A conversion of a file that these words of the line name, the word of the command for the file, and the one for the result.
+    /// The words of the line that name a conversion, the conversion, and the words of the command for the file and its
+    /// result.
     Convert(&'static str, Maker, &'static str, &'static str),
-    /// A change of the files: words of the line that name it, and a function that does it.
+    /// The words of the line that name a change of the files, and the change.
     Change(&'static str, Maker),
     /// Advice for the page and a change of the files.
     Mend(&'static str, Maker),
 }
 
-/// A change of the files, done by `how`, that these words of the line name.
+/// Makes a remedy that changes the files by `how`. The line must contain the words `named`.
 pub fn change(named: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) -> Remedy {
     Remedy::Change(named, Box::new(how))
 }
@@ -86,7 +88,8 @@ pub fn mended(prose: &'static str, how: impl Fn(&Path) + Send + Sync + 'static) 
     Remedy::Mend(prose, Box::new(how))
 }
 
-/// A conversion, done by `how`, that these words of the line name: `to` is the word of the command for its result.
+/// Makes a remedy that converts a file by `how`. The line must contain `named`, and `to` replaces `from` in the
+/// command.
 pub fn convert(
     named: &'static str,
     from: &'static str,
@@ -96,25 +99,25 @@ pub fn convert(
     Remedy::Convert(named, Box::new(how), from, to)
 }
 
-/// A situation that lacks its answer.
+/// A situation without its answer.
 pub struct Case {
     have: String,
     words: String,
     files: Maker,
 }
 
-/// What people have, the words of the command, and a function that makes the files.
+/// Makes a case of a sentence, the words of the command, and a function that makes the files.
 pub fn case(have: impl Into<String>, words: impl Into<String>, files: impl Fn(&Path) + Send + Sync + 'static) -> Case {
     Case { have: have.into(), words: words.into(), files: Box::new(files) }
 }
 
 impl Case {
-    /// The command ends well, and the result is right.
+    /// Adds the answer that the command succeeds with the right result.
     pub fn right(self, judge: Judge) -> Situation {
         self.with(Answer::Right(judge))
     }
 
-    /// The command refuses for this cause. After the remedy the result is right.
+    /// Adds the answer that the command refuses for this cause, and that the result is right after the remedy.
     pub fn refused(self, cause: &'static str, remedy: Remedy, then: Judge) -> Situation {
         self.with(Answer::Refused { cause, remedy, then })
     }
@@ -124,7 +127,7 @@ impl Case {
     }
 }
 
-/// What a command left, for those who judge it.
+/// The result of a command, for its judge.
 pub struct Outcome<'a> {
     /// The folder of the situation, in which the command ran.
     pub folder: &'a Path,
@@ -133,10 +136,10 @@ pub struct Outcome<'a> {
 }
 
 impl Chapter {
-    /// Follows all situations, several at a time.
+    /// Runs all situations, two at a time.
     ///
     /// # Panics
-    /// Lists every situation whose answer is another one.
+    /// Panics with a list of the situations that have a wrong answer.
     pub fn follow(&self) {
         let only = std::env::var("EYEBOX_SITUATION").unwrap_or_default();
         let asked = |s: &&Situation| s.have.contains(&only) || s.words.contains(&only);
@@ -156,7 +159,7 @@ impl Chapter {
         });
         let bad = bad.into_inner().unwrap();
         let all = situations.len();
-        assert!(bad.is_empty(), "{}: {} of {all} have another answer:\n{}", self.title, bad.len(), bad.join("\n"));
+        assert!(bad.is_empty(), "{}: {} of {all} have a wrong answer:\n{}", self.title, bad.len(), bad.join("\n"));
     }
 }
 
@@ -167,7 +170,7 @@ impl Situation {
         let ground = match self.ground.prefix(at) {
             Ok(ground) => ground,
             Err(why) => {
-                eprintln!("not tried, because {why}: {}", self.have);
+                eprintln!("skipped, because {why}: {}", self.have);
                 return Ok(());
             }
         };
@@ -180,7 +183,7 @@ impl Situation {
         let refusal = refusal(at, &ground, &self.words)?;
         let line = refusal.message;
         if contents(at) != before {
-            return Err(format!("the refusal leaves something behind: {:?} from {before:?}", contents(at)));
+            return Err(format!("the refusal changed the files: {:?} from {before:?}", contents(at)));
         }
         let named = |text: &str| match line.contains(text) {
             true => Ok(()),
@@ -235,7 +238,7 @@ impl Situation {
     }
 }
 
-/// Runs a command that ends well.
+/// Runs a command that must succeed.
 fn run<'a>(at: &'a Path, ground: &[String], words: &str) -> Result<Outcome<'a>, String> {
     let answer = ground::command(at, ground, &split(&complete(words))).output().expect("the command starts");
     let [stdout, stderr] = [&answer.stdout, &answer.stderr].map(|bytes| text(bytes));
@@ -245,7 +248,7 @@ fn run<'a>(at: &'a Path, ground: &[String], words: &str) -> Result<Outcome<'a>, 
     }
 }
 
-/// Runs a command that refuses, and returns why.
+/// Runs a command that must refuse, and returns its refusal.
 fn refusal(at: &Path, ground: &[String], words: &str) -> Result<Refusal, String> {
     let mut command = ground::command(at, ground, &split(&complete(words)));
     let answer = command.env("EYEBOX_JSON_ERRORS", "1").output().expect("the command starts");
@@ -257,13 +260,13 @@ fn refusal(at: &Path, ground: &[String], words: &str) -> Result<Refusal, String>
     }
 }
 
-/// The words of a command with those that every picture of a scene ends in.
+/// Returns the words of a command. A `render` command without a pupil receives [`RENDER`].
 fn complete(words: &str) -> String {
     let lacks_pupil = words.starts_with("render ") && !words.contains("--pupil");
     if lacks_pupil { format!("{words} {RENDER}") } else { words.to_owned() }
 }
 
-/// Splits words as a shell does: at spaces that no single quotes enclose. `\xE9` becomes one byte.
+/// Splits words at spaces outside single quotes, as a shell does. `\xE9` becomes one byte.
 fn split(words: &str) -> Vec<OsString> {
     let (mut out, mut word, mut quoted, mut begun) = (Vec::new(), Vec::new(), false, false);
     let bytes = words.as_bytes();
@@ -304,7 +307,7 @@ pub fn word_of(bytes: Vec<u8>) -> OsString {
     String::from_utf8_lossy(&bytes).into_owned().into()
 }
 
-/// Every file below a folder, with its length.
+/// Returns every file below a folder with its length.
 fn contents(folder: &Path) -> BTreeMap<std::path::PathBuf, u64> {
     let mut found = BTreeMap::new();
     let mut open = vec![folder.to_owned()];

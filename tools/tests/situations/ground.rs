@@ -1,5 +1,6 @@
-//! Where a command runs: disks that are full or may only be read, and people without rights. Root may write everywhere, so those are
-//! mounted for the command alone, and it runs as another user. A machine that does not allow this skips such situations.
+//! Places in which a command runs, such as a full or read-only disk, or a folder of another user. Root may write
+//! everywhere, so the test mounts these disks for the command alone or runs it as another user. A machine that does not
+//! allow this skips such situations.
 
 use crate::common;
 use std::ffi::OsString;
@@ -10,17 +11,17 @@ use std::process::{Command, Stdio};
 pub enum Ground {
     /// The folder of the situation.
     Usual,
-    /// The folder `full` in it is a disk of its own, mounted with these options.
+    /// The folder of the situation, in which `full` is a disk of its own with these options of `mount`.
     Disk(&'static str),
-    /// The user has no rights beyond those that files state.
+    /// The folder of the situation, for a user without more rights than the files give.
     Stranger,
 }
 
 impl Ground {
-    /// The words before the command: none if it runs as the tests do.
+    /// Returns the words before the command. There are none if it runs as the tests do.
     ///
     /// # Errors
-    /// Why this machine has no such ground.
+    /// Returns the reason if this machine has no such ground.
     pub fn prefix(self, at: &Path) -> Result<Vec<String>, String> {
         let words = |text: &[&str]| text.iter().map(|&word| word.to_owned()).collect::<Vec<_>>();
         let candidates = match self {
@@ -51,7 +52,7 @@ fn is_root() -> bool {
     Command::new("id").arg("-u").output().is_ok_and(|answer| answer.stdout.trim_ascii() == b"0")
 }
 
-/// The command in `at` behind the words of a ground.
+/// Returns the command in `at`, after the words of a ground.
 pub fn command(at: &Path, ground: &[String], words: &[OsString]) -> Command {
     let mut own = common::command(at, &[]);
     let Some((first, rest)) = ground.split_first() else {

@@ -1,4 +1,4 @@
-//! Holograms that are looked for, moved and damaged.
+//! Situations with holograms that were moved, renamed, damaged or made by an old version.
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, mended};
@@ -12,28 +12,28 @@ use std::sync::OnceLock;
 
 const SOLVE: &str = "--size 48x64 --color green --frames 1 --steps 1 --engine cpu";
 
-/// The hologram was scored against its own scene.
+/// Checks that the hologram was scored against its own scene.
 const SCORED: Judge = Judge::By(|outcome| scored(outcome, |own, found| (own - found).abs() < 1e-6));
-/// It was scored against another one.
+/// Checks that the hologram was scored against another scene.
 const OTHER: Judge = Judge::By(|outcome| scored(outcome, |own, found| (own - found).abs() > 0.1));
-/// The phases of the first hologram were written.
+/// Checks that the command wrote the phases of one hologram.
 const FIRST: Judge = Judge::By(|outcome| {
     let phases = eyebox::low_level::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?;
     let right = phases.values.len() == 48 * 64 && phases.values.iter().any(|v| *v != 0.0);
     if right { Ok(()) } else { Err(format!("phases of shape {:?}", phases.shape)) }
 });
 
-/// Runs a command that must work.
+/// Runs a command that must succeed.
 fn run(at: &Path, words: &str) -> String {
     done(at, &words.split_whitespace().collect::<Vec<_>>())
 }
 
-/// A folder of views, and the hologram beside it, which was solved in another place.
+/// Copies a folder of views and its hologram, which was solved in another folder.
 fn solved(at: &Path) {
     copy(kept(), at);
 }
 
-/// What `solved` copies. The folder was renamed after the solve, so that nothing is where the hologram was solved.
+/// Returns the folder that `solved` copies. It was renamed after the solve, so the paths of the solve no longer exist.
 fn kept() -> &'static Path {
     static KEPT: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let make = || {
@@ -47,14 +47,14 @@ fn kept() -> &'static Path {
     &KEPT.get_or_init(make).1
 }
 
-/// A folder of views, and the hologram that was solved beside it.
+/// Saves a folder of views and solves a hologram next to it.
 fn solved_here(at: &Path) {
     save(&at.join("a/scene"), |row, column| format!("v_{row}_{column}.png"));
     file(&at.join("pupils.json"), "[[4, -2, 4, 0.5]]");
     run(at, &format!("solve a/scene {SOLVE} -o a/h.zarr"));
 }
 
-/// Views of another scene under the same names: the colors of this one are inverted.
+/// Saves views of another scene under the same names. Their colors are inverted.
 fn other(folder: &Path) {
     save(folder, |row, column| format!("v_{row}_{column}.png"));
     for entry in fs::read_dir(folder).expect("a folder").flatten() {
@@ -68,7 +68,7 @@ fn psnr(said: &str) -> Option<f64> {
     serde_json::from_str::<Value>(said).ok()?["psnr_db"]["mean"].as_f64()
 }
 
-/// Compares a score with that of the hologram beside its scene.
+/// Compares a score with the score of the usual hologram against its own scene.
 fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), String> {
     static OWN: OnceLock<f64> = OnceLock::new();
     let own = *OWN.get_or_init(|| {
@@ -83,7 +83,7 @@ fn scored(outcome: &Outcome, right: impl Fn(f64, f64) -> bool) -> Result<(), Str
     }
 }
 
-/// The usual hologram, changed by `how`, and scored.
+/// A situation that scores the usual hologram after a change by `how`.
 fn score(have: &str, words: &str, how: impl Fn(&Path) + Send + Sync + 'static) -> Case {
     from(solved, have, words, how)
 }
@@ -108,16 +108,16 @@ fn copy(from: &Path, to: &Path) {
 
 const CHUNK: &str = "a/h.zarr/phases/c/0/0/0/0";
 
-/// The hologram is copied again into its place.
+/// Replaces the hologram by a new copy.
 fn again(at: &Path) {
     fs::remove_dir_all(at.join("a/h.zarr")).expect("a hologram");
     copy(&kept().join("a/h.zarr"), &at.join("a/h.zarr"));
 }
 
-/// Holograms and scenes that were moved, renamed or changed.
+/// Returns situations with holograms and scenes that were moved, renamed or changed.
 fn moved() -> Vec<Situation> {
     vec![
-        score("A hologram lies beside its scene in another folder.", "a/h.zarr", |_| ()).right(SCORED),
+        score("A hologram is next to its scene in another folder.", "a/h.zarr", |_| ()).right(SCORED),
         score("A hologram and its scene were moved together.", "b/h.zarr", |at| {
             fs::rename(at.join("a"), at.join("b")).expect("a move");
         })
@@ -130,7 +130,7 @@ fn moved() -> Vec<Situation> {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
         })
         .right(SCORED),
-        from(solved_here, "A hologram was copied beside another folder of its scene's name.", "c/h.zarr", |at| {
+        from(solved_here, "A hologram was copied next to another folder with its scene's name.", "c/h.zarr", |at| {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
             other(&at.join("c/scene"));
         })
@@ -140,7 +140,7 @@ fn moved() -> Vec<Situation> {
         })
         .right(SCORED),
         score("A hologram is named with dots and a slash at the end.", "./a/../a/h.zarr/", |_| ()).right(SCORED),
-        score("The scene of a hologram was moved alone.", "a/h.zarr", |at| {
+        score("The scene of a hologram was moved without the hologram.", "a/h.zarr", |at| {
             fs::rename(at.join("a/scene"), at.join("kept")).expect("a move");
         })
         .refused(
@@ -170,12 +170,12 @@ fn moved() -> Vec<Situation> {
             Remedy::As("a/h.zarr", "a/h", "a/h.zarr"),
             SCORED,
         ),
-        score("A file inside of a hologram is named.", "a/h.zarr/zarr.json", |_| ()).refused(
+        score("The command names a file inside a hologram.", "a/h.zarr/zarr.json", |_| ()).refused(
             "hologram/not-a-hologram/file-of-a-hologram",
             Remedy::As("a/h.zarr", "a/h.zarr/zarr.json", "a/h.zarr"),
             SCORED,
         ),
-        score("The folder around a hologram is named.", "c", |at| {
+        score("The command names the folder around a hologram.", "c", |at| {
             copy(&at.join("a/h.zarr"), &at.join("c/h.zarr"));
         })
         .refused(
@@ -186,7 +186,7 @@ fn moved() -> Vec<Situation> {
     ]
 }
 
-/// Holograms that were damaged, and other files in their place.
+/// Returns situations with damaged holograms, and with other files instead of a hologram.
 fn damaged() -> Vec<Situation> {
     vec![
         score("A file of phases was lost in a copy.", "a/h.zarr", |at| {
@@ -209,11 +209,11 @@ fn damaged() -> Vec<Situation> {
             file(&at.join(CHUNK), &bytes);
         })
         .refused("hologram/damaged/checksum", mended("copy it again", again), SCORED),
-        case("One hologram of a sequence is wanted.", "convert s.zarr p.npy", |at| {
+        case("You need one hologram of a sequence.", "convert s.zarr p.npy", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
         .refused("hologram/not-a-hologram/is-a-sequence", Remedy::Add("--at 0"), FIRST),
-        case("A hologram beyond the end of a sequence is wanted.", "convert s.zarr p.npy --at 2", |at| {
+        case("The command requests a hologram beyond the end of a sequence.", "convert s.zarr p.npy --at 2", |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
         .refused(
@@ -234,14 +234,14 @@ fn damaged() -> Vec<Situation> {
     ]
 }
 
-/// Copies a hologram that version 0.1.0 wrote.
+/// A situation with a hologram that version 0.1.0 wrote.
 fn from_old(name: &'static str, have: &str, words: &str) -> Case {
     case(have, words, move |at| {
         copy(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/old_holograms").join(name), &at.join("old.zarr"));
     })
 }
 
-/// The phases are those that the old file has in these chunks.
+/// Checks that the phases equal the values in these chunks of the old file.
 fn are_phases(outcome: &Outcome, chunks: &[&str]) -> Result<(), String> {
     let found = eyebox::low_level::files::read_npy(&outcome.folder.join("p.npy")).map_err(|e| e.to_string())?.values;
     let stored = |chunk: &&str| {
@@ -250,16 +250,16 @@ fn are_phases(outcome: &Outcome, chunks: &[&str]) -> Result<(), String> {
         values.map(|v| f32::from_le_bytes([v[0], v[1], v[2], v[3]])).collect::<Vec<_>>()
     };
     let right: Vec<f32> = chunks.iter().flat_map(stored).collect();
-    if found == right { Ok(()) } else { Err(format!("{} phases, which are others", found.len())) }
+    if found == right { Ok(()) } else { Err(format!("{} phases, which differ", found.len())) }
 }
 
-/// The PSNR of `tests/old_holograms/relay`, which is 15.7 dB against a scene that it does not show.
+/// Checks the PSNR of `tests/old_holograms/relay`, which is 15.7 dB against a scene that it does not show.
 const OLD: Judge = Judge::By(|outcome| match psnr(&outcome.stdout) {
     Some(found) if (19.5..21.5).contains(&found) => Ok(()),
     found => Err(format!("{found:?} dB")),
 });
 
-/// Holograms of version 0.1.0, sequences, and scenes with unusual numbers.
+/// Returns situations with holograms of version 0.1.0, sequences, and scenes with unusual numbers.
 fn old() -> Vec<Situation> {
     let score = "eval score old.zarr --jod none --engine cpu --json";
     let unusual = "eval score u.zarr --jod none --engine cpu --json";
@@ -274,7 +274,7 @@ fn old() -> Vec<Situation> {
             Remedy::Add("--at 0"),
             Judge::By(|outcome| are_phases(outcome, &["0/0/0/0/0"])),
         ),
-        case("A hologram was solved with depths that `--force` took.", unusual, |at| {
+        case("A hologram was solved with unusual depths and `--force`.", unusual, |at| {
             crate::made::all()[0].save(at.join("photo.png")).expect("a picture");
             image::GrayImage::from_fn(64, 48, |x, _| image::Luma([4 * x as u8])).save(at.join("d.png")).expect("a map");
             let scene = "photo.png --depth-map d.png --near bright --depth=-0.003..0.003 --views 3";
@@ -284,7 +284,7 @@ fn old() -> Vec<Situation> {
             Some(found) if found > 10.0 => Ok(()),
             found => Err(format!("{found:?} dB")),
         })),
-        case("A sequence is to be studied.", STUDY, |at| {
+        case("You study a sequence.", STUDY, |at| {
             run(at, &format!("solve builtin:plane builtin:plane?depth=0.5 {SOLVE} -o s.zarr"));
         })
         .refused(

@@ -1,4 +1,4 @@
-//! How a result is judged: by its values, never by wording.
+//! Judges results by their values, never by their wording.
 
 use crate::common::eyebox;
 use crate::frame::{Outcome, RENDER};
@@ -6,32 +6,33 @@ use eyebox::low_level::files::read_npy;
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// A result is farther from every misreading than from the right picture by this factor.
+/// A result must be farther from every misreading than from the right picture by this factor.
 const CLEARLY: f32 = 2.0;
 
-/// Judges what a command left.
+/// Judges the result of a command.
 pub enum Judge {
-    /// `out.npy` is the picture of this scene within an error [1 is white], as the format's bits leave it.
+    /// `out.npy` must be the picture of this scene within an error [1 is white], which depends on the bits of the
+    /// format.
     Like(&'static Canon, f32),
-    /// A function of its own judges.
+    /// This function judges the result.
     By(fn(&Outcome) -> Result<(), String>),
 }
 
-/// A fault, and how the files are made that a reader with it would see.
+/// A fault of a reader, and a function that makes the files as this reader would see them.
 pub type Misreading = (&'static str, fn(&Path) -> String);
 
-/// A scene in its plainest form, and the same scene misread in every way that must show.
+/// A scene in its plainest form, and all misreadings of it that the test must notice.
 pub struct Canon {
-    /// Makes the files in a folder, and returns the words of the command behind `render`.
+    /// Makes the files in a folder, and returns the words of the command after `render`.
     pub right: fn(&Path) -> String,
-    /// Each fault, and how its files are made.
+    /// The misreadings of the scene.
     pub wrong: &'static [Misreading],
-    /// The words that the command ends in.
+    /// The last words of the command.
     words: &'static str,
     seen: OnceLock<Pictures>,
 }
 
-/// The picture of a scene, and of all its misreadings.
+/// The pictures of a scene and of all its misreadings.
 pub struct Pictures {
     right: Vec<f32>,
     wrong: Vec<(&'static str, Vec<f32>)>,
@@ -42,20 +43,20 @@ impl Canon {
         Self::through(RENDER, right, wrong)
     }
 
-    /// A scene whose picture is made with other words than most.
+    /// Makes a scene whose command has other last words than most.
     pub const fn through(words: &'static str, right: fn(&Path) -> String, wrong: &'static [Misreading]) -> Self {
         Self { right, wrong, words, seen: OnceLock::new() }
     }
 
     fn seen(&self) -> &Pictures {
         self.seen.get_or_init(|| {
-            let right = self.picture(self.right).expect("the plainest form is read");
+            let right = self.picture(self.right).expect("eyebox reads the plainest form");
             let wrong = self.wrong.iter().filter_map(|(fault, make)| Some((*fault, self.picture(*make)?))).collect();
             Pictures { right, wrong }
         })
     }
 
-    /// None if the command refuses the scene: nobody takes that for the right picture.
+    /// Returns the picture, or none if the command refuses the scene. A refusal cannot look like the right picture.
     fn picture(&self, make: fn(&Path) -> String) -> Option<Vec<f32>> {
         let temp = crate::common::folder();
         let words = format!("render {} {}", make(temp.path()), self.words);
@@ -86,7 +87,7 @@ fn like(outcome: &Outcome, canon: &Pictures, error: f32) -> Result<(), String> {
     let off = rms(&found, &canon.right);
     let most = found.iter().zip(&canon.right).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let far: Vec<_> = canon.wrong.iter().map(|(fault, wrong)| (*fault, rms(&found, wrong))).collect();
-    // A single pixel may be off by more than most are: an edge of a depth map.
+    // A single pixel may have a larger error than most, such as at an edge of a depth map.
     if off <= error && most <= 20.0 * error && far.iter().all(|(_, away)| *away > CLEARLY * off.max(1e-6)) {
         return Ok(());
     }

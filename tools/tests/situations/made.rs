@@ -1,4 +1,4 @@
-//! The scenes that situations bring, and how they are written.
+//! Makes the scenes of the situations and writes them.
 
 use crate::judge::{Canon, Judge};
 use eyebox::low_level::files::write_npy;
@@ -7,14 +7,15 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// Rows and columns of views, and of their pixels.
+/// Rows and columns of views.
 pub const GRID: [usize; 2] = [3, 5];
+/// Rows and columns of the pixels of a view.
 pub const SIZE: [usize; 2] = [48, 64];
 
-/// Pixels by which wall and disc move from view to view.
+/// Movement of the wall and of the disc from view to view [pixels].
 const DISPARITY: [f32; 2] = [-0.7, 0.9];
 
-/// One color of the texture of a surface.
+/// Returns one color of the texture of a surface.
 fn texture(layer: usize, color: usize, x: f32, y: f32) -> f32 {
     let wave = |k: usize| {
         let k = (k + 7 * layer + 3 * color) as f32;
@@ -25,7 +26,8 @@ fn texture(layer: usize, color: usize, x: f32, y: f32) -> f32 {
     (0.3 + 0.15 * color as f32 + 0.11 * sum).clamp(0.02, 0.98)
 }
 
-/// A disc and a bar before a wall, as 8 bits by the sRGB curve, seen from `down` rows and `right` columns off the middle.
+/// Returns the view of a disc and a bar in front of a wall, from `down` rows and `right` columns off the middle. It has
+/// 8 bits by the sRGB curve.
 pub fn view([down, right]: [f32; 2]) -> RgbImage {
     let [h, w] = SIZE.map(|n| n as f32);
     RgbImage::from_fn(SIZE[1] as u32, SIZE[0] as u32, |x, y| {
@@ -39,13 +41,13 @@ pub fn view([down, right]: [f32; 2]) -> RgbImage {
     })
 }
 
-/// The view in a row and column of a grid.
+/// Returns the view in a row and column of a grid.
 pub fn view_of([rows, columns]: [usize; 2], row: usize, column: usize) -> RgbImage {
     let off = |i: usize, n: usize| i as f32 - (n as f32 - 1.0) / 2.0;
     view([off(row, rows), off(column, columns)])
 }
 
-/// All views of the usual grid, row by row. They are rendered once.
+/// Returns all views of the usual grid, row by row. They are rendered once.
 pub fn all() -> Vec<RgbImage> {
     static ALL: LazyLock<Vec<RgbImage>> =
         LazyLock::new(|| (0..GRID[0] * GRID[1]).map(|i| view_of(GRID, i / GRID[1], i % GRID[1])).collect());
@@ -61,13 +63,13 @@ pub fn save(folder: &Path, name: impl Fn(usize, usize) -> String) {
     }
 }
 
-/// Linear light of an sRGB value of 8 bits.
+/// Returns the linear light of an sRGB value of 8 bits.
 pub fn light(value: u8) -> f32 {
     let v = f64::from(value) / 255.0;
     (if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
 }
 
-/// Words for the views of a grid as one array, each value of 8 bits as `value` makes light of it.
+/// Writes the views of a grid as one array, and returns the words for it. `value` converts a value of 8 bits to light.
 pub fn array(at: &Path, [rows, columns]: [usize; 2], views: &[RgbImage], value: impl Fn(u8) -> f32) -> String {
     let values: Vec<f32> = views.iter().flat_map(|view| view.as_raw()).map(|v| value(*v)).collect();
     write_npy(&at.join("v.npy"), &[rows, columns, SIZE[0], SIZE[1], 3], &values).expect("an array");
@@ -78,7 +80,7 @@ fn one(row: usize, column: usize) -> RgbImage {
     all().swap_remove(row * GRID[1] + column)
 }
 
-/// The usual views in another place: `from` has the view that stands in a row and column.
+/// Writes the usual views in another order. `from` returns the view for a row and column.
 fn places(at: &Path, from: impl Fn(usize, usize) -> RgbImage) -> String {
     let views: Vec<_> = (0..GRID[0] * GRID[1]).map(|i| from(i / GRID[1], i % GRID[1])).collect();
     array(at, GRID, &views, light)
@@ -88,10 +90,10 @@ fn right(at: &Path) -> String {
     array(at, GRID, &all(), light)
 }
 
-/// 8 bits leave no error: all formats without loss hold the same numbers.
+/// Allows no error of the format, because all lossless formats of 8 bits have the same numbers.
 pub const EXACT: Judge = Judge::Like(&VIEWS, 2e-6);
 
-/// The views of the usual grid, and every way in which they may be misread.
+/// The views of the usual grid, and every possible misreading of them.
 pub static VIEWS: Canon = Canon::new(
     right,
     &[

@@ -1,13 +1,14 @@
-//! Situations of people who bring files to eyebox. The command answers each with the right result, or with one line that names the
-//! cause and a remedy. The tests follow every remedy. `docs/situations.md` is made of the same data.
+//! Situations of users who bring files to eyebox. The command answers each with the right result, or with one line that
+//! names the cause and a remedy. The tests follow every remedy. `docs/situations.md` shows the same data.
 //!
-//! To add a situation, add a [`frame::case`] to the list of a chapter: what people have, the words of the command, a function that
-//! makes the files in a folder of its own, and the answer. `right` states how the result is judged. `refused` states words of the
-//! cause, the remedy, and how the result is judged after the remedy was followed. To add a chapter, write a file with a function
-//! `chapter`, declare it below, and name it in `chapters!`. Then write the page anew.
+//! To add a situation, add a [`frame::case`] to the list of a chapter. It has a sentence about the files, the words of
+//! the command, and a function that makes the files in a folder of its own. Then add the answer. `right` has the judge
+//! of the result. `refused` has words of the cause, the remedy, and the judge of the result after the remedy. To add a
+//! chapter, write a file with a function `chapter`, declare it below, and name it in `chapters!`. Then write the page
+//! again.
 //!
 //! `EYEBOX_SITUATIONS=write cargo test --workspace --test situations page` writes the page.
-//! `EYEBOX_SITUATION=text` runs those situations alone whose sentence or command contains the text.
+//! `EYEBOX_SITUATION=text` runs only situations whose sentence or command contains the text.
 
 #[path = "../command/common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! Numbers on the command line, places of results, and displays that holograms are shown on.
+//! Situations with numbers on the command line, paths of results, and displays of holograms.
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, mended};
@@ -19,7 +19,7 @@ fn hologram(at: &Path) {
     run(at, &format!("{SOLVE} -o h.zarr"));
 }
 
-/// The view is that of the hologram through the right pupil.
+/// Checks that the view shows the hologram through the right pupil.
 const VIEW: Judge = Judge::By(|outcome| {
     static RIGHT: OnceLock<Vec<f32>> = OnceLock::new();
     let right = RIGHT.get_or_init(|| {
@@ -31,10 +31,10 @@ const VIEW: Judge = Judge::By(|outcome| {
     let places = ["v.npy", "out/v.npy"].map(|name| outcome.folder.join(name));
     let place = places.iter().find(|place| place.exists()).ok_or("no view was written")?;
     let found = read_npy(place).map_err(|e| e.to_string())?.values;
-    if &found == right { Ok(()) } else { Err("the view is another one".into()) }
+    if &found == right { Ok(()) } else { Err("the view differs".into()) }
 });
 
-/// One video frame of the hologram's size was written.
+/// Checks that the command wrote one video frame of the hologram's size.
 const FRAMES: Judge = Judge::By(|outcome| {
     let frames = ["frames", "out/frames"].map(|name| outcome.folder.join(name).join("frame-00000.png"));
     let place = frames.iter().find(|place| place.exists()).ok_or("no video frame was written")?;
@@ -42,7 +42,7 @@ const FRAMES: Judge = Judge::By(|outcome| {
     if size == (32, 24) { Ok(()) } else { Err(format!("a video frame of {size:?}")) }
 });
 
-/// A hologram of this size and number of sub-frames was written.
+/// Checks that the command wrote a hologram of the usual size with this number of sub-frames.
 fn solved(outcome: &Outcome, frames: usize) -> Result<(), String> {
     run(outcome.folder, "convert y.zarr y.npy");
     let values = read_npy(&outcome.folder.join("y.npy")).map_err(|e| e.to_string())?.values.len();
@@ -88,7 +88,7 @@ fn numbers() -> Vec<Situation> {
         pupil("A pupil lacks its focus.", "2,-1,4", "usage/value-validation", form, "2,-1,4", "2,-1,4,1.5"),
         pupil("A pupil has a fifth number.", "2,-1,4,1.5,0", "usage/value-validation", form, "1.5,0", "1.5"),
         pupil("A pupil has semicolons.", "'2;-1;4;1.5'", "usage/value-validation", form, "'2;-1;4;1.5'", "2,-1,4,1.5"),
-        pupil("A pupil has a word.", "two,-1,4,1.5", "usage/value-validation", form, "two", "2"),
+        pupil("A pupil contains a word.", "two,-1,4,1.5", "usage/value-validation", form, "two", "2"),
         pupil("A pupil is in meters.", "2,-1,0.004,1.5", "arguments/unusual 0.004", "4", "0.004", "4"),
         pupil("A pupil is outside of the eyebox.", "200,-1,4,1.5", "arguments/outside-eyebox", "13.00", "200", "2"),
         case("A negative number of steps.", SOLVE.replace("--steps 1", "--steps -2") + " -o y.zarr", |_| ()).refused(
@@ -126,7 +126,7 @@ fn numbers() -> Vec<Situation> {
 
 fn places() -> Vec<Situation> {
     vec![
-        view("A view is to become a JPEG file.", "--pupil=2,-1,4,1.5 -o v.jpg").refused(
+        view("A view goes to a JPEG file.", "--pupil=2,-1,4,1.5 -o v.jpg").refused(
             "arguments/ending v.jpg",
             Remedy::As(".png .npy", "v.jpg", "v.npy"),
             VIEW,
@@ -136,13 +136,13 @@ fn places() -> Vec<Situation> {
             Remedy::As(".png .npy", "-o v", "-o v.npy"),
             VIEW,
         ),
-        view("A view goes to a folder that is not there.", "--pupil=2,-1,4,1.5 -o out/v.npy").refused(
+        view("A view goes to a folder that does not exist.", "--pupil=2,-1,4,1.5 -o out/v.npy").refused(
             "arguments/no-such-folder",
             mended("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
             VIEW,
         ),
         case(
-            "A view goes into a file as if that were a folder.",
+            "The path of a view has a file instead of a folder.",
             "render h.zarr --pupil=2,-1,4,1.5 -o f/v.npy",
             |at| {
                 hologram(at);
@@ -150,12 +150,12 @@ fn places() -> Vec<Situation> {
             },
         )
         .refused("arguments/no-such-folder", Remedy::By("give another place", "f/v.npy", "v.npy"), VIEW),
-        encode("Video frames go to a folder inside of one that is not there.", "-o out/frames").refused(
+        encode("Video frames go to a folder inside a folder that does not exist.", "-o out/frames").refused(
             "file/taken/no-such-folder",
             mended("make it", |at| std::fs::create_dir(at.join("out")).expect("a folder")),
             FRAMES,
         ),
-        encode("Video frames go to a place where a file is.", "-o f").refused(
+        encode("Video frames go to the path of a file.", "-o f").refused(
             "file/taken/is-a-file",
             Remedy::By("give another place", "-o f", "-o frames"),
             FRAMES,
@@ -165,32 +165,32 @@ fn places() -> Vec<Situation> {
             Remedy::By("give another place", "-o mine", "-o frames"),
             FRAMES,
         ),
-        encode("Video frames go into a file as if that were a folder.", "-o f/frames").refused(
+        encode("The path of video frames has a file instead of a folder.", "-o f/frames").refused(
             "file/taken/no-such-folder",
             Remedy::By("give another place", "f/frames", "frames"),
             FRAMES,
         ),
-        case("A hologram is to become a picture.", format!("{SOLVE} -o y.png"), |_| ()).refused(
+        case("A hologram goes to a picture file.", format!("{SOLVE} -o y.png"), |_| ()).refused(
             "arguments/ending y.png",
             Remedy::As(".zarr", "y.png", "y.zarr"),
             SOLVED,
         ),
-        case("The place of a hologram is given as an output of `show`.", format!("{SOLVE} --output y.zarr"), |_| ())
+        case("The path of a hologram is given as an output of `show`.", format!("{SOLVE} --output y.zarr"), |_| ())
             .refused("usage/value-validation 'y.zarr'", Remedy::As("--out", "--output", "--out"), SOLVED),
     ]
 }
 
-/// Disks and folders that cannot be written to.
+/// Returns situations with disks, folders and files that allow no access.
 fn denied() -> Vec<Situation> {
     vec![
         view("The disk for a view is full.", "--pupil=2,-1,4,1.5 -o full/v.npy")
             .refused("file/full", Remedy::By("write elsewhere", "full/v.npy", "v.npy"), VIEW)
             .on(Ground::Disk("size=4k,nr_inodes=1")),
-        view("A view goes to a disk that may only be read.", "--pupil=2,-1,4,1.5 -o full/v.npy")
+        view("A view goes to a read-only disk.", "--pupil=2,-1,4,1.5 -o full/v.npy")
             .refused("file/denied", Remedy::By("give another place", "full/v.npy", "v.npy"), VIEW)
             .on(Ground::Disk("ro")),
         case(
-            "A view goes to a folder of somebody else.",
+            "A view goes to a folder of another user.",
             "render h.zarr --pupil=2,-1,4,1.5 --engine cpu -o theirs/v.npy",
             |at| {
                 hologram(at);
@@ -202,7 +202,7 @@ fn denied() -> Vec<Situation> {
         )
         .refused("file/denied", Remedy::By("give another place", "theirs/v.npy", "out/v.npy"), VIEW)
         .on(Ground::Stranger),
-        case("A hologram may not be read.", "render h.zarr --pupil=2,-1,4,1.5 --engine cpu -o out/v.npy", |at| {
+        case("A hologram is not readable.", "render h.zarr --pupil=2,-1,4,1.5 --engine cpu -o out/v.npy", |at| {
             hologram(at);
             std::fs::create_dir(at.join("out")).expect("a folder");
             open(&at.join("out"), 0o777);
@@ -215,7 +215,7 @@ fn denied() -> Vec<Situation> {
 
 fn displays() -> Vec<Situation> {
     vec![
-        encode("A hologram of one size is encoded without any word about it.", "-o frames").right(FRAMES),
+        encode("A hologram is encoded without a size in the command.", "-o frames").right(FRAMES),
         encode("A hologram is encoded for another size.", "--size 48x64 -o frames").refused(
             "arguments/size 24x32",
             Remedy::Replace("--size 48x64", "--size 24x32"),
@@ -240,7 +240,7 @@ fn displays() -> Vec<Situation> {
             Judge::By(|_| Ok(())),
         ),
         case(
-            "A hologram is recorded into a place where a file is.",
+            "A recording goes to the path of a file.",
             "show h.zarr --clock simulated --duration 0.1 --record f --engine cpu",
             |at| {
                 hologram(at);
@@ -255,7 +255,7 @@ fn displays() -> Vec<Situation> {
     ]
 }
 
-/// The pictures that were shown were recorded.
+/// Checks that the recording lists the pictures on the display.
 fn recorded(outcome: &Outcome) -> Result<(), String> {
     let shown = std::fs::read_to_string(outcome.folder.join("g/shown.csv")).map_err(|e| e.to_string())?;
     if shown.lines().count() > 2 { Ok(()) } else { Err(format!("recorded: {shown}")) }

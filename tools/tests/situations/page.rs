@@ -16,7 +16,7 @@ Each row is a test. The command either gives the right result, or stops with exi
 The test follows the remedy and judges the result by its values. `render` has a pupil and an output file in every test, as above.
 ";
 
-/// `EYEBOX_SITUATIONS=write` writes it anew.
+/// With `EYEBOX_SITUATIONS=write`, the test writes the page.
 #[test]
 fn the_page_is_made_of_the_situations() {
     let mut page = HEAD.to_owned();
@@ -34,7 +34,7 @@ fn the_page_is_made_of_the_situations() {
     let kept = std::fs::read_to_string(&file).unwrap_or_default().replace("\r\n", "\n");
     assert!(
         kept == page,
-        "docs/situations.md is not what the tests say: EYEBOX_SITUATIONS=write with this test writes it"
+        "docs/situations.md differs from the tests. Run this test with EYEBOX_SITUATIONS=write to write it"
     );
 }
 
@@ -67,7 +67,7 @@ fn answer(situation: &Situation) -> String {
     format!("refused as {}. Remedy: {remedy}", code(error))
 }
 
-/// A table ends a cell at a bar.
+/// Escapes bars, because a bar ends a cell of a table.
 fn plain(text: &str) -> String {
     text.replace('|', "\\|")
 }

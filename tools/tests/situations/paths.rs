@@ -1,4 +1,4 @@
-//! Names and paths of scenes.
+//! Situations with names and paths of scenes.
 
 use crate::frame::{Case, Chapter, Remedy, case, convert, mended, word_of};
 use crate::made::{EXACT, save};
@@ -9,7 +9,7 @@ fn usual(r: usize, c: usize) -> String {
     format!("view_{r}_{c}.png")
 }
 
-/// The usual views in a folder of this name, given by these words.
+/// A situation with the usual views in a folder of this name. The command has these words for it.
 fn at_path(have: &str, words: &str, folder: &'static str) -> Case {
     case(have, format!("render {words}"), move |at| save(&at.join(folder), usual))
 }
@@ -19,7 +19,7 @@ fn link(to: &Path, from: &Path) {
     std::os::unix::fs::symlink(to, from).expect("a link");
 }
 
-/// Where there are no links, a copy.
+/// Copies the folder, because not every system has links.
 #[cfg(not(unix))]
 fn link(to: &Path, from: &Path) {
     fs::create_dir_all(from).expect("a folder");
@@ -33,10 +33,10 @@ pub fn chapter() -> Chapter {
         at_path("The folder has letters of other scripts in its name.", "场景-Ü", "场景-Ü").right(EXACT),
         at_path("The path ends in a slash.", "views/", "views").right(EXACT),
         at_path("The path goes up and down again.", "a/../views/.", "views/../a/../views").right(EXACT),
-        at_path("The folder is deep in others.", "data/2024/05/scene/views", "data/2024/05/scene/views").right(EXACT),
-        at_path("The name of the folder has 200 letters.", &"v".repeat(120), "vvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvv").right(EXACT),
+        at_path("The folder is deep in a tree.", "data/2024/05/scene/views", "data/2024/05/scene/views").right(EXACT),
+        at_path("The name of the folder has 120 letters.", &"v".repeat(120), "vvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvvv").right(EXACT),
         at_path("The name of the folder has brackets and a percent sign.", "'views [50%]'", "views [50%]").right(EXACT),
-        at_path("The name of the folder has a point and looks like a file.", "views.v2", "views.v2").right(EXACT),
+        at_path("The name of the folder has a dot and looks like a file name.", "views.v2", "views.v2").right(EXACT),
         at_path("The name of the folder has a question mark.", "'which?'", "which?").right(EXACT),
     ];
     situations.push(

@@ -1,4 +1,4 @@
-//! Phases of other programs.
+//! Situations with phases of other programs.
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert, mended};
@@ -9,17 +9,17 @@ use image::{ImageBuffer, Luma, Rgb};
 use std::f32::consts::TAU;
 use std::path::Path;
 
-/// Sub-frames, rows and columns.
+/// Numbers of sub-frames, rows and columns.
 const SHAPE: [usize; 3] = [3, 24, 32];
 
-/// A phase [radians].
+/// Returns the phase of a pixel [radians].
 fn phase([frame, row, column]: [usize; 3]) -> f32 {
     let [f, y, x] = [frame, row, column].map(|n| n as f32);
     let all = 0.7 * f + 0.31 * x + 0.17 * y + 0.01 * x * y;
     all - TAU * (all / TAU).round()
 }
 
-/// All phases in the order of these axes.
+/// Returns all phases in the order of these axes.
 fn phases([a, b, c]: [usize; 3]) -> Vec<f32> {
     let mut out = Vec::new();
     for i in 0..SHAPE[a] {
@@ -38,17 +38,17 @@ fn usual() -> Vec<f32> {
     phases([0, 1, 2])
 }
 
-/// A turn as a share of one, from 0.
+/// Returns all phases in turns, from 0 to 1.
 fn turns() -> Vec<f32> {
     usual().into_iter().map(|v| (v / TAU).rem_euclid(1.0)).collect()
 }
 
-/// Levels of `count` to a turn.
+/// Returns all phases in levels, with `count` levels per turn.
 fn levels(count: u32) -> Vec<u32> {
     turns().into_iter().map(|v| (v * count as f32).round() as u32 % count).collect()
 }
 
-/// The hologram has the usual phases within an error [radians], at least the first sub-frames that it has.
+/// Checks that the hologram has the usual phases within an error [radians]. It may have only the first sub-frames.
 fn has_phases(outcome: &Outcome, error: f32) -> Result<(), String> {
     done(outcome.folder, &["convert", "out.zarr", "back.npy"]);
     let found = read_npy(&outcome.folder.join("back.npy")).map_err(|e| e.to_string())?.values;
@@ -62,10 +62,10 @@ fn has_phases(outcome: &Outcome, error: f32) -> Result<(), String> {
 }
 
 const EXACT: Judge = Judge::By(|outcome| has_phases(outcome, 2e-5));
-/// Half of a level of 256.
+/// Allows half of a level at 256 levels per turn.
 const EIGHT_BITS: Judge = Judge::By(|outcome| has_phases(outcome, 0.0125));
 
-/// Files that are imported for a small display.
+/// A situation that imports files for a small display.
 fn import(have: &str, name: &'static str, files: impl Fn(&Path) + Send + Sync + 'static) -> Case {
     case(have, format!("convert {name} out.zarr --display small --size 24x32 --color green"), files)
 }
@@ -74,7 +74,7 @@ fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// An array of a type and shape.
+/// A situation with an array of this type and shape.
 fn array(
     have: &str,
     descr: &'static str,
@@ -84,7 +84,7 @@ fn array(
     import(have, "p.npy", move |at| file(&at.join("p.npy"), npy(descr, false, shape, &bytes())))
 }
 
-/// Pictures of each sub-frame.
+/// A situation with one picture per sub-frame.
 fn pictures(have: &str, picture: impl Fn(usize) -> Vec<u8> + Send + Sync + 'static) -> Case {
     import(have, "slm", move |at| {
         (0..SHAPE[0]).for_each(|frame| file(&at.join(format!("slm/slm_{frame:02}.png")), picture(frame)));
@@ -101,7 +101,7 @@ fn gray(frame: usize) -> Vec<u8> {
     png(ImageBuffer::<Luma<u8>, _>::from_raw(32, 24, values).expect("a picture"))
 }
 
-/// The usual array is written in the place of what was there.
+/// Writes the usual array and replaces an existing file.
 fn saved(at: &Path) {
     write_npy(&at.join("p.npy"), &SHAPE, &usual()).expect("an array");
 }
@@ -113,7 +113,7 @@ pub fn chapter() -> Chapter {
             usual().iter().flat_map(|v| f64::from(v.rem_euclid(TAU)).to_le_bytes()).collect()
         })
         .right(EXACT),
-        array("Radians of a machine that writes the highest byte first.", ">f4", &SHAPE, || {
+        array("Radians as big-endian float32.", ">f4", &SHAPE, || {
             usual().iter().flat_map(|v| v.to_be_bytes()).collect()
         })
         .right(EXACT),
@@ -121,7 +121,7 @@ pub fn chapter() -> Chapter {
             file(&at.join("p.npy"), npy("<f4", true, &SHAPE, &floats(&phases([2, 1, 0]))));
         })
         .right(EXACT),
-        array("Phases that were unwrapped.", "<f4", &SHAPE, || {
+        array("Phases after unwrapping.", "<f4", &SHAPE, || {
             let all = |i: usize| [i / 768, i / 32 % 24, i % 32].map(|n| n as f32);
             let value = |[f, y, x]: [f32; 3]| 0.7 * f + 0.31 * x + 0.17 * y + 0.01 * x * y;
             floats(&(0..usual().len()).map(|i| value(all(i))).collect::<Vec<_>>())
@@ -144,7 +144,7 @@ pub fn chapter() -> Chapter {
         })
         .right(EIGHT_BITS),
         import("One gray picture.", "one.png", |at| file(&at.join("one.png"), gray(0))).right(EIGHT_BITS),
-        import("Gray pictures, and the hidden files of macOS beside them.", "slm", |at| {
+        import("Gray pictures, with hidden files of macOS next to them.", "slm", |at| {
             (0..SHAPE[0]).for_each(|frame| file(&at.join(format!("slm/slm_{frame:02}.png")), gray(frame)));
             file(&at.join("slm/._slm_00.png"), [0u8; 64]);
             file(&at.join("slm/.DS_Store"), [0u8; 64]);
@@ -161,7 +161,7 @@ pub fn chapter() -> Chapter {
     }
 }
 
-/// Numbers that are no radians.
+/// Returns situations with numbers that are not radians.
 fn units() -> Vec<Situation> {
     let of_levels = |have, count: u32, unit: &'static str| {
         array(have, "<i8", &SHAPE, move || levels(count).iter().flat_map(|v| i64::from(*v).to_le_bytes()).collect())
@@ -206,7 +206,7 @@ fn units() -> Vec<Situation> {
     ]
 }
 
-/// Axes in another order.
+/// Returns situations with other axes, with part of the display, and without optics.
 fn axes() -> Vec<Situation> {
     vec![
         array("Sub-frames are the last axis.", "<f4", &[24, 32, 3], || floats(&phases([1, 2, 0]))).refused(
@@ -226,7 +226,7 @@ fn axes() -> Vec<Situation> {
         ),
         case("Phases of a part of the display.", "convert p.npy out.zarr --display small --color green", saved)
             .right(EXACT),
-        case("Phases without the optics that they are for.", "convert p.npy out.zarr", saved).refused(
+        case("Phases without their optics.", "convert p.npy out.zarr", saved).refused(
             "hologram/no-optics",
             Remedy::As(
                 "--display --color",
@@ -238,7 +238,7 @@ fn axes() -> Vec<Situation> {
     ]
 }
 
-/// Files of other programs, and the lines that convert them.
+/// Returns situations with files of other programs and the lines that convert them.
 fn other_files() -> Vec<Situation> {
     let foreign = |have, name: &'static str, bytes: &'static [u8], cause, named, from: &'static str| {
         import(have, name, move |at| {
@@ -263,7 +263,7 @@ fn other_files() -> Vec<Situation> {
             file(&at.join("p.csv"), (0..24).map(row).collect::<Vec<_>>().join("\n"));
         })
         .refused("file/kind", convert("numpy.genfromtxt", "p.csv", "p.npy", saved), EXACT),
-        import("A file that is not there.", "none.npy", saved).refused(
+        import("A file that does not exist.", "none.npy", saved).refused(
             "file/read",
             Remedy::As("none.npy", "none.npy", "p.npy"),
             EXACT,

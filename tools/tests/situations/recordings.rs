@@ -1,4 +1,4 @@
-//! Recordings of eye trackers.
+//! Situations with recordings of eye trackers.
 
 use crate::frame::{Case, Chapter, Outcome, Remedy, Situation, case, change, convert, mended};
 use crate::judge::Judge;
@@ -8,12 +8,12 @@ use std::path::Path;
 
 const COUNT: usize = 20;
 
-/// Where the pupil is in a sample [mm], and its time [s].
+/// Returns the horizontal position of the pupil in a sample [mm] and the time of the sample [s].
 fn place(i: usize) -> (f64, f64) {
     (3.0 + 0.01 * i as f64, 5.0 + 0.01 * i as f64)
 }
 
-/// Lines of samples, each as `sample` makes it.
+/// Returns one line for each sample that `sample` makes.
 fn lines(sample: impl Fn(usize) -> Value) -> String {
     (0..COUNT).map(|i| sample(i).to_string() + "\n").collect()
 }
@@ -23,7 +23,7 @@ fn usual(i: usize) -> Value {
     json!({ "t": t, "x": x, "y": -1.0, "diameter": 4.0 })
 }
 
-/// With another time.
+/// Returns the usual recording with times that `time` converts.
 fn at_time(time: impl Fn(f64) -> f64) -> String {
     lines(|i| json!({ "t": time(place(i).1), "x": place(i).0, "y": -1.0, "diameter": 4.0 }))
 }
@@ -31,7 +31,7 @@ fn at_time(time: impl Fn(f64) -> f64) -> String {
 const ALL: Judge = Judge::By(|outcome| moves(outcome, COUNT, &["combined"]));
 const ALTERNATING: Judge = Judge::By(|outcome| moves(outcome, COUNT, &["left", "right"]));
 
-/// The command prints as many samples, 10 ms apart, with the pupil in its place, of these eyes in turn.
+/// Checks that the command prints `count` samples, 10 ms apart, with the right positions, of these eyes in turn.
 fn moves(outcome: &Outcome, count: usize, eyes: &[&str]) -> Result<(), String> {
     let read = |line: &str| serde_json::from_str::<Value>(line).map_err(|e| e.to_string());
     let samples = outcome.stdout.lines().map(read).collect::<Result<Vec<_>, _>>()?;
@@ -58,16 +58,16 @@ fn recording(have: &str, text: impl Fn() -> String + Send + Sync + 'static) -> C
     bytes(have, move || text().into_bytes())
 }
 
-/// The usual recording in the place of a wrong one.
+/// Writes the usual recording and replaces a wrong one.
 fn repaired(at: &Path) {
     file(&at.join("r.jsonl"), lines(usual));
 }
 
-/// Recordings that are read.
+/// Returns situations with recordings that eyebox reads.
 fn read() -> Vec<Situation> {
     vec![
         recording("Seconds and millimeters.", || lines(usual)).right(ALL),
-        recording("The clock is below zero, as Pupil Core's may be.", || at_time(|t| t - 323_801.0)).right(ALL),
+        recording("The clock is negative, as Pupil Core's may be.", || at_time(|t| t - 323_801.0)).right(ALL),
         recording("The clock counts seconds since 1970.", || at_time(|t| t + 1.75e9)).right(ALL),
         recording("The clock counts milliseconds.", || at_time(|t| 1e3 * t)).right(ALL),
         recording("The clock counts microseconds.", || at_time(|t| 1e6 * t)).right(ALL),
@@ -89,7 +89,7 @@ fn read() -> Vec<Situation> {
         recording("Diameters are null.", || lines(usual).replace("\"diameter\":4.0", "\"diameter\":null")).right(ALL),
         recording("Diameters are impossible.", || lines(usual).replace("\"diameter\":4.0", "\"diameter\":40.0"))
             .right(ALL),
-        recording("Keys that eyebox does not know are in each line.", || {
+        recording("Each line has keys that eyebox does not read.", || {
             lines(usual).replace("{", "{\"mood\":\"fine\",\"model\":[1,2],")
         })
         .right(ALL),
@@ -129,7 +129,7 @@ fn read() -> Vec<Situation> {
     ]
 }
 
-/// Recordings that are refused.
+/// Returns situations with recordings that eyebox refuses.
 fn refused() -> Vec<Situation> {
     vec![
         recording("A table of another tracker was renamed.", || {
@@ -156,12 +156,12 @@ fn refused() -> Vec<Situation> {
         })
         .refused("tracker/time-unit r.jsonl", change("t_unit", repaired), ALL),
         recording("Positions are in meters, and no diameter shows it.", || {
-            // An eye that looks around for three seconds.
+            // The eye looks around for three seconds.
             let x = |i: usize| 3e-3 * (0.1 * i as f64).sin();
             (0..300).map(|i| json!({ "t": place(i).1, "x": x(i), "y": -1e-3 }).to_string() + "\n").collect()
         })
         .refused("tracker/position-unit r.jsonl", mended("unit", repaired), ALL),
-        recording("An eye has a name of its own.", || {
+        recording("An eye has an unknown name.", || {
             lines(|i| json!({ "t": place(i).1, "eye": "OD", "x": 3.0, "y": 1.0 }))
         })
         .refused("tracker/file", change("\"left\" \"right\"", repaired), ALL),

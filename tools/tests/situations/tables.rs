@@ -1,4 +1,4 @@
-//! Look-up tables of SLMs.
+//! Situations with look-up tables of SLMs.
 
 use crate::common::done;
 use crate::frame::{Case, Chapter, Outcome, case, change, mended};
@@ -13,12 +13,12 @@ const ENCODE: &str = "encode p.npy --display bench.toml --color green --engine c
 const DISPLAY: &str = "name = \"bench\"\nresolution = [24, 32]\npitch_um = 8.0\nfocal_length_mm = 200.0\n\
                        wavelengths_nm = { green = 520 }\n\n[encoding]\nlook_up = { green = \"NAME\" }\n";
 
-/// Each fifteenth level and its phase [radians]: a little more than a turn, and not on a line.
+/// Returns each fifteenth level and its phase [radians]. The phases cover slightly more than a turn and are not linear.
 fn rows() -> impl Iterator<Item = (u32, f64)> {
     (0..=17).map(|i| (15 * i, 2.1 * PI * (f64::from(i) / 17.0).powf(1.3)))
 }
 
-/// A table under this first line, each row as `row` writes it.
+/// Returns a table with this first line and the rows that `row` writes.
 fn table(head: &str, row: impl Fn(u32, f64) -> String) -> String {
     let lines = rows().map(|(level, phase)| row(level, phase));
     [head.to_owned()].into_iter().filter(|head| !head.is_empty()).chain(lines).map(|line| line + "\n").collect()
@@ -28,7 +28,7 @@ fn plain() -> String {
     table("level,phase_rad", |level, phase| format!("{level},{phase:.6}"))
 }
 
-/// Phases, a display, and its table in a file of this name.
+/// Writes phases, a display, and its table in a file of this name.
 fn bench(at: &Path, name: &str, table: &[u8]) {
     let phases: Vec<f32> = (0..24 * 32).map(|i| (i as f64 * 0.37 % TAU - PI) as f32).collect();
     write_npy(&at.join("p.npy"), &[1, 24, 32], &phases).expect("an array");
@@ -38,7 +38,7 @@ fn bench(at: &Path, name: &str, table: &[u8]) {
 
 const SAME: Judge = Judge::By(same);
 
-/// The levels of the SLM are those of the plain table.
+/// Checks that the levels of the SLM equal the levels with the plain table.
 fn same(outcome: &Outcome) -> Result<(), String> {
     static RIGHT: OnceLock<Vec<u8>> = OnceLock::new();
     let levels =
@@ -51,7 +51,7 @@ fn same(outcome: &Outcome) -> Result<(), String> {
     });
     let found = levels(outcome.folder).map_err(|e| e.to_string())?;
     let other = found.iter().zip(right).filter(|(a, b)| a != b).count();
-    if other == 0 && found.len() == right.len() { Ok(()) } else { Err(format!("{other} levels are other ones")) }
+    if other == 0 && found.len() == right.len() { Ok(()) } else { Err(format!("{other} levels differ")) }
 }
 
 fn of(have: &str, name: &'static str, table: impl Fn() -> Vec<u8> + Send + Sync + 'static) -> Case {
@@ -62,7 +62,7 @@ fn csv(have: &str, table: impl Fn() -> String + Send + Sync + 'static) -> Case {
     of(have, "t.csv", move || table().into_bytes())
 }
 
-/// The plain table in the place of a wrong one.
+/// Writes the plain table and replaces a wrong one.
 fn corrected(at: &Path) {
     file(&at.join("t.csv"), plain());
 }
@@ -78,7 +78,7 @@ pub fn chapter() -> Chapter {
             })
             .right(SAME),
             csv("A table with tabs.", || plain().replace(',', "\t")).right(SAME),
-            csv("A German table: semicolons, decimal commas, and phases in pi.", || {
+            csv("A German table has semicolons, decimal commas, and phases in pi.", || {
                 table("Gray level;Phase [pi]", |level, phase| format!("{level};{:.7}", phase / PI).replace('.', ","))
             })
             .right(SAME),
@@ -107,12 +107,12 @@ pub fn chapter() -> Chapter {
                 format!("{head}\n{}\n", rest.lines().rev().collect::<Vec<_>>().join("\n"))
             })
             .right(SAME),
-            csv("A level is beyond the SLM's.", || plain().replace("255,", "300,")).refused(
+            csv("A level is above the SLM's levels.", || plain().replace("255,", "300,")).refused(
                 "encode/table/level '300'",
                 change("255", corrected),
                 SAME,
             ),
-            csv("A level is there twice.", || format!("{}255,6.6\n", plain())).refused(
+            csv("A level occurs twice.", || format!("{}255,6.6\n", plain())).refused(
                 "encode/table/level-twice 255",
                 change("20", corrected),
                 SAME,

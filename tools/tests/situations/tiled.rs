@@ -1,4 +1,4 @@
-//! Views of a scene in one picture.
+//! Situations with all views of a scene in one picture.
 
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, mended};
 use crate::judge::Canon;
@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 const H: u32 = SIZE[0] as u32;
 const W: u32 = SIZE[1] as u32;
 
-/// Views beside each other, `apart` pixels between them.
+/// Returns a picture of views next to each other, with `apart` pixels between them.
 fn mosaic(views: &[RgbImage], columns: u32, apart: u32) -> RgbImage {
     let rows = views.len() as u32 / columns;
     let mut out = RgbImage::new(columns * (W + apart) - apart, rows * (H + apart) - apart);
@@ -26,7 +26,7 @@ fn usual() -> RgbImage {
     mosaic(&all(), GRID[1] as u32, 0)
 }
 
-/// Under each lens a pixel of each view.
+/// Returns a picture with one pixel of each view under each lens.
 fn lenslets() -> RgbImage {
     let (views, [rows, columns]) = (all(), GRID.map(|n| n as u32));
     RgbImage::from_fn(W * columns, H * rows, |x, y| {
@@ -34,7 +34,7 @@ fn lenslets() -> RgbImage {
     })
 }
 
-/// One row of 15 cameras, of which less moves from one to the next.
+/// Returns the views of one row of 15 cameras. Content moves less between neighboring views than in the usual grid.
 pub fn row() -> Vec<RgbImage> {
     static ROW: LazyLock<Vec<RgbImage>> =
         LazyLock::new(|| (0..15).map(|i| view([0.0, (i as f32 - 7.0) / 3.0])).collect());
@@ -70,7 +70,7 @@ static ROW: Canon = Canon::new(
     ],
 );
 
-/// The row in tiles from the bottom left.
+/// Returns the views of the row as tiles, from the bottom left.
 fn quilt() -> RgbImage {
     let views: Vec<_> = [2, 1, 0].iter().flat_map(|r| row()[5 * r..5 * r + 5].to_vec()).collect();
     mosaic(&views, 5, 0)
@@ -89,17 +89,17 @@ fn one(
 
 pub fn chapter() -> Chapter {
     let mut situations = vec![
-        one("Views are beside each other in one picture, row by row.", "all.png?grid=3x5", "all.png", || png(usual()))
+        one("Views are next to each other in one picture, row by row.", "all.png?grid=3x5", "all.png", || png(usual()))
             .right(EXACT),
-        one("Views are beside each other, and eyebox has to find how many.", "all.png?mosaic", "all.png", || {
+        one("Views are next to each other, and eyebox finds their number.", "all.png?mosaic", "all.png", || {
             png(usual())
         })
         .right(EXACT),
-        one("Views are beside each other in an EXR file.", "all.exr?mosaic", "all.exr", || exr_of(&usual(), light))
+        one("Views are next to each other in an EXR file.", "all.exr?mosaic", "all.exr", || exr_of(&usual(), light))
             .right(EXACT),
-        one("Views are beside each other in a JPEG file.", "all.jpg?grid=3x5", "all.jpg", || jpeg(&usual(), 1))
+        one("Views are next to each other in a JPEG file.", "all.jpg?grid=3x5", "all.jpg", || jpeg(&usual(), 1))
             .right(Judge::Like(&VIEWS, 0.015)),
-        one("Views are beside each other in a PNG file of 16 bits.", "all.png?mosaic", "all.png", || {
+        one("Views are next to each other in a PNG file of 16 bits.", "all.png?mosaic", "all.png", || {
             let picture = usual();
             png(ImageBuffer::from_fn(picture.width(), picture.height(), |x, y| {
                 image::Rgb(picture.get_pixel(x, y).0.map(|v| u16::from(v) * 257))
@@ -114,14 +114,14 @@ pub fn chapter() -> Chapter {
         )
         .right(EXACT),
         one(
-            "A rectified light-field picture does not say how many pixels a lens has.",
+            "A rectified light-field picture does not state the number of pixels per lens.",
             "lf.png?lenslets",
             "lf.png",
             || png(lenslets()),
         )
         .right(EXACT),
         one(
-            "A quilt of a Looking Glass display has the name that its makers ask for.",
+            "A quilt of a Looking Glass display has a name in the form of its makers.",
             "scene_qs5x3a1.3333.png",
             "scene_qs5x3a1.3333.png",
             || png(quilt()),
@@ -138,7 +138,7 @@ pub fn chapter() -> Chapter {
 
 fn refused() -> Vec<Situation> {
     vec![
-        one("Views are beside each other, and the command does not say so.", "all.png", "all.png", || png(usual()))
+        one("Views are next to each other, and the command does not state it.", "all.png", "all.png", || png(usual()))
             .refused("scene/no-depth-map", Remedy::Replace("all.png", "all.png?mosaic"), EXACT),
         one("The command has rows and columns exchanged.", "all.png?grid=5x3", "all.png", || png(usual())).refused(
             "scene/corrupt/mosaic-remedy 144 320",
@@ -153,7 +153,7 @@ fn refused() -> Vec<Situation> {
             mended("cut off its border", |at| file(&at.join("all.png"), png(usual()))),
             EXACT,
         ),
-        one("The picture of all views was scaled to other sides.", "all.png?mosaic", "all.png", || {
+        one("The picture of all views was scaled to another size.", "all.png?mosaic", "all.png", || {
             png(imageops::resize(&usual(), 322, 144, imageops::FilterType::Triangle))
         })
         .refused(
@@ -172,7 +172,7 @@ fn refused() -> Vec<Situation> {
             change("?grid=3x5", |at| file(&at.join("all.png"), png(usual()))),
             EXACT,
         ),
-        one("A quilt has a name that says nothing.", "quilt.png?mosaic", "quilt.png", || png(quilt())).refused(
+        one("A quilt has a name without its layout.", "quilt.png?mosaic", "quilt.png", || png(quilt())).refused(
             "scene/cameras 15",
             Remedy::State("lightfield.toml", "tiles = [3, 5]\nfirst = \"bottom-left\""),
             OF_ROW,

@@ -1,4 +1,4 @@
-//! Videos, and what is no scene.
+//! Situations with videos, and with files that are no scene.
 
 use crate::depths::{codes, photo};
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
@@ -16,7 +16,7 @@ fn depth() -> GrayImage {
     GrayImage::from_raw(SIZE[1] as u32, SIZE[0] as u32, codes()).expect("all pixels")
 }
 
-/// The picture of the clip, without colors that no video holds.
+/// Returns the picture of the clip, without colors that a video cannot store.
 fn picture() -> RgbImage {
     let mut picture = photo();
     picture.pixels_mut().for_each(|p| p.0 = p.0.map(|v| 40 + (u16::from(v) * 2 / 3) as u8));
@@ -29,7 +29,7 @@ fn canon(at: &Path, picture: &RgbImage) -> String {
     format!("photo.png {STATED}")
 }
 
-/// The picture, coded by one matrix and decoded by the other.
+/// Returns the picture after coding by one matrix and decoding by the other.
 fn exchanged([[red, blue], [of_red, of_blue]]: [[f64; 2]; 2]) -> RgbImage {
     let mut picture = picture();
     for p in picture.pixels_mut() {
@@ -60,10 +60,10 @@ static CLIP: Canon = Canon::new(
     ],
 );
 
-/// Samples of 8 bits, and of more.
+/// Allows the rounding of samples to 8 bits or more.
 const RIGHT: Judge = Judge::Like(&CLIP, 0.005);
 
-/// A clip of one frame, with its depth map as a picture.
+/// A situation with a clip of one frame and its depth map as a picture.
 fn clip(have: &str, scene: &str, words: &'static str, bits: u32, full: bool, matrix: [f64; 2]) -> Case {
     case(have, format!("render {scene} {STATED}"), move |at| {
         file(&at.join("clip.y4m"), y4m(&picture(), words, bits, full, matrix));
@@ -78,7 +78,7 @@ fn again(at: &Path) {
 pub fn chapter() -> Chapter {
     let situations = vec![
         clip(
-            "A video by BT.601 says nothing of its matrix, as the format has it.",
+            "A video by BT.601 does not state its matrix, as is usual in the format.",
             "clip.y4m",
             "Ip A1:1 C444",
             8,
@@ -97,10 +97,10 @@ pub fn chapter() -> Chapter {
         .right(RIGHT),
         clip("A video states its matrix by itself.", "clip.y4m", "C444 XCOLORMATRIX=BT709", 8, false, BT709)
             .right(RIGHT),
-        clip("A video has the full range of values, and says so.", "clip.y4m", "C444 XCOLORRANGE=FULL", 8, true, BT601)
+        clip("A video has full-range values and states it.", "clip.y4m", "C444 XCOLORRANGE=FULL", 8, true, BT601)
             .right(RIGHT),
         clip("A video has 10 bits.", "clip.y4m", "C444p10", 10, false, BT601).right(RIGHT),
-        clip("The command asks for the first frame of a video.", "clip.y4m?frame=0", "C444", 8, false, BT601)
+        clip("The command requests the first frame of a video.", "clip.y4m?frame=0", "C444", 8, false, BT601)
             .right(RIGHT),
         clip(
             "ffmpeg made the video of a clip of high definition.",
@@ -134,7 +134,7 @@ pub fn chapter() -> Chapter {
             Remedy::As("matrix=bt601", "bt2020", "bt601"),
             RIGHT,
         ),
-        clip("The command asks for a frame that a video does not have.", "clip.y4m?frame=1", "C444", 8, false, BT601)
+        clip("The command requests a frame that a video does not have.", "clip.y4m?frame=1", "C444", 8, false, BT601)
             .refused("scene/corrupt/no-such-frame", Remedy::By("from 0 on", "frame=1", "frame=0"), RIGHT),
         case("A video is cut off.", format!("render clip.y4m {STATED}"), |at| {
             file(&at.join("clip.y4m"), &y4m(&picture(), "C444", 8, false, BT601)[..5000]);
@@ -156,7 +156,7 @@ pub fn chapter() -> Chapter {
     Chapter { title: "Videos", about: "One frame of a video in the format YUV4MPEG2, with a depth map.", situations }
 }
 
-/// What is no scene, or not yet.
+/// Situations with files that are no scene, or that must first be converted to one.
 pub mod others {
     use super::*;
 
@@ -169,7 +169,7 @@ pub mod others {
         save(&at.join("views"), |r, c| format!("view_{r}_{c}.png"));
     }
 
-    /// A file that is to be converted to an array of the views.
+    /// A situation with a file that the user must convert to an array of the views.
     fn to_array(
         have: &str,
         name: &'static str,
@@ -274,7 +274,7 @@ pub mod others {
         ];
         Chapter {
             title: "Files that are no scene",
-            about: "eyebox tells what a file is from its first bytes.",
+            about: "eyebox recognizes the kind of a file by its first bytes.",
             situations,
         }
     }

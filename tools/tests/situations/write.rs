@@ -1,17 +1,17 @@
-//! Files as other programs write them.
+//! Writes files as other programs write them.
 
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use std::fs;
 use std::path::Path;
 
-/// Writes a file, and the folders that it lies in.
+/// Writes a file and makes the folders around it.
 pub fn file(path: &Path, bytes: impl AsRef<[u8]>) {
     fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
     fs::write(path, bytes).expect("a file");
 }
 
-/// A NumPy array of any type: `descr` as NumPy says it.
+/// Returns a NumPy array of any type. `descr` is NumPy's name of the type.
 pub fn npy(descr: &str, fortran: bool, shape: &[usize], bytes: &[u8]) -> Vec<u8> {
     let order = if fortran { "True" } else { "False" };
     let axes: String = shape.iter().map(|n| format!("{n}, ")).collect();
@@ -27,7 +27,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     })
 }
 
-/// A ZIP archive without compression, as `numpy.savez` and file managers write it.
+/// Returns a ZIP archive without compression, as `numpy.savez` and file managers write it.
 pub fn zip(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let (mut out, mut list) = (Vec::new(), Vec::new());
     for (name, bytes) in entries {
@@ -53,7 +53,7 @@ pub fn zip(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
     out
 }
 
-/// A map of floats, bottom row first, as PFM has them.
+/// Returns a map of floats as PFM, which begins with the bottom row.
 pub fn pfm([height, width]: [usize; 2], values: &[f32], big: bool) -> Vec<u8> {
     let mut out = format!("Pf\n{width} {height}\n{}\n", if big { "1.0" } else { "-1.0" }).into_bytes();
     let bytes = |v: &f32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
@@ -61,12 +61,12 @@ pub fn pfm([height, width]: [usize; 2], values: &[f32], big: bool) -> Vec<u8> {
     out
 }
 
-/// An EXR of floats without compression: names of channels in alphabetic order, and their values.
+/// Returns an EXR of floats without compression. `channels` has the names in alphabetic order, with their values.
 pub fn exr(size: [usize; 2], channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
     exr_in(size, None, channels)
 }
 
-/// The same with chromaticities: x and y of red, green, blue and white.
+/// Returns such an EXR with chromaticities, which are x and y of red, green, blue and white.
 pub fn exr_in([height, width]: [usize; 2], primaries: Option<[f32; 8]>, channels: &[(&str, Vec<f32>)]) -> Vec<u8> {
     let int = |v: usize| (v as u32).to_le_bytes();
     let attribute = |name: &str, kind: &str, value: &[u8]| {
@@ -101,13 +101,13 @@ pub fn exr_in([height, width]: [usize; 2], primaries: Option<[f32; 8]>, channels
     out
 }
 
-/// The red, green and blue of a picture as channels of an EXR.
+/// Returns an EXR with the red, green and blue of a picture as channels.
 pub fn exr_of(picture: &RgbImage, value: impl Fn(u8) -> f32) -> Vec<u8> {
     let plane = |c: usize| picture.pixels().map(|p| value(p.0[c])).collect::<Vec<f32>>();
     exr([picture.height() as usize, picture.width() as usize], &[("B", plane(2)), ("G", plane(1)), ("R", plane(0))])
 }
 
-/// A JPEG that a viewer turns by an EXIF orientation.
+/// Returns a JPEG that a viewer rotates by an EXIF orientation.
 pub fn jpeg(picture: &RgbImage, orientation: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, 100).encode_image(picture).expect("a JPEG");
@@ -116,20 +116,21 @@ pub fn jpeg(picture: &RgbImage, orientation: u8) -> Vec<u8> {
     [&bytes[..2], &[0xff, 0xe1], &(tags.len() as u16 + 2).to_be_bytes(), &tags, &bytes[2..]].concat()
 }
 
-/// A PNG with one more chunk before its pixels.
+/// Returns a PNG with one more chunk before its pixels.
 pub fn with_chunk(png: &[u8], kind: &[u8; 4], data: &[u8]) -> Vec<u8> {
     let chunk = [kind, data].concat();
     [&png[..33], &(data.len() as u32).to_be_bytes(), &chunk, &crc32(&chunk).to_be_bytes(), &png[33..]].concat()
 }
 
-/// A picture as PNG, in memory.
+/// Returns a picture as PNG.
 pub fn png(picture: impl Into<image::DynamicImage>) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.into().write_to(&mut bytes, image::ImageFormat::Png).expect("a PNG");
     bytes.into_inner()
 }
 
-/// A frame of a video with 4:4:4 samples: words of the first line behind the size, bits, and the weights of red and blue in luma.
+/// Returns a video of one frame with 4:4:4 samples. In its first line, `words` follow the size. `red` and `blue` are
+/// the weights of these colors in luma.
 pub fn y4m(picture: &RgbImage, words: &str, bits: u32, full: bool, [red, blue]: [f64; 2]) -> Vec<u8> {
     let head = format!("YUV4MPEG2 W{} H{} F25:1 {words}\nFRAME\n", picture.width(), picture.height());
     let scale = f64::from(1u32 << (bits - 8));

@@ -1,33 +1,34 @@
-//! The text of the last failure: how long it stays.
+//! Tests how long the text of the last failure stays valid, and which samples are refused.
 
 use eyebox_c::*;
 use std::ffi::{CStr, CString, c_char};
 use std::mem::MaybeUninit;
 use std::ptr::{null, null_mut};
 
-/// Fails with a text that names `choice`.
+/// Makes a call fail with a text that names `choice`.
 fn fail(choice: &str) {
     let choice = CString::new(choice).unwrap();
     let mut engine = MaybeUninit::uninit();
-    // SAFETY: the text ends with zero.
+    // SAFETY: The text ends with a zero byte.
     assert_eq!(unsafe { eyebox_engine_open(choice.as_ptr(), Some(&mut engine)) }, EyeboxStatus::Argument);
 }
 
 fn read(text: *const c_char) -> String {
-    // SAFETY: the rule that is tested.
+    // SAFETY: The test checks the rule by which the text is still valid.
     unsafe { CStr::from_ptr(text) }.to_str().unwrap().to_owned()
 }
 
 #[test]
 fn a_text_stays_until_its_thread_asks_for_the_next() {
     let other = "o".repeat(300);
-    // The next text is longer, as long, shorter, far longer: its memory may be the last one's, the first text's may not.
+    // The next text is longer, equally long, shorter, or much longer. It may use the memory of the previous failure,
+    // but not the memory of the first text.
     for (first, next) in
         [("a", "much longer than a"), ("abc", "xyz"), ("a long one indeed", "b"), ("e", "\u{e9}"), ("f", &other)]
     {
         fail(first);
         let text = eyebox_last_error();
-        assert_eq!(text, eyebox_last_error(), "asked twice, it is one text");
+        assert_eq!(text, eyebox_last_error(), "two calls return the same text");
         (0..64).for_each(|_| fail(next));
         let theirs = next.to_owned();
         let theirs = std::thread::spawn(move || {
@@ -36,21 +37,21 @@ fn a_text_stays_until_its_thread_asks_for_the_next() {
             [before, read(eyebox_last_error())]
         });
         let theirs = theirs.join().unwrap();
-        assert!(theirs[0].is_empty() && theirs[1].contains(next), "a thread has texts of its own: {theirs:?}");
-        // The sentence has the value.
+        assert!(theirs[0].is_empty() && theirs[1].contains(next), "each thread has its own texts, {theirs:?}");
+        // The sentence contains the refused value as a word.
         let words: Vec<String> =
             read(text).split(|c: char| !c.is_alphanumeric() && c != ' ').map(str::to_owned).collect();
         assert!(words.iter().any(|word| word.trim() == first || word.ends_with(&format!(" {first}"))), "{words:?}");
         assert_eq!(read(eyebox_last_error_code()), "argument");
         assert_eq!(eyebox_interface(), EYEBOX_INTERFACE);
-        assert!(read(eyebox_last_error()).contains(next), "a success leaves it");
+        assert!(read(eyebox_last_error()).contains(next), "a success does not change it");
     }
 }
 
-/// A session that follows the samples of its caller.
+/// Starts a session that follows the samples of its caller.
 fn session() -> Box<EyeboxSession> {
     use crate::common::handle;
-    // SAFETY: every text ends with zero.
+    // SAFETY: Every text ends with a zero byte.
     unsafe {
         let preset = handle(|out| eyebox_display_load(c"planes8".as_ptr(), Some(out))).unwrap();
         let display = handle(|out| eyebox_display_resized(Some(&preset), 32, 32, Some(out))).unwrap();
@@ -70,7 +71,7 @@ fn session() -> Box<EyeboxSession> {
 fn samples_in_another_unit_are_refused() {
     let session = session();
     let nan = f64::NAN;
-    // x, y, diameter (m), age (s); whether it is taken.
+    // Each row has x, y and diameter in meters, the age in seconds, and true if the sample is accepted.
     for (x_m, y_m, diameter_m, age_s, taken) in [
         (0.0, 0.0, 4e-3, 0.01, true),
         (-3e-3, 2e-3, 0.0, 0.0, true),

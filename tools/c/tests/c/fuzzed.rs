@@ -1,5 +1,6 @@
-//! Ten thousand calls with whatever comes: null, wrong lengths, no numbers, huge counts. Each ends with a code that is no fault of
-//! eyebox, and with a sentence where it failed. (Handles that were freed are the caller's own fault, and left out.)
+//! Makes ten thousand calls with random arguments, such as null, wrong lengths, values that are not numbers, and huge
+//! counts. No status is a fault of eyebox, and each failure has a sentence. Freed handles are left out, because their
+//! use is undefined in C.
 
 use crate::common::{handle, said};
 use eyebox_c::EyeboxStatus::{Internal, Ok as Done};
@@ -11,7 +12,7 @@ use std::ptr::{null, null_mut};
 
 const CALLS: usize = 10_000;
 const SIDE: usize = 8;
-/// Values in memory that arrays are taken from.
+/// Number of values in the memory of all arrays.
 const VALUES: usize = 4096;
 
 const NUMBERS: [f64; 14] =
@@ -55,7 +56,7 @@ struct Given {
 }
 
 fn given() -> Given {
-    // SAFETY: every text ends with zero.
+    // SAFETY: Every text ends with a zero byte.
     unsafe {
         let preset = handle(|out| eyebox_display_load(c"planes8".as_ptr(), Some(out))).unwrap();
         let sized = |side| handle(|out| eyebox_display_resized(Some(&preset), side, side, Some(out))).unwrap();
@@ -84,7 +85,7 @@ fn given() -> Given {
     }
 }
 
-/// Whatever comes, and more often than not what could be.
+/// The source of random arguments, most of which are plausible.
 struct Chance(Rng);
 
 impl Chance {
@@ -118,7 +119,8 @@ impl Chance {
         EyeboxPupil { x_m: number(1e-3), y_m: number(0.0), diameter_m: number(4e-3), depth_m: number(1e-3) }
     }
 
-    /// A pointer into memory, and how many values are said to be there: as many as there are, or more than any function takes.
+    /// Returns a pointer into memory and a stated number of values. The number is true, or larger than any function
+    /// accepts.
     fn array(&mut self, memory: &mut [f32]) -> (*mut f32, usize) {
         let count = if self.0.bool() { SIDE * SIDE } else { self.one(&COUNTS) };
         let at = memory.as_mut_ptr();
@@ -130,12 +132,12 @@ impl Chance {
     }
 }
 
-/// A place for a handle, sometimes none; what is put there is freed.
+/// Makes a call with memory for a handle, or sometimes with null, and frees the handle.
 fn freed<T>(chance: &mut Chance, call: impl FnOnce(Option<&mut MaybeUninit<*mut T>>) -> EyeboxStatus) -> EyeboxStatus {
     let mut place = MaybeUninit::new(null_mut());
     let there = chance.0.u8(..10) > 0;
     let status = call(there.then_some(&mut place));
-    // SAFETY: null, or a box that the function made.
+    // SAFETY: The handle is null, or a box that the function made.
     unsafe {
         let handle = place.assume_init();
         assert_eq!(status == Done, !handle.is_null());
@@ -144,10 +146,10 @@ fn freed<T>(chance: &mut Chance, call: impl FnOnce(Option<&mut MaybeUninit<*mut 
     status
 }
 
-/// One call.
+/// Makes one call of a random function.
 ///
 /// # Safety
-/// Texts and arrays are as they say, or null, or of a length that no function takes.
+/// Texts and arrays are as stated, or null, or of a length that no function accepts.
 unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> EyeboxStatus {
     let Given { displays, engine, scenes, hologram, refiner, encoder, session } = given;
     let (text, count, bits) = (chance.text(), chance.one(&COUNTS), chance.0.u32(..10));
@@ -158,7 +160,7 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
     let pupil = chance.pupil();
     let pupil = chance.maybe(&pupil).copied();
     let (at, length) = chance.array(memory);
-    // SAFETY: as this function asks.
+    // SAFETY: This function requires the same of its texts and arrays.
     unsafe {
         match chance.0.u8(..19) {
             0 => freed(chance, |out| eyebox_display_load(text, out)),
@@ -172,7 +174,7 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
             5 | 6 => {
                 let sizes: [usize; 4] = [(); 4].map(|()| if chance.0.u8(..4) > 0 { 2 } else { chance.one(&COUNTS) });
                 let product = sizes.iter().try_fold(1usize, |n, s| n.checked_mul(*s)).unwrap_or(0);
-                // No more is said to be there than there is, unless no function would take it.
+                // The stated length is at most the true one, unless it is one that no function accepts.
                 let lie = product > VALUES;
                 let views = EyeboxViews {
                     name: text,
@@ -195,7 +197,7 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
                 freed(chance, |out| eyebox_scene_from_views(views, display, out))
             }
             7 => {
-                // All that is by default takes long.
+                // A solve with the default settings takes long.
                 let text = if text.is_null() || *text == 0 { TEXTS[12].as_ptr() } else { text };
                 freed(chance, |out| eyebox_solve(scene, display, text, engine, None, null_mut(), out))
             }
@@ -221,7 +223,7 @@ unsafe fn call(given: &Given, chance: &mut Chance, memory: &mut [f32]) -> Eyebox
             }
             15 => {
                 let rate = chance.one(&NUMBERS);
-                // Threads of its own are not made ten thousand times.
+                // Most of these calls fail early, because each session starts threads.
                 let hologram = hologram.filter(|_| rate.is_nan() || chance.0.u8(..10) == 0);
                 freed(chance, |out| eyebox_session_play(hologram, display, rate, out))
             }
@@ -251,15 +253,15 @@ fn whatever_is_called_with_ends_with_a_code() {
     let mut memory = vec![0.5f32; VALUES + 1];
     let mut codes = [0usize; 11];
     for i in 0..CALLS {
-        // Some of the light is none.
+        // Some of the light values are NaN.
         memory[(i * 7) % 64] = if i % 3 == 0 { f32::NAN } else { 0.5 };
-        // SAFETY: what `call` asks.
+        // SAFETY: The texts and arrays are as `call` requires.
         let status = unsafe { call(&given, &mut chance, &mut memory) };
         codes[status as usize] += 1;
         assert!(status != Internal, "call {i}: {}", said());
         assert!(status == Done || !said().is_empty(), "call {i}");
     }
     println!("{codes:?}");
-    // All but the faults of eyebox and of devices came about.
+    // Every status occurred, except that faults of devices and of eyebox, and errors of sessions, need not occur.
     assert!(codes[..8].iter().all(|count| *count > 0), "{codes:?}");
 }

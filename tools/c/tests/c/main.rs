@@ -1,4 +1,4 @@
-//! The interface for C, called from Rust, from C and from C++.
+//! Tests the interface for C from Rust, from C and from C++.
 
 #![allow(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! A hologram finds its scene and display again, and takes no other for them.
+//! Tests that a hologram finds its scene and display again, and refuses others.
 
 use crate::common::{Refusal, handle, made, refused};
 use eyebox::engine::{self, Choice};
@@ -20,7 +20,7 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        // SAFETY: every text ends with zero.
+        // SAFETY: Every text ends with a zero byte.
         unsafe {
             let small = handle(|out| eyebox_display_load(c"small".as_ptr(), Some(out))).unwrap();
             let display = handle(|out| eyebox_display_resized(Some(&small), 40, 48, Some(out))).unwrap();
@@ -30,14 +30,14 @@ impl Bench {
     }
 
     fn scene(&self, source: &CStr, views: usize) -> Box<EyeboxScene> {
-        // SAFETY: the text ends with zero.
+        // SAFETY: The text ends with a zero byte.
         unsafe {
             handle(|out| eyebox_scene_load(source.as_ptr(), Some(&self.display), EYEBOX_GREEN, views, Some(out)))
                 .unwrap()
         }
     }
 
-    /// A light field of 2 x 2 views of the caller's own.
+    /// Makes a scene from 2 x 2 views of the caller. Their light depends on `salt`.
     fn views(&self, salt: usize) -> Box<EyeboxScene> {
         let light: Vec<f32> = (0..4 * 40 * 48).map(|i| ((i * 37 + salt) % 97) as f32 / 97.0).collect();
         let views = EyeboxViews {
@@ -51,17 +51,17 @@ impl Bench {
             green: light.as_ptr(),
             blue: null(),
             count: light.len(),
-            // It is noise, and shows no order.
+            // The views are noise, which shows no order.
             order: c"as-named".as_ptr(),
         };
-        // SAFETY: the array is as long as is said.
+        // SAFETY: The array has the stated length.
         unsafe { handle(|out| eyebox_scene_from_views(Some(&views), Some(&self.display), Some(out))).unwrap() }
     }
 
-    /// Solved, saved and opened again.
+    /// Returns a hologram that was solved, saved and opened again.
     fn solved(&self, scene: &EyeboxScene, file: &CStr) -> Box<EyeboxHologram> {
         let settings = c"steps = 3\nframes = 2\npupils = 4\ndepth = [0.0, 0.0]";
-        // SAFETY: every text ends with zero.
+        // SAFETY: Every text ends with a zero byte.
         unsafe {
             let solved = handle(|out| {
                 let (display, engine) = (Some(&*self.display), Some(&*self.engine));
@@ -85,16 +85,16 @@ impl Bench {
         obstruction: Option<&CStr>,
     ) -> Result<EyeboxScore, Refusal> {
         let obstruction = obstruction.map_or(null(), CStr::as_ptr);
-        // SAFETY: one pupil, a text that ends with zero, and room for one score.
+        // SAFETY: There is one pupil, a text that is null or ends with a zero byte, and memory for one score.
         made(|score: &mut MaybeUninit<EyeboxScore>| unsafe {
             eyebox_score(Some(hologram), scene, &PUPIL, 1, obstruction, Some(&self.engine), score.as_mut_ptr())
         })
     }
 
-    /// What the pupil sees, in linear light.
+    /// Returns the image through the pupil, in linear light.
     fn view(&self, hologram: &EyeboxHologram, obstruction: Option<&CStr>) -> Result<Vec<f32>, Refusal> {
         let obstruction = obstruction.map_or(null(), CStr::as_ptr);
-        // SAFETY: a text that ends with zero, and as much memory as is said.
+        // SAFETY: The text is null or ends with a zero byte, and the memory has the stated size.
         let light = made(|light: &mut MaybeUninit<[f32; 40 * 48]>| unsafe {
             eyebox_view(
                 Some(hologram),
@@ -111,7 +111,7 @@ impl Bench {
 
 fn scene_of(hologram: &EyeboxHologram, source: Option<&CStr>, other: i32) -> Result<Box<EyeboxScene>, Refusal> {
     let source = source.map_or(null(), CStr::as_ptr);
-    // SAFETY: the text ends with zero.
+    // SAFETY: The text is null or ends with a zero byte.
     handle(|out| unsafe { eyebox_scene_of_hologram(Some(hologram), source, other, Some(out)) })
 }
 
@@ -132,14 +132,14 @@ fn a_scene_is_read_as_it_was_solved() {
     assert!(bench.psnr(&hologram, Some(&bench.scene(c"builtin:plane", 0))).is_err());
     let other = scene_of(&hologram, Some(c"builtin:plane"), 1).unwrap();
     assert!(bench.psnr(&hologram, Some(&other)).unwrap() < right - 1.0);
-    // Its display, cut to its size.
-    // SAFETY: the hologram lives, null is allowed for its path, and `out` is where the handle goes.
+    // The display of the hologram is cut to its size.
+    // SAFETY: The hologram exists, null is allowed for the name, and `out` receives the handle.
     let own = handle(|out| unsafe { eyebox_hologram_display(Some(&hologram), null(), Some(out)) }).unwrap();
     let encoder = handle(|out| eyebox_encoder_new(Some(&own), EYEBOX_GREEN, 2, Some(out))).unwrap();
     let video = made(|out| eyebox_encoder_video(Some(&encoder), Some(out))).unwrap();
     assert_eq!((video.rows, video.columns), (40, 48));
-    // Refined, in the best state.
-    // SAFETY: hologram and engine live, null is allowed for the path, and `out` is where the handle goes.
+    // The best state of a refinement has a higher score than the hologram.
+    // SAFETY: Hologram and engine exist, null is allowed for the settings, and `out` receives the handle.
     let refiner =
         handle(|out| unsafe { eyebox_refiner_new(Some(&hologram), None, null(), Some(&bench.engine), Some(out)) });
     let refiner = refiner.unwrap();
@@ -149,7 +149,8 @@ fn a_scene_is_read_as_it_was_solved() {
     assert!(bench.psnr(&best, Some(&again)).unwrap() > right);
 }
 
-/// The library's numbers past an obstruction, for a picture and a score. An unknown name has its own code and lists what there is.
+/// The picture and the score with an obstruction equal the results of the library. The error for an unknown name has
+/// its own code and lists the valid names.
 #[test]
 fn an_obstruction_in_the_pupil_is_the_library_s() {
     let (bench, here) = (Bench::new(), tempfile::tempdir().unwrap());
@@ -160,7 +161,7 @@ fn an_obstruction_in_the_pupil_is_the_library_s() {
     let mut cpu = engine::open(Choice::Cpu).unwrap();
     let pupil = Pupil { x: PUPIL.x_m, y: PUPIL.y_m, diameter: PUPIL.diameter_m, depth: PUPIL.depth_m };
     let seen = own.about().seen(&pupil, cpu.as_mut()).unwrap();
-    // Without `assert_eq`, which would print all pixels.
+    // `assert_eq` would print all pixels.
     assert!(bench.view(&hologram, Some(c"opacity")).unwrap() == seen[0].values);
     let [clear, obstructed] =
         [None, Some(c"opacity")].map(|marks| bench.score(&hologram, Some(&scene), marks).unwrap());
@@ -191,7 +192,7 @@ fn views_of_the_caller_s_are_known_by_their_light() {
     refused(bench.psnr(&hologram, None), "hologram/no-scene");
 }
 
-/// As files and Python's arrays are.
+/// The same rule holds for views in files and for arrays of Python.
 #[test]
 fn views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated() {
     let bench = Bench::new();
@@ -215,7 +216,7 @@ fn views_that_are_no_neighbors_are_refused_unless_a_grid_is_stated() {
             count: light.len(),
             order: order.map_or(null(), CStr::as_ptr),
         };
-        // SAFETY: the array is as long as is said, and the text ends with zero.
+        // SAFETY: The array has the stated length, and the text is null or ends with a zero byte.
         handle(|out| unsafe { eyebox_scene_from_views(Some(&views), Some(&bench.display), Some(out)) })
     };
     refused(scene(None), "scene/cameras");
@@ -230,7 +231,7 @@ fn a_refinement_that_cannot_begin_names_its_cause() {
     let bench = Bench::new();
     let folder = tempfile::tempdir().unwrap();
     let file = CString::new(folder.path().join("both.zarr").to_str().unwrap()).unwrap();
-    // SAFETY: C's literals end with zero.
+    // SAFETY: C string literals end with a zero byte.
     unsafe {
         let name = c"builtin:plane".as_ptr();
         let both = EYEBOX_RED | EYEBOX_GREEN;

@@ -1,17 +1,19 @@
-//! The examples in C and C++, built with every warning and the compiler's sanitizers, against the shared and the static library.
+//! Builds and runs the examples in C and C++, with all warnings and the compiler's sanitizers, against the shared and
+//! the static library.
 
 use crate::printed::Printed;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// What a program needs beside the static library, as rustc prints it (`--print native-static-libs`).
+/// The libraries that a program needs in addition to the static library, as rustc prints them
+/// (`--print native-static-libs`).
 const SYSTEM: [&str; 5] = ["-lgcc_s", "-lutil", "-lpthread", "-lm", "-ldl"];
 
 fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Beside this test's program.
+/// Returns the folder of the libraries, which is also the folder of this test's program.
 fn libraries() -> PathBuf {
     std::env::current_exe().unwrap().parent().unwrap().to_owned()
 }
@@ -22,7 +24,7 @@ fn said(output: Output) -> String {
     out
 }
 
-/// Builds an example, and runs it on pictures of 32 x 32 with two steps.
+/// Builds an example, and runs it on pictures of 32 x 32 pixels with two steps.
 fn run(compiler: &str, example: &str, standard: &str, library: &[&str]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("program");
@@ -35,18 +37,18 @@ fn run(compiler: &str, example: &str, standard: &str, library: &[&str]) -> Strin
         command.arg(here(example)).arg("-o").arg(&program).args(library);
         command.output().unwrap_or_else(|e| panic!("{compiler}: {e}"))
     };
-    // Without the sanitizers' libraries, the program as it is.
+    // If the libraries of the sanitizers are missing, the program is built without them.
     if !build(true).status.success() {
         said(build(false));
     }
-    // A Vulkan driver keeps some of its memory, and is unloaded before the sanitizer looks whose it is.
+    // A Vulkan driver keeps some of its memory. It is unloaded before the sanitizer determines the owner of the memory.
     let leaks = if library.contains(&"-lvulkan") { "detect_leaks=0" } else { "" };
     let mut command = Command::new(&program);
     command.args(["32", "2"]).env("LD_LIBRARY_PATH", libraries()).env("ASAN_OPTIONS", leaks);
     said(command.output().unwrap())
 }
 
-/// The size of a video frame, and ten sets that were refined.
+/// Asserts that the output has the size of a video frame, and at least ten refined sets.
 fn is_refined(out: &str) {
     assert!(
         out.has_sequence(&[32.0, 32.0, 1.0]) && out.numbers()[3..] >= [10.0][..] && out.lines().count() == 1,
@@ -58,7 +60,7 @@ fn is_refined(out: &str) {
 fn the_example_in_c_with_the_shared_library() {
     let at = format!("-L{}", libraries().display());
     let out = run("cc", "examples/solve.c", "-std=c99", &[&at, "-leyebox_c"]);
-    // A line per step, the score, the video frames.
+    // The output has one line per step, one with the score, and one with the video frames.
     let lines: Vec<&str> = out.lines().collect();
     assert!(lines.len() == 4 && lines[1].has_sequence(&[2.0, 2.0]), "{out}");
     assert!(lines[2].number("dB") > 5.0 && lines[2].has("2"), "{out}");
@@ -70,7 +72,7 @@ fn the_example_in_cpp_with_the_static_library() {
     let archive = libraries().join("libeyebox_c.a");
     let library: Vec<&str> = [archive.to_str().unwrap()].into_iter().chain(SYSTEM).collect();
     let out = run("c++", "examples/refine.cpp", "-std=c++17", &library);
-    // Three pupils: before, and better after.
+    // At each of three pupils the score is higher after refinement.
     let better = |line: &str| matches!(line.numbers()[..], [_, before, after] if after > before);
     assert!(out.lines().count() == 3 && out.lines().all(better), "{out}");
 }
@@ -85,20 +87,20 @@ fn a_session_that_is_ticked_with_the_shared_library() {
 #[test]
 fn a_device_of_the_programs_own_with_the_static_library() {
     if !Path::new("/usr/include/vulkan/vulkan.h").exists() {
-        return println!("no headers of Vulkan's (libvulkan-dev): the example was not built");
+        return println!("the headers of Vulkan (libvulkan-dev) are missing, so the example was not built");
     }
     let archive = libraries().join("libeyebox_c.a");
     let library: Vec<&str> = [archive.to_str().unwrap(), "-lvulkan"].into_iter().chain(SYSTEM).collect();
     let out = run("c++", "examples/vulkan_device.cpp", "-std=c++17", &library);
-    // The engine and the score.
+    // The output names the engine and has the score.
     assert!(out.lines().count() == 2 && out.number("dB") > 5.0, "{out}");
 }
 
-/// valgrind hides the vDSO, which programs that embed eyebox must live without.
+/// valgrind hides the vDSO, and programs that embed eyebox must also run without it.
 #[test]
 fn a_session_under_valgrind() {
     if !Command::new("valgrind").arg("--version").output().is_ok_and(|has| has.status.success()) {
-        return println!("no valgrind: it was not run");
+        return println!("valgrind is missing, so the example was not run");
     }
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("program");
@@ -112,7 +114,7 @@ fn a_session_under_valgrind() {
     is_refined(&said(ran));
 }
 
-/// A child that is forked after an engine was opened is answered, and hangs in nothing.
+/// If a child is forked after an engine was opened, its calls return an error and do not hang.
 #[test]
 fn a_forked_child_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -138,7 +140,7 @@ int main(void) {
     EyeboxEngine *engine = NULL;
     EyeboxScene *scene = NULL;
     if (eyebox_display_load("small", &preset) || eyebox_display_resized(preset, 32, 32, &display)) return 1;
-    /* Nothing has threads yet: a child may do as it likes. */
+    /* eyebox has not started threads yet, so a child may use it. */
     if (fork() == 0) {
         int made = eyebox_engine_open("cpu", &engine) || eyebox_scene_load("builtin:plane", display, EYEBOX_GREEN, 3, &scene);
         _exit(made);

@@ -1,4 +1,4 @@
-//! What comes out is what the library gives.
+//! Tests that the results of the C interface equal the results of the library.
 
 use crate::common::{handle, made, refused};
 use eyebox::engine::{self, Choice};
@@ -26,7 +26,7 @@ struct Solved {
 const SETTINGS: &CStr = c"steps = 3\nframes = 2\npupils = 4\nseed = 7";
 
 fn solved() -> Solved {
-    // SAFETY: every text ends with zero.
+    // SAFETY: Every text ends with a zero byte.
     unsafe {
         let small = handle(|out| eyebox_display_load(c"small".as_ptr(), Some(out))).unwrap();
         let display = handle(|out| eyebox_display_resized(Some(&small), 40, 48, Some(out))).unwrap();
@@ -53,7 +53,7 @@ fn library() -> (Display, Hologram) {
 fn phases(hologram: &EyeboxHologram) -> &[f32] {
     let mut count = MaybeUninit::uninit();
     let at = made(|at| eyebox_hologram_phases(Some(hologram), 0, Some(at), Some(&mut count))).unwrap();
-    // SAFETY: the hologram's memory, which is as long as it says.
+    // SAFETY: The hologram has this number of phases in its memory.
     unsafe { std::slice::from_raw_parts(at, count.assume_init()) }
 }
 
@@ -68,7 +68,7 @@ fn solved_seen_and_encoded_as_by_the_library() {
     assert_eq!((size.rows, size.columns, size.picture_rows, size.picture_columns), (40, 48, 40, 48));
     let pupil = EyeboxPupil { x_m: 2e-3, y_m: 0.0, diameter_m: 4e-3, depth_m: 1e-3 };
     let mut light = vec![0.0f32; 40 * 48];
-    // SAFETY: as much memory as is said.
+    // SAFETY: The memory has the stated size.
     let status =
         unsafe { eyebox_view(Some(&hologram), Some(&pupil), null(), Some(&engine), light.as_mut_ptr(), light.len()) };
     assert_eq!(status, EyeboxStatus::Ok);
@@ -86,7 +86,7 @@ fn solved_seen_and_encoded_as_by_the_library() {
             let video = made(|out| eyebox_encoder_video(Some(&encoder), Some(out))).unwrap();
             let mut bytes = vec![1u8; video.bytes];
             let at = bytes.as_mut_ptr().cast::<c_void>();
-            // SAFETY: as much memory as is said.
+            // SAFETY: The memory has the stated size.
             let status = unsafe { eyebox_encode(Some(&encoder), Some(&hologram), at, bytes.len()) };
             assert_eq!((status, &bytes[..]), (EyeboxStatus::Ok, frames.bytes()));
         }
@@ -94,7 +94,7 @@ fn solved_seen_and_encoded_as_by_the_library() {
 
     let folder = tempfile::tempdir().unwrap();
     let path = CString::new(folder.path().join("x.zarr").to_str().unwrap()).unwrap();
-    // SAFETY: texts that end with zero.
+    // SAFETY: Every text ends with a zero byte.
     unsafe {
         assert_eq!(eyebox_hologram_save(Some(&hologram), path.as_ptr()), EyeboxStatus::Ok);
         let opened = handle(|out| eyebox_hologram_open(path.as_ptr(), Some(out))).unwrap();
@@ -106,7 +106,7 @@ fn solved_seen_and_encoded_as_by_the_library() {
 }
 
 extern "C" fn after_one(step: *const EyeboxStep, user: *mut c_void) -> i32 {
-    // SAFETY: what eyebox_solve was given, and what it gives.
+    // SAFETY: The step is valid during the call, and `user` is the pointer that the test gave to `eyebox_solve`.
     let (step, told) = unsafe { (&*step, &mut *user.cast::<Vec<usize>>()) };
     told.push(step.step);
     i32::from(step.pilot_steps == 0)
@@ -115,7 +115,7 @@ extern "C" fn after_one(step: *const EyeboxStep, user: *mut c_void) -> i32 {
 #[test]
 fn a_solve_is_ended_by_its_caller_and_views_may_be_the_caller_s() {
     let Solved { display, engine, .. } = solved();
-    // Four views of 20 x 24 that are scaled up.
+    // There are four views of 20 x 24 pixels, which are scaled up.
     let views: Vec<f32> = (0..4 * 20 * 24).map(|i| (i % 24) as f32 / 24.0).collect();
     let own = EyeboxViews {
         name: c"ramp".as_ptr(),
@@ -130,7 +130,8 @@ fn a_solve_is_ended_by_its_caller_and_views_may_be_the_caller_s() {
         count: views.len(),
         order: null(),
     };
-    // SAFETY: arrays as long as they say, texts that end with zero; the callback takes what it is given.
+    // SAFETY: Arrays have the stated length, and texts end with a zero byte. The callback receives the pointer that it
+    // expects.
     unsafe {
         let scene = handle(|out| eyebox_scene_from_views(Some(&own), Some(&display), Some(out))).unwrap();
         let mut told: Vec<usize> = Vec::new();
@@ -143,7 +144,7 @@ fn a_solve_is_ended_by_its_caller_and_views_may_be_the_caller_s() {
         .unwrap();
         assert_eq!(told.last(), Some(&1));
         assert_eq!(phases(&hologram).len(), 40 * 48);
-        // It knows its scene, and refuses another.
+        // The hologram stores its scene, and refuses another.
         let other =
             handle(|out| eyebox_scene_load(c"builtin:plane".as_ptr(), Some(&display), EYEBOX_GREEN, 3, Some(out)))
                 .unwrap();

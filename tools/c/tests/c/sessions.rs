@@ -1,4 +1,4 @@
-//! Sessions that are ticked by their caller, and engines on the caller's own device.
+//! Tests sessions that their caller ticks, and engines on the caller's own device.
 
 use crate::common::{Refusal, handle, made, refused};
 use eyebox::low_level::gpu::ash::{self, vk, vk::Handle};
@@ -17,7 +17,7 @@ struct Whole {
 }
 
 fn whole() -> Whole {
-    // SAFETY: every text ends with zero.
+    // SAFETY: Every text ends with a zero byte.
     unsafe {
         let preset = handle(|out| eyebox_display_load(c"planes8".as_ptr(), Some(out))).unwrap();
         let display = handle(|out| eyebox_display_resized(Some(&preset), 32, 32, Some(out))).unwrap();
@@ -31,7 +31,7 @@ fn whole() -> Whole {
 
 fn solve(scene: &EyeboxScene, display: &EyeboxDisplay, engine: &EyeboxEngine, settings: &CStr) -> Box<EyeboxHologram> {
     let (scene, display, engine) = (Some(scene), Some(display), Some(engine));
-    // SAFETY: the text ends with zero.
+    // SAFETY: The text ends with a zero byte.
     let solved =
         handle(|out| unsafe { eyebox_solve(scene, display, settings.as_ptr(), engine, None, null_mut(), Some(out)) });
     solved.unwrap()
@@ -40,13 +40,13 @@ fn solve(scene: &EyeboxScene, display: &EyeboxDisplay, engine: &EyeboxEngine, se
 fn phases(hologram: &EyeboxHologram) -> Vec<u32> {
     let mut count = MaybeUninit::uninit();
     let at = made(|at| eyebox_hologram_phases(Some(hologram), 0, Some(at), Some(&mut count))).unwrap();
-    // SAFETY: the hologram's memory, which is as long as it says.
+    // SAFETY: The hologram has this number of phases in its memory.
     unsafe { std::slice::from_raw_parts(at, count.assume_init()) }.iter().map(|phase| phase.to_bits()).collect()
 }
 
 fn tick(session: &EyeboxSession, picture: &mut [u8]) -> Result<EyeboxFrame, Refusal> {
     let (at, bytes) = (picture.as_mut_ptr().cast::<c_void>(), picture.len());
-    // SAFETY: as much memory as is said.
+    // SAFETY: The memory has the stated size.
     made(|out| unsafe { eyebox_session_tick(Some(session), 0.01, at, bytes, Some(out)) })
 }
 
@@ -56,7 +56,7 @@ fn what_is_played_is_what_is_encoded() {
     let encoder = handle(|out| eyebox_encoder_new(Some(&display), EYEBOX_GREEN, 8, Some(out))).unwrap();
     let mut encoded = vec![0u8; 32 * 32];
     let at = encoded.as_mut_ptr().cast::<c_void>();
-    // SAFETY: as much memory as is said.
+    // SAFETY: The memory has the stated size.
     let status = unsafe { eyebox_encode(Some(&encoder), Some(&hologram), at, encoded.len()) };
     assert_eq!(status, EyeboxStatus::Ok);
     let session = handle(|out| eyebox_session_play(Some(&hologram), Some(&display), 60.0, Some(out))).unwrap();
@@ -73,7 +73,7 @@ fn what_is_played_is_what_is_encoded() {
         std::thread::sleep(Duration::from_millis(10));
     };
     assert!(frame.set == 0 && frame.begins == 1 && frame.part == 0 && picture == encoded);
-    // What makes no sense, and leaves the session as it was.
+    // Wrong calls are refused, and the session continues.
     let sample = EyeboxSample { x_m: 0.0, y_m: 0.0, diameter_m: 0.0, age_s: 0.0 };
     assert_eq!(eyebox_session_look(Some(&session), Some(&sample)), EyeboxStatus::Argument);
     Refusal::last(EyeboxStatus::Argument).is("argument session");
@@ -89,7 +89,7 @@ fn an_eye_is_followed_while_another_thread_tells_of_it() {
     let Whole { display, engine, scene, hologram } = whole();
     let session = handle(|out| {
         let (hologram, scene, display) = (Some(&*hologram), Some(&*scene), Some(&*display));
-        // SAFETY: no text is given.
+        // SAFETY: The text is null.
         unsafe { eyebox_session_follow(hologram, scene, display, null(), Some(&engine), 60.0, Some(out)) }
     })
     .unwrap();
@@ -125,7 +125,7 @@ fn an_eye_is_followed_while_another_thread_tells_of_it() {
 }
 
 extern "C" fn waits(user: *mut c_void) {
-    // SAFETY: what `eyebox_engine_with_queue` was given.
+    // SAFETY: This is the pointer that `eyebox_engine_with_queue` received.
     unsafe { *user.cast::<u32>() += 1 };
 }
 
@@ -133,12 +133,13 @@ extern "C" fn waits(user: *mut c_void) {
 fn the_callers_own_device_computes_what_the_librarys_does() {
     let Whole { display, engine: cpu, scene, .. } = whole();
     let settings = c"steps = 2\nframes = 2\npupils = 2\nseed = 7";
-    // SAFETY: the text ends with zero.
+    // SAFETY: The text ends with a zero byte.
     let Ok(vulkan) = handle(|out| unsafe { eyebox_engine_open(c"vulkan".as_ptr(), Some(out)) }) else {
-        return println!("no Vulkan device: nothing to compare with");
+        return println!("no Vulkan device is available, so there is nothing to compare");
     };
     let theirs = phases(&solve(&scene, &display, &vulkan, settings));
-    // SAFETY: all that the structures point to lives until the calls return; what is made is destroyed, last.
+    // SAFETY: Everything to which the structures point exists until the calls return. The objects of Vulkan are
+    // destroyed last.
     unsafe {
         let entry = ash::Entry::load().unwrap();
         let about = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_2);
@@ -160,7 +161,7 @@ fn the_callers_own_device_computes_what_the_librarys_does() {
         refused(open([of[0], of[1], null_mut(), of[3]], family), "null device");
         refused(open(of, 999), "engine/unsuitable 999");
         let own = open(of, family).unwrap();
-        // The caller's device and the library's have reasons of their own.
+        // The engine on the caller's device has a reason of its own, unlike the library's device and the CPU.
         let reason = |of| CStr::from_ptr(made(|out| eyebox_engine_reason(Some(of), Some(out))).unwrap()).to_owned();
         assert!(!reason(&own).is_empty() && reason(&own) != reason(&vulkan) && reason(&own) != reason(&cpu));
         assert_eq!(phases(&solve(&scene, &display, &own, settings)), theirs);

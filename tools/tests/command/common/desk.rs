@@ -8,7 +8,7 @@ use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::xproto::{AtomEnum, ConfigureWindowAux, ConnectionExt, InputFocus, Window};
 use x11rb::rust_connection::RustConnection;
 
-/// XTEST's request to send an event, and the core protocol's numbers of events.
+/// The request of XTEST that sends an event. The numbers below are events of the core protocol.
 const FAKE_INPUT: u8 = 2;
 const KEY: u8 = 2;
 const KEY_UP: u8 = 3;
@@ -16,7 +16,7 @@ const BUTTON: u8 = 4;
 const BUTTON_UP: u8 = 5;
 const MOTION: u8 = 6;
 
-/// A virtual desktop.
+/// Virtual desktop on an X server with the extension XTEST.
 pub struct Desk {
     server: Server,
     connection: RustConnection,
@@ -26,7 +26,7 @@ pub struct Desk {
 
 impl Desk {
     pub fn new(folder: &Path, size: [usize; 2]) -> Self {
-        // A cursor would be in the pixels.
+        // A visible cursor would change the pixels.
         let server = Server::start(folder, size, &["-nocursor"]);
         let (connection, screen) = x11rb::connect(Some(&server.name)).expect("a connection");
         let root = connection.setup().roots[screen].root;
@@ -34,12 +34,12 @@ impl Desk {
         Self { server, connection, root, xtest }
     }
 
-    /// As DISPLAY has it.
+    /// Returns the name of the display in the form of `DISPLAY`.
     pub fn name(&self) -> &str {
         &self.server.name
     }
 
-    /// The window whose title has this in it, once there is one.
+    /// Waits for a window whose title contains `title`, and returns it.
     pub fn window(&self, title: &str) -> Window {
         let since = Instant::now();
         loop {
@@ -52,14 +52,14 @@ impl Desk {
         }
     }
 
-    /// A window's title; empty where it has none.
+    /// Returns the title of a window, which is empty if the window has none.
     pub fn title(&self, window: Window) -> String {
         let name = AtomEnum::WM_NAME;
         let answer = self.connection.get_property(false, window, name, AtomEnum::ANY, 0, 1024).expect("sent").reply();
         answer.map_or_else(|_| String::new(), |p| String::from_utf8_lossy(&p.value).into_owned())
     }
 
-    /// What the screen shows of the window.
+    /// Returns the pixels of a window on the screen.
     pub fn part(&self, window: Window) -> Part {
         let at = self.connection.get_geometry(window).expect("sent").reply().expect("its place");
         let (top, left) = (at.y.max(0) as usize, at.x.max(0) as usize);
@@ -88,14 +88,14 @@ impl Desk {
         self.send(MOTION, 0, [at.y + row, at.x + column]);
     }
 
-    /// Turns the wheel by a notch.
+    /// Turns the wheel by one notch.
     pub fn turn(&self, up: bool) {
         let button = if up { 4 } else { 5 };
         self.send(BUTTON, button, [0, 0]);
         self.send(BUTTON_UP, button, [0, 0]);
     }
 
-    /// Presses the key of this keysym (of letters, their ASCII) in a window.
+    /// Presses the key of this keysym in a window. The keysym of a letter is its ASCII code.
     pub fn press(&self, window: Window, keysym: u32) {
         self.connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME).expect("sent");
         let setup = self.connection.setup();
@@ -104,12 +104,12 @@ impl Desk {
             self.connection.get_keyboard_mapping(first, last - first + 1).expect("sent").reply().expect("the keys");
         let per = usize::from(map.keysyms_per_keycode);
         let at = map.keysyms.chunks_exact(per).position(|k| k[0] == keysym).expect("such a key");
-        // In one go: a key that stays down on a busy machine repeats.
+        // Both events are sent together, because a key that stays down on a slow machine repeats.
         self.queue(KEY, first + at as u8, [0, 0]);
         self.send(KEY_UP, first + at as u8, [0, 0]);
     }
 
-    /// Makes the window's inside so large.
+    /// Sets the size of the window's content.
     pub fn resize(&self, window: Window, [height, width]: [u32; 2]) {
         let size = ConfigureWindowAux::new().width(width).height(height);
         self.connection.configure_window(window, &size).expect("sent");

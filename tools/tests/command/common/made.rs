@@ -1,4 +1,4 @@
-//! Holograms that nobody solved, and views.
+//! Holograms without a solve, views and pictures for tests.
 
 use eyebox::low_level::files::write_png;
 use eyebox::low_level::hologram::{ColorHologram, Hologram};
@@ -6,7 +6,7 @@ use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::scene;
 use std::path::Path;
 
-/// So many sub-frames of 36 x 64 in the display's colours; another for every `salt`.
+/// Makes a hologram of 36 x 64 pixels with `frames` sub-frames in the display's colors. Each `salt` gives other phases.
 pub fn hologram(display: &Display, frames: usize, salt: usize) -> Hologram {
     let color = |(i, w): (usize, &eyebox::low_level::optics::Wavelength)| ColorHologram {
         color: Some(w.color),
@@ -22,7 +22,8 @@ pub fn hologram(display: &Display, frames: usize, salt: usize) -> Hologram {
     }
 }
 
-/// 3 x 3 views of a scene, 64 x 64, as `view_R_C.png` in a folder; by their names in the order that `place` says.
+/// Writes 3 x 3 views of a scene, 64 x 64 pixels each, as `view_R_C.png` into a folder. The function `place` returns R
+/// and C for the row and the column of a view.
 pub fn views(folder: &Path, scene: &str, place: impl Fn(usize, usize) -> [usize; 2]) {
     let display = Display { height: 64, width: 64, ..Display::preset("paper").expect("a preset") };
     let colors = [Color::Green];
@@ -34,8 +35,8 @@ pub fn views(folder: &Path, scene: &str, place: impl Fn(usize, usize) -> [usize;
     }
 }
 
-/// A TIFF without compression, written by hand: interleaved samples of so many channels and bits, little-endian. Format 1 is
-/// unsigned, 3 is floating point.
+/// Writes an uncompressed TIFF with interleaved little-endian samples. Format 1 is unsigned and format 3 is floating
+/// point.
 pub fn tiff(file: &Path, [height, width]: [u32; 2], [channels, bits, format]: [u16; 3], bytes: &[u8]) {
     let photometric = if channels >= 3 { 2 } else { 1 };
     let entries: [(u16, u16, u32); 9] = [
@@ -53,7 +54,7 @@ pub fn tiff(file: &Path, [height, width]: [u32; 2], [channels, bits, format]: [u
     let beyond = start + 2 + 12 * 9 + 4;
     let mut out = [&b"II*\0"[..], &start.to_le_bytes(), bytes, &9u16.to_le_bytes()].concat();
     for (tag, kind, value) in entries {
-        // Bits and format are said per channel; more than two lie behind the table.
+        // Bits and format have one value per channel. The values of several channels are behind the table.
         let count = if (tag == 258 || tag == 339) && channels > 1 { u32::from(channels) } else { 1 };
         let value = match (tag, count > 1) {
             (258, true) => beyond,

@@ -1,4 +1,4 @@
-//! The command as tests run it.
+//! Helpers that run the command in tests.
 
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
@@ -18,48 +18,48 @@ pub use printed::Printed;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// The command, in `folder`, with a cache of the tests' own.
+/// Returns the command with its arguments in `folder`, with a cache that only tests use.
 pub fn command(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
     command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
     command
 }
 
-/// What came of it.
+/// Runs the command and returns its output.
 pub fn eyebox(folder: &Path, args: &[&str]) -> Output {
     command(folder, args).output().expect("the command starts")
 }
 
-/// What was printed.
+/// Converts printed bytes to text.
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Success; what was printed on standard output.
+/// Runs a command that must succeed, and returns its standard output.
 pub fn done(folder: &Path, args: &[&str]) -> String {
     let answer = eyebox(folder, args);
     assert!(answer.status.success(), "{args:?}: {}", text(&answer.stderr));
     text(&answer.stdout)
 }
 
-/// Success; the JSON object on standard output.
+/// Runs a command that must succeed, and returns the JSON object on its standard output.
 pub fn json(folder: &Path, args: &[&str]) -> serde_json::Value {
     let said = done(folder, args);
     serde_json::from_str(&said).unwrap_or_else(|_| panic!("{args:?}: no JSON object: {said}"))
 }
 
-/// JSON document in a file.
+/// Reads a JSON document from a file.
 pub fn document(file: &Path) -> serde_json::Value {
     let text = std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
     serde_json::from_slice(&text).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
 }
 
-/// Metadata of a hologram's file.
+/// Reads eyebox's attributes from the file of a hologram.
 pub fn attributes(hologram: &Path) -> serde_json::Value {
     document(&hologram.join("zarr.json"))["attributes"]["eyebox"].take()
 }
 
-/// Modification time of a file.
+/// Returns the modification time of a file.
 pub fn written(file: &Path) -> std::time::SystemTime {
     std::fs::metadata(file).and_then(|m| m.modified()).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
 }
@@ -70,14 +70,11 @@ pub fn notes(of: &serde_json::Value, words: &str) -> bool {
     notes.into_iter().any(|note| note.has(words))
 }
 
-/// Error of a command that failed.
+/// Error that a failed command prints as JSON.
 #[derive(Debug, serde::Deserialize)]
 pub struct Refusal {
-    /// Code of the error.
     pub code: String,
-    /// Sentence of the error.
     pub message: String,
-    /// Fields of the error.
     pub fields: serde_json::Value,
 }
 
@@ -93,7 +90,8 @@ impl Refusal {
         read
     }
 
-    /// Asserts the code, which is the first word of `what`. The sentence must hold the other words, such as options and numbers.
+    /// Asserts the code, which is the first word of `what`. The message must hold the other words, such as options and
+    /// numbers.
     #[track_caller]
     pub fn is(&self, what: &str) {
         let mut words = what.split(' ');
@@ -139,7 +137,7 @@ pub fn refused(folder: &Path, args: &[&str], out: &str, what: &str) {
     assert!(!std::fs::read_dir(folder).unwrap().any(part), "{args:?} left something half-written");
 }
 
-/// Every plot of a report's page is in `figures/` too, whole, as an SVG that needs no style sheet and as a PDF.
+/// Asserts that `figures/` has each plot of a report's page as a complete SVG without a style sheet and as a PDF.
 pub fn figures_of(report: &Path, page: &str) {
     let page = std::fs::read_to_string(report.join(page)).expect("a page");
     let files = std::fs::read_dir(report.join("figures")).expect("figures").map(|e| e.expect("an entry").path());
@@ -156,12 +154,13 @@ pub fn figures_of(report: &Path, page: &str) {
     }
 }
 
-/// A folder of the test's own.
+/// Creates a temporary folder for one test.
 pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Asks a process twice to stop, as two ctrl-Cs do. Of two kinds, for two of one kind that come at once are one.
+/// Requests the end of a process twice, as two ctrl-C do. The two signals differ, because two of one kind that arrive
+/// together count as one.
 #[cfg(unix)]
 pub fn interrupt_twice(id: u32) {
     let both = format!("kill -INT {id}; kill -TERM {id}");

@@ -1,6 +1,8 @@
-//! An X server that answers for power saving (the extension DPMS). The virtual servers that can be had (Xvfb, Xephyr, Xvnc, Xorg's
-//! dummy driver) do not have it: their monitors have no power to save. This one stands between a program and Xvfb. It passes
-//! everything on but the two requests that concern DPMS. Bytes are those of the X protocol, version 11, and of DPMS 1.2.
+//! An X server with power saving (the extension DPMS). The virtual servers Xvfb, Xephyr, Xvnc and Xorg's dummy driver
+//! lack it, because their monitors have no power to save.
+//!
+//! This server is a proxy between a program and Xvfb. It handles the two requests that concern DPMS and passes
+//! everything else on. The bytes follow the X protocol, version 11, and DPMS 1.2.
 
 use super::xvfb::Server;
 use std::collections::HashMap;
@@ -11,30 +13,31 @@ use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::spawn;
 
-/// X servers listen at this port plus the number of their display.
+/// An X server listens on this port plus the number of its display.
 const FIRST_PORT: u16 = 6000;
 
-/// The major opcode of DPMS here. Xvfb gives the numbers from 128 on to its own extensions, fewer than 50.
+/// The major opcode of DPMS in this server. Xvfb gives the numbers from 128 on to its own extensions, which are fewer
+/// than 50.
 const DPMS: u8 = 200;
 const DPMS_INFO: u8 = 7;
 const QUERY_EXTENSION: u8 = 98;
 const GET_INPUT_FOCUS: u8 = 43;
 
-/// Answers that this server gives itself, by the number of their request.
+/// Functions that write the replies of this server, by the number of their request.
 type Answers = Arc<Mutex<HashMap<u16, fn(&mut [u8], &State)>>>;
 
-/// A display whose monitor has power saving.
+/// Display whose monitor has power saving.
 pub struct PowerSaving {
-    /// As DISPLAY has it.
+    /// Name of the display in the form of `DISPLAY`.
     pub name: String,
     state: Arc<State>,
 }
 
 #[derive(Default)]
 struct State {
-    /// As DPMS counts: 0 is on, 1 standby, 2 suspended, 3 off.
+    /// Power level in the numbers of DPMS. 0 is on, 1 standby, 2 suspended, 3 off.
     level: AtomicU16,
-    /// How often a program has read this level.
+    /// Number of reads of this level by programs since it was set.
     read: AtomicU16,
 }
 
@@ -56,7 +59,7 @@ impl PowerSaving {
         Self { name: format!("127.0.0.1:{number}"), state }
     }
 
-    /// Changes the level, and waits until a program has read it.
+    /// Changes the level and waits until a program has read it.
     pub fn set(&self, level: u16) {
         self.state.level.store(level, Ordering::SeqCst);
         self.state.read.store(0, Ordering::SeqCst);
@@ -66,7 +69,7 @@ impl PowerSaving {
     }
 }
 
-/// Passes a connection on until one side closes it.
+/// Forwards the data of a connection until one side closes it.
 fn serve(program: TcpStream, server: UnixStream, state: &State) {
     let answers = Answers::default();
     let (from, to, known) =
@@ -87,7 +90,7 @@ fn long(bytes: &[u8]) -> usize {
     u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize
 }
 
-/// Reads `count` more bytes behind those that are there.
+/// Appends `count` more bytes to `bytes`.
 fn read_on(mut from: impl Read, bytes: &mut Vec<u8>, count: usize) -> io::Result<()> {
     let start = bytes.len();
     bytes.resize(start + count, 0);
@@ -118,7 +121,7 @@ fn requests(from: &TcpStream, mut to: &UnixStream, answers: &Answers) -> io::Res
             answers.lock().expect("no panic").insert(sequence, present);
         } else if request[0] == DPMS {
             assert_eq!(request[1], DPMS_INFO, "this server answers for the state of the monitor only");
-            // A request that has an answer of the same length keeps the order of the answers.
+            // GetInputFocus has a reply of the same length, which keeps the order of the replies.
             request[..2].copy_from_slice(&[GET_INPUT_FOCUS, 0]);
             answers.lock().expect("no panic").insert(sequence, info);
         }
@@ -136,7 +139,7 @@ fn replies(from: &UnixStream, mut to: &TcpStream, answers: &Answers, state: &Sta
     loop {
         let mut message = Vec::new();
         read_on(from, &mut message, 32)?;
-        // Replies and generic events may be longer.
+        // Replies and generic events can be longer than 32 bytes.
         if matches!(message[0] & 0x7f, 1 | 35) {
             let rest = 4 * long(&message[4..]);
             read_on(from, &mut message, rest)?;
@@ -150,12 +153,12 @@ fn replies(from: &UnixStream, mut to: &TcpStream, answers: &Answers, state: &Sta
     }
 }
 
-/// The extension is there.
+/// Changes a reply so that the extension is present.
 fn present(reply: &mut [u8], _: &State) {
     reply[8..12].copy_from_slice(&[1, DPMS, 0, 0]);
 }
 
-/// Power saving is enabled, and the monitor is at its level.
+/// Changes a reply so that power saving is enabled and the monitor is at its level.
 fn info(reply: &mut [u8], state: &State) {
     reply[8..10].copy_from_slice(&state.level.load(Ordering::SeqCst).to_le_bytes());
     reply[10] = 1;

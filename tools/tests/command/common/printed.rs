@@ -1,20 +1,21 @@
-//! Names and numbers in text for people. Its wording is free: no test compares sentences.
+//! Names and numbers in printed text. Its wording is free, because no test compares sentences.
 
 /// Text that a command printed, or the title of a window.
 pub trait Printed {
-    /// All numbers, in their order.
+    /// Returns all numbers in their order.
     fn numbers(&self) -> Vec<f64>;
 
-    /// The number in front of a unit, such as `dB` or `%`. Panics if there is none.
+    /// Returns the number in front of a unit, such as `dB` or `%`. Panics if there is none.
     fn number(&self, unit: &str) -> f64;
 
-    /// Returns whether the text has all of these words, which spaces separate. Numbers compare by value, other words letter by letter.
+    /// Returns whether the text has all of these words, which spaces separate. Numbers compare by value, other words
+    /// letter by letter.
     fn has(&self, words: &str) -> bool;
 
-    /// How many lines [have](Self::has) these words.
+    /// Returns the number of lines that [have](Self::has) these words.
     fn lines_with(&self, words: &str) -> usize;
 
-    /// Returns whether these numbers follow one another.
+    /// Returns whether the text has these numbers one after another, with no other number between them.
     fn has_sequence(&self, sequence: &[f64]) -> bool {
         self.numbers().windows(sequence.len()).any(|numbers| numbers.iter().zip(sequence).all(|(a, b)| equal(*a, *b)))
     }
@@ -57,7 +58,7 @@ fn equal(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-9 * a.abs().max(b.abs())
 }
 
-/// Each number of a text, and where it ends.
+/// Returns each number of a text with the position of its end.
 fn places(text: &str) -> Vec<(f64, usize)> {
     let bytes = text.as_bytes();
     let digits = |from: usize| from + bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
@@ -67,7 +68,7 @@ fn places(text: &str) -> Vec<(f64, usize)> {
             at += 1;
             continue;
         }
-        // A dash behind a letter or a digit is a hyphen.
+        // A dash after a letter or a digit is a hyphen.
         let is_negative = at > 0 && bytes[at - 1] == b'-' && (at < 2 || !bytes[at - 2].is_ascii_alphanumeric());
         let start = at - usize::from(is_negative);
         at = digits(at);

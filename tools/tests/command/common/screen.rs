@@ -1,4 +1,4 @@
-//! A virtual screen, and what is shown on it.
+//! A virtual screen, and the command that shows holograms on it.
 
 use super::made;
 use super::xvfb::Server;
@@ -7,7 +7,7 @@ use eyebox::low_level::optics::Display;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// A virtual screen of so many rows and columns.
+/// Virtual screen with `size` rows and columns.
 pub struct Screen {
     pub server: Server,
     size: [usize; 2],
@@ -18,25 +18,25 @@ impl Screen {
         Self { server: Server::start(folder, size, &["-noreset"]), size }
     }
 
-    /// As DISPLAY has it.
+    /// Returns the name of the screen in the form of `DISPLAY`.
     pub fn name(&self) -> &str {
         &self.server.name
     }
 
-    /// (row, column, channel), red first.
+    /// Returns the pixels of the whole screen as (row, column, channel), red first.
     pub fn picture(&self) -> Vec<u8> {
         self.server.part([0, 0], self.size).rgb
     }
 }
 
-/// A hologram of 36 x 64 for a display, as x.zarr.
+/// Makes a hologram of 36 x 64 pixels for a display and saves it as `x.zarr`.
 pub fn hologram(folder: &Path, display: &Display) -> Hologram {
     let hologram = made::hologram(display, 8, 0);
     hologram.save(&folder.join("x.zarr")).expect("saved");
     hologram
 }
 
-/// Shows it in a window on the screen, or in the `--output` that `more` has.
+/// Returns the command that shows `x.zarr` in a window on the screen, or in the `--output` that `more` has.
 pub fn play(folder: &Path, screen: &Screen, preset: &str, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
     command

@@ -1,18 +1,18 @@
-//! A virtual X server whose pixels lie in a file.
+//! A virtual X server that keeps its pixels in a file.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// The server; gone with the value.
+/// Running server, which ends when the value is dropped.
 pub struct Server {
     pub process: Child,
-    /// As DISPLAY has it.
+    /// Name of the display in the form of `DISPLAY`.
     pub name: String,
     pixels: PathBuf,
 }
 
-/// Part of the screen: rows, columns, and (row, column, channel), red first.
+/// Part of the screen with its rows and columns. The values are (row, column, channel), red first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     pub size: [usize; 2],
@@ -20,7 +20,7 @@ pub struct Part {
 }
 
 impl Server {
-    /// One screen of so many rows and columns.
+    /// Starts a server with one screen of `height` rows and `width` columns.
     pub fn start(folder: &Path, [height, width]: [usize; 2], more: &[&str]) -> Self {
         let mut process = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", &format!("{width}x{height}x24"), "-nolisten", "tcp", "-fbdir"])
@@ -35,7 +35,8 @@ impl Server {
         Self { process, name: format!(":{}", number.trim()), pixels: folder.join("Xvfb_screen0") }
     }
 
-    /// What the screen shows from a row and column on, so much or what there is of it.
+    /// Returns the part of the screen that begins at a row and a column. The screen's edge can make it smaller than
+    /// `size`.
     pub fn part(&self, [top, left]: [usize; 2], size: [usize; 2]) -> Part {
         let bytes = std::fs::read(&self.pixels).expect("the frame buffer");
         let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("a word")) as usize;
