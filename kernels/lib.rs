@@ -34,6 +34,7 @@ pub mod halve_views;
 pub mod intensity;
 pub mod lag;
 pub mod layers;
+pub mod machine;
 pub mod modulate;
 pub mod modulate_mask;
 pub mod modulate_wave;

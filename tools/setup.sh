@@ -16,7 +16,7 @@ fi
 
 windows=$([[ ${1:-} != windows ]] || echo yes)
 site=$([[ ${1:-} != site ]] || echo yes)
-chromium() { command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null; }
+browser() { command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null; }
 mingw() { command -v x86_64-w64-mingw32-gcc >/dev/null; }
 wine() { (PATH=$PATH:/usr/lib/wine && command -v wine64 >/dev/null); } # Where Debian has it.
 
@@ -26,7 +26,7 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
         mingw || missing+=(gcc-mingw-w64-x86-64-win32)
         wine || missing+=(wine64)
     elif [[ $site ]]; then
-        chromium || missing+=(chromium)
+        browser || missing+=(chromium)
         python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
     else
         # What windows load at run time comes last.
@@ -72,7 +72,7 @@ if [[ $windows ]]; then
     mingw || missing+=("MinGW's linker, x86_64-w64-mingw32-gcc")
     wine || missing+=("Wine for 64 bits, wine64")
 elif [[ $site ]]; then
-    chromium || missing+=("Chromium")
+    browser || missing+=("Chromium")
 else
     libraries=$({ ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null || true)
     [[ $libraries == *libvulkan.so.1* ]] || missing+=("the Vulkan loader (libvulkan.so.1)")

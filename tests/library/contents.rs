@@ -1,5 +1,6 @@
-//! Tables and figures of the documents that are made from the code: ARCHITECTURE.md names the crates and modules by their own first
-//! sentences, the facade's front page its modules, and `docs/crates.svg` draws what `cargo metadata` says.
+//! Tables and figures of the documents that are generated from the code. ARCHITECTURE.md lists crates and modules with
+//! the first sentences of their documentation. The front page of the facade lists its modules, and `docs/crates.svg`
+//! shows the dependencies that `cargo metadata` prints.
 //!
 //! `EYEBOX_WRITE=1 cargo test -p eyebox-tests --test library contents` writes them again.
 
@@ -11,14 +12,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A crate of `runtime/`, as its manifest and its front page have it.
+/// A crate of `runtime/`, from its manifest and its front page.
 struct Room {
     name: String,
     folder: PathBuf,
     description: String,
     /// Crates of `runtime/` that it uses.
     uses: BTreeSet<String>,
-    /// Its public modules, each with its first sentence; none if its items are at the root.
+    /// Public modules, each with its first sentence. The list is empty if the items are at the root.
     modules: Vec<(String, String)>,
 }
 
@@ -46,7 +47,7 @@ fn modules(folder: &Path) -> Vec<(String, String)> {
     names.map(|name| (name.to_owned(), first_sentence(&file(name)))).collect()
 }
 
-/// Returns the crates of `runtime/`, each after those that it uses.
+/// Returns the crates of `runtime/`, each after the crates that it uses.
 fn rooms() -> Vec<Room> {
     let mut cargo = Command::new(env!("CARGO"));
     let cargo = cargo.args(["metadata", "--no-deps", "--format-version", "1", "--offline"]).current_dir(root());
@@ -75,7 +76,7 @@ fn rooms() -> Vec<Room> {
     sorted
 }
 
-/// Returns the crates that a crate uses and that none of the others which it uses brings along.
+/// Returns the direct dependencies of a crate that are not also dependencies of another of them.
 fn direct_uses<'a>(rooms: &'a [Room], room: &'a Room) -> Vec<&'a str> {
     let find = |name: &str| rooms.iter().find(|room| room.name == name).expect("a crate");
     fn reaches(rooms: &[Room], from: &Room, to: &str) -> bool {
@@ -142,7 +143,7 @@ fn facade(rooms: &[Room]) -> String {
     out
 }
 
-/// Draws the crates in rows, the lowest first, with an arrow from each to those that it uses.
+/// Draws the crates in rows, with the lowest first, and an arrow from each crate to its direct dependencies.
 fn figure(rooms: &[Room]) -> String {
     const WIDTH: usize = 124;
     const HEIGHT: usize = 36;
@@ -205,7 +206,7 @@ fn check(file: &Path, found: &str, wanted: &str) {
     let differing = found.lines().zip(wanted.lines()).find(|(found, wanted)| found != wanted);
     assert!(
         found == wanted,
-        "{}: not what the code says (first: {differing:?}): EYEBOX_WRITE=1 writes it",
+        "{}: differs from the code (first: {differing:?}). EYEBOX_WRITE=1 writes it",
         file.display()
     );
 }

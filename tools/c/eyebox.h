@@ -1,20 +1,31 @@
-// eyebox: phase holograms for near-eye displays, from C and C++. Made of tools/c by cbindgen: change it there.
+// eyebox computes phase holograms for near-eye displays. This is its interface for C and C++. cbindgen generates this
+// file from tools/c, so make changes there.
 //
-// Pointers. Texts are UTF-8 and end with a zero byte; arrays come with the number of their values, which is compared with what
-// the function takes before anything is read or written. Where nothing else is said a pointer must not be null. Handles are made by
-// functions that put them into a place of yours (null where they fail) and freed by theirs, once; `free` takes null. What a
-// handle was made of may be freed before it. Freeing one that is in use, or twice, is undefined, as everywhere in C.
+// Pointers. A pointer must not be null unless its description allows it. Texts are UTF-8 and end with a zero byte.
+// Arrays come with the number of their values. Before eyebox reads or writes an array, it compares this number with the
+// number that the function requires.
 //
-// Errors. Every function answers EYEBOX_STATUS_OK or what was wrong; `eyebox_last_error` says it in a sentence, per thread. That text
-// stays valid until the same thread calls `eyebox_last_error` after another failure: other calls, and other threads, leave it alone.
+// Handles. A function that makes a handle writes it into a variable of the caller, or writes null if it fails. The
+// caller owns the handle and frees it once with the `free` function of its type, which also accepts null. The handles
+// from which a handle was made may be freed before it. It is undefined to free a handle twice, or while it is in use.
 //
-// Threads. Any thread may call anything. Displays, scenes, holograms and encoders never change: any number of threads may use one at
-// once. Calls with one engine, one refiner or one session wait for each other, but for eyebox_session_look, which waits for nobody;
-// engines are cheap beside what they compute, open one a thread. eyebox computes on threads of its own, as many as RAYON_NUM_THREADS
-// says or there are cores; a session has three more until it is freed. Threads do not survive fork: a child that was forked after an engine was opened, a
-// scene was made or a session was started is refused with EYEBOX_STATUS_ENGINE, and freeing does nothing there.
+// Errors. A function returns EYEBOX_STATUS_OK or the kind of its error. Every function may also return
+// EYEBOX_STATUS_POINTER for a null or misaligned pointer, EYEBOX_STATUS_ARGUMENT for a value outside its range, and
+// EYEBOX_STATUS_INTERNAL. Functions that compute may return EYEBOX_STATUS_ENGINE. The cause is a sentence per thread,
+// which `eyebox_last_error` returns. This text stays valid until the same thread calls `eyebox_last_error` after
+// another failure. Other calls and other threads do not change it.
 //
-// Units. Lengths are metres, phases radians, light linear, axis order (row = y, column = x), +x to the right, +y down.
+// Threads. Any thread may call any function. Displays, scenes, holograms and encoders never change, so any number of
+// threads may use one at once. Calls with one engine, one refiner or one session wait for each other. The exceptions
+// are eyebox_session_look and eyebox_session_look_moving, which never wait. An engine costs little compared with its
+// computations, so open one per thread. eyebox computes on its own threads, whose number is RAYON_NUM_THREADS or the
+// number of cores. A session has further threads until it is freed.
+//
+// Fork. Threads do not survive a fork. After an engine was opened, a scene was made or a session was started, a child
+// process that is then forked cannot use eyebox. Its calls fail with EYEBOX_STATUS_ENGINE, and `free` has no effect.
+//
+// Units. Lengths are in meters, phases in radians, and light is linear. The axis order is (row = y, column = x), with
+// +x to the right and +y down.
 
 
 #ifndef EYEBOX_H
@@ -23,227 +34,245 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// The interface that this header describes. It is raised with every change that a program has to be compiled anew for.
+// The version of the interface that this header describes. It rises with each change that requires programs to be
+// compiled again.
 #define EYEBOX_INTERFACE 2
 
-// Red, as one bit of a set of colours.
+// The bit of red in a set of colors.
 #define EYEBOX_RED 1
 
-// Green.
+// The bit of green in a set of colors.
 #define EYEBOX_GREEN 2
 
-// Blue.
+// The bit of blue in a set of colors.
 #define EYEBOX_BLUE 4
 
-// What a function answers. `eyebox_last_error` says the rest.
+// The result of a function. If it is not EYEBOX_STATUS_OK, `eyebox_last_error` returns the cause.
 typedef enum {
-  // It did what was asked.
+  // The call succeeded without an error.
   EYEBOX_STATUS_OK = 0,
-  // A pointer that has to lead somewhere is null, or misaligned.
+  // A pointer is null although the function requires it, or is misaligned.
   EYEBOX_STATUS_POINTER = 1,
-  // A number, a text or the length of an array is not one that the function takes.
+  // A number, a text or the length of an array is outside the range of the function.
   EYEBOX_STATUS_ARGUMENT = 2,
-  // The display, or a pupil before it.
+  // The error is about the display, or about a pupil in front of it.
   EYEBOX_STATUS_DISPLAY = 3,
-  // The scene, its file or its views.
+  // The error is about the scene, its file or its views.
   EYEBOX_STATUS_SCENE = 4,
-  // The settings, or the solve or refinement that they ask for.
+  // The error is about the settings, or about the solve or refinement that they describe.
   EYEBOX_STATUS_SOLVE = 5,
-  // The hologram, or its file.
+  // The error is about the hologram, its file, or the scene or display that it names.
   EYEBOX_STATUS_HOLOGRAM = 6,
-  // The encoding, or what is to be encoded.
+  // The error is about the encoding, or about the phases to encode.
   EYEBOX_STATUS_ENCODE = 7,
-  // The engine or its device.
+  // The error is about the engine or its device, or the process was forked.
   EYEBOX_STATUS_ENGINE = 8,
-  // A fault of eyebox itself, please report it. Handles that the call was given may be freed, and no more.
+  // The error is a fault of eyebox itself. Please report it. The program may free the handles of the failed call,
+  // but must not use them for anything else.
   EYEBOX_STATUS_INTERNAL = 9,
-  // The session, or what it shows on.
+  // The error is about the session, or about the display on which it shows.
   EYEBOX_STATUS_SESSION = 10,
 } EyeboxStatus;
 
-// A display: the SLM, its optics and how it takes its phases. It never changes.
+// A display, with its SLM, its optics and its encoding of phases. It never changes.
 typedef struct EyeboxDisplay EyeboxDisplay;
 
-// An encoder: phases of one shape to the video frames of one display. It never changes.
+// An encoder. It turns phases of one shape into the video frames of one display. It never changes.
 typedef struct EyeboxEncoder EyeboxEncoder;
 
-// Where is computed: on the CPU, or on a Vulkan device. Calls with one engine wait for each other.
+// An engine, which computes on the CPU or on a Vulkan device. Calls with one engine wait for each other.
 typedef struct EyeboxEngine EyeboxEngine;
 
-// Phases, and what they were made for and by. It never changes.
+// A hologram, with its phases, its optics and the record of its solve. It never changes.
 typedef struct EyeboxHologram EyeboxHologram;
 
-// A hologram under refinement, on engines of its own. Calls with one refiner wait for each other.
+// A hologram under refinement, with its own engines. Calls with one refiner wait for each other.
 typedef struct EyeboxRefiner EyeboxRefiner;
 
-// A scene as a light field: views from a grid of places in the pupil plane, of a display's size. It never changes.
+// A scene as a light field. Its views are from a grid of positions in the pupil plane, and have the size of the
+// display's pictures. It never changes.
 typedef struct EyeboxScene EyeboxScene;
 
-// A hologram on a display that the caller drives: each tick gives the video frame that is next. What is refined is refined
-// meanwhile, on threads of its own.
+// A session, which shows a hologram on a display that the caller drives. Each tick gives the next video frame.
+// Refinement runs on threads of the session. Calls with one session wait for each other, except for
+// `eyebox_session_look` and `eyebox_session_look_moving`.
 typedef struct EyeboxSession EyeboxSession;
 
-// What a caller does with its queue, with the pointer that was given to `eyebox_engine_with_queue`. It must not throw, nor call eyebox
-// with that engine or anything that computes on it.
+// A function of the caller that uses the queue. `user` is the pointer that `eyebox_engine_with_queue` received. The
+// function must not throw. It must not call eyebox with the same engine, or with a refiner or session that computes on
+// it.
 typedef void (*EyeboxUse)(void *user);
 
-// A light field of the caller's own. Each colour is an array (view row, view column, row, column) without gaps, of linear light
-// in float32, finite and not negative, with 1 as full scale. View (r, c) looks from x = (c - (view_columns - 1) / 2)
-// view_pitch_m, y = (r - (view_rows - 1) / 2) view_pitch_m: columns of views go to the right, rows down.
+// A light field of the caller. Each color is an array (view row, view column, row, column) of float32 without gaps.
+// The values are linear light, finite and not negative, with 1 as full scale. View (r, c) is the view from
+// x = (c - (view_columns - 1) / 2) * view_pitch_m, y = (r - (view_rows - 1) / 2) * view_pitch_m in the pupil plane.
+// Columns of views go to the right, and rows of views go down.
 typedef struct {
-  // What holograms of it remember as their scene; null for nothing.
+  // The name that holograms store as their scene, or null for no name.
   const char *name;
-  // Rows of views, 1 to 64.
+  // Number of rows of views, 1 to 64.
   size_t view_rows;
-  // Columns of views, 1 to 64.
+  // Number of columns of views, 1 to 64.
   size_t view_columns;
-  // Rows of each view. Views of another size than the display's pictures are scaled to fit whole.
+  // Rows of each view (pixels). Views of another size than the display's pictures are scaled to fit completely.
   size_t rows;
-  // Columns of each view.
+  // Columns of each view (pixels).
   size_t columns;
-  // Metres between neighbouring views in the pupil plane; 0 spreads them over the display's eyebox.
+  // Distance of neighboring views in the pupil plane (m). 0 spreads the views over the display's eyebox.
   double view_pitch_m;
-  // Red; null where there is none. So for the others; at least one is there.
+  // The values of red, or null without red. At least one of the three colors must not be null.
   const float *red;
-  // Green.
+  // The values of green, or null without green.
   const float *green;
-  // Blue.
+  // The values of blue, or null without blue.
   const float *blue;
-  // Values of each of these arrays: view_rows view_columns rows columns.
+  // Number of values of each of these arrays, which is view_rows * view_columns * rows * columns.
   size_t count;
-  // How views stand that do not stand as the arrays have them: "transpose", "flip-rows", "flip-columns", with commas between;
-  // "as-named" takes them as a grid whatever their pictures show. Null for none of it.
+  // The true order of the views, if it differs from the order of the arrays. It is one or several of "transpose",
+  // "flip-rows" and "flip-columns" with commas between them. The order "as-named" states that the views are a grid
+  // in the order of the arrays, for any content of their pictures. Null states no order.
   const char *order;
 } EyeboxViews;
 
-// How far a solve is. Colours are solved one after the other.
+// The progress of a solve. Colors are solved one after the other.
 typedef struct {
-  // The colour: EYEBOX_RED, EYEBOX_GREEN or EYEBOX_BLUE.
+  // The present color, which is EYEBOX_RED, EYEBOX_GREEN or EYEBOX_BLUE.
   uint32_t color;
-  // Steps taken of this colour.
+  // Number of steps taken for this color.
   size_t step;
-  // Steps asked for.
+  // Number of requested steps per color.
   size_t steps;
-  // Steps of the short solves that choose the exposure, taken and in all, while they run before the first step; else 0.
+  // Number of steps taken by the short solves that choose the exposure. These run before the first step. It is 0
+  // while they do not run.
   size_t pilot_step;
-  // All of them.
+  // Total number of steps of these short solves. It is 0 while they do not run.
   size_t pilot_steps;
-  // Seconds since this colour began.
+  // Time since the start of this color (s).
   double seconds;
-  // Mean squared difference from the photographs over this step's pupils, in linear light.
+  // Mean squared difference from the target images over the pupils of this step, in linear light. It is NaN before
+  // any step, including the steps of the short solves.
   double loss;
-  // Mean PSNR of the best state so far over validation pupils, dB; NaN before there is one, and for a black scene.
+  // Mean PSNR of the best state until now over validation pupils (dB). It is NaN before the first validation, and
+  // for a black scene.
   double psnr_db;
 } EyeboxStep;
 
-// Called after every step, on the thread that called `eyebox_solve`, with the pointer that was given there. What it answers: 0 to
-// go on; anything else ends the solve with the best so far, colours that are left get one step each. It must not throw, nor
-// call eyebox with the engine of the solve.
+// A function of the caller that `eyebox_solve` calls before the first step and after every step, on the thread that
+// called `eyebox_solve`. Before the first step, the number of the step is 0 and the loss may be NaN. The argument
+// `step` is valid during the call, and `user` is the pointer that `eyebox_solve` received. Return 0 to continue. Any
+// other value ends the solve with the best result until then, and each remaining color gets one step.
+// The function must not throw, and must not call eyebox with the engine of the solve.
 typedef int32_t (*EyeboxProgress)(const EyeboxStep *step, void *user);
 
-// The sizes of a hologram, and of what is seen of it.
+// The sizes of a hologram and of its reconstructions.
 typedef struct {
-  // Colours, 1 to 3.
+  // Number of colors, 1 to 3.
   size_t colors;
-  // Which they are, in their order: EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 where there is none, or it has no name.
+  // The colors in their order, as EYEBOX_RED, EYEBOX_GREEN or EYEBOX_BLUE. An entry is 0 if there is no such color,
+  // or if the color has no name.
   uint32_t color[3];
-  // Sub-frames of each colour.
+  // Number of sub-frames per color.
   size_t frames;
-  // Rows of the SLM.
+  // Rows of the phases (pixels of the SLM).
   size_t rows;
-  // Columns.
+  // Columns of the phases (pixels of the SLM).
   size_t columns;
-  // Rows of what an eye sees.
+  // Rows of the image that an eye sees (pixels).
   size_t picture_rows;
-  // Columns of it.
+  // Columns of the image that an eye sees (pixels).
   size_t picture_columns;
 } EyeboxSize;
 
-// Where the eye's pupil is, how wide it is, and where it focuses. Metres.
+// The position, diameter and focus of a pupil of the eye, in meters.
 typedef struct {
-  // Centre, to the right (along columns).
+  // Center of the pupil along the columns (m). Positive values are to the right.
   double x_m;
-  // Centre, down (along rows).
+  // Center of the pupil along the rows (m). Positive values are down.
   double y_m;
-  // Diameter; an eye's is 2e-3 to 8e-3.
+  // Diameter of the pupil (m). The diameter of an eye's pupil is 2e-3 to 8e-3.
   double diameter_m;
-  // Where it focuses, from the SLM's image; positive is nearer.
+  // Depth of the focus, measured from the SLM's image (m). Positive values are nearer to the eye.
   double depth_m;
 } EyeboxPupil;
 
-// What a pupil sees, against what it should see.
+// The score of an image through one pupil against the target image.
 typedef struct {
-  // PSNR over all colors, dB; NaN if the target is black.
+  // PSNR over all colors (dB). It is NaN if the target is black.
   double psnr_db;
-  // The most that any hologram could have there, dB; NaN where it is not known.
+  // The ceiling, which is the highest PSNR of any hologram through this pupil (dB). It is NaN if it is unknown.
   double ceiling_db;
-  // Mean SSIM over the colours; NaN where the picture is smaller than SSIM's window.
+  // Mean SSIM over the colors. It is NaN if the picture is smaller than SSIM's window.
   double ssim;
-  // PSNR of the image past an obstruction against the image that the same hologram shows a clear pupil, dB; NaN for a clear pupil.
+  // PSNR of the image with an obstruction against the image of the same hologram through a clear pupil (dB). It is
+  // NaN for a clear pupil.
   double against_clear_db;
 } EyeboxScore;
 
-// The video frames of a hologram: (frame, row, column, channel), 8 bits each, in the order in which they are shown.
+// The shape of the video frames of a hologram. Their bytes are an array (frame, row, column, channel) of 8-bit values.
+// The frames are in the order in which the display shows them.
 typedef struct {
-  // How many.
+  // Number of video frames.
   size_t frames;
-  // Rows of a frame.
+  // Rows of each video frame (pixels).
   size_t rows;
-  // Columns.
+  // Columns of each video frame (pixels).
   size_t columns;
-  // 1 (grey) or 3 (red, green, blue).
+  // Number of channels, which is 1 (gray) or 3 (red, green, blue).
   size_t channels;
-  // Bytes of all of them.
+  // Size of the memory that a call fills, in bytes. It holds all video frames for `eyebox_encode`, and one video
+  // frame for `eyebox_session_tick`.
   size_t bytes;
 } EyeboxVideo;
 
 // A sample of the caller's eye tracker.
 typedef struct {
-  // Where the pupil's centre was, metres to the right; NaN where the eye is closed.
+  // Center of the pupil along the columns (m, -0.1 to 0.1). Positive values are to the right. NaN states that the
+  // eye is closed.
   double x_m;
-  // Down.
+  // Center of the pupil along the rows (m, -0.1 to 0.1). Positive values are down. NaN states that the eye is
+  // closed.
   double y_m;
-  // Its diameter, metres; 0 or NaN if the tracker does not measure it.
+  // Diameter of the pupil (m, 0 to 0.02). Set it to 0 or NaN if the tracker does not measure it.
   double diameter_m;
-  // Seconds since it was there: what the tracker and its way here take, 0 to 10.
+  // Age of the sample (s, 0 to 10), which is the latency of the tracker and of the connection to it.
   double age_s;
 } EyeboxSample;
 
-// What a tick gave.
+// The description of the video frame that a tick gave.
 typedef struct {
-  // Whether there is one: 0 once what is shown has ended, and then nothing was written.
+  // 1 if there is a video frame. It is 0 after the end of the content, and then the tick wrote no picture.
   int32_t shown;
-  // Whether a set begins with it; `set` says whether it is another one.
+  // 1 if a multiplex set begins with this video frame, otherwise 0. If `set` is unchanged, the same set repeats.
   int32_t begins;
-  // Which video frame of its set, from 0.
+  // Index of the video frame in its multiplex set, from 0.
   uint64_t part;
-  // Which video frame of the display, from 0; those that no tick came for are counted.
+  // Number of the video frame of the display, from 0. Video frames without a tick count too.
   uint64_t number;
-  // The number of the refined set, or of the hologram; -1 for the picture that is shown before there is any.
+  // Number of the refined set, or of the hologram. It is -1 for the idle picture that is shown before the first set.
   int64_t set;
 } EyeboxFrame;
 
-// What a session did so far. Of what is not refined, the counts from `steps` on are 0 and the times NaN.
+// The statistics of a session. Without refinement, the counts from `steps` on are 0 and the times are NaN.
 typedef struct {
-  // Video frames of the display, taken or missed.
+  // Number of video frames of the display, taken or missed.
   uint64_t video_frames;
-  // Of them, those that no tick came for in time.
+  // Number of these video frames for which no tick came in time.
   uint64_t missed;
-  // Sets begun.
+  // Number of multiplex sets that began.
   uint64_t sets;
-  // Of them, those of the picture that is shown before there is any.
+  // Number of these sets that show the idle picture, which precedes the first content.
   uint64_t idle_sets;
-  // Steps of refinement, of all colours.
+  // Number of refinement steps over all colors.
   uint64_t steps;
-  // Sets that were new,
+  // Number of sets that were new.
   uint64_t sets_new;
-  // and that were shown again.
+  // Number of sets that were shown again.
   uint64_t sets_repeated;
-  // How often refinement began again, after a jump of the eye.
+  // Number of restarts of the refinement after a jump of the eye.
   uint64_t restarts;
-  // From a sample to its first light, the median, milliseconds.
+  // Median time from a sample to its first light (ms).
   double sample_to_light_ms;
-  // How old the newest sample was at the newest light, milliseconds.
+  // Age of the newest sample at the newest light (ms).
   double sample_age_ms;
 } EyeboxAccount;
 
@@ -251,49 +280,64 @@ typedef struct {
 extern "C" {
 #endif // __cplusplus
 
-// The interface that the library has: a program that was compiled for another one (EYEBOX_INTERFACE) must not go on.
+// Returns the version of the library's interface. If it differs from `EYEBOX_INTERFACE`, the program was compiled for
+// another version and must not continue.
 uint32_t eyebox_interface(void);
 
-// Returns why the last call of this thread that failed did so: one sentence in UTF-8, empty before the first failure. The text stays
-// valid and unchanged, whatever else fails, until the same thread calls `eyebox_last_error` after another failure, or ends.
+// Returns the cause of the last failed call of this thread, as one sentence in UTF-8. It is empty before the first
+// failure. eyebox owns the text. It stays valid and unchanged until the same thread ends, or calls `eyebox_last_error`
+// after another failure.
 const char *eyebox_last_error(void);
 
-// Returns the code of the last failed call of this thread, such as `scene/missing-view`. The code of an error never changes, its
-// sentence may. The code is empty before the first failure. The text stays valid until the same thread calls
-// `eyebox_last_error_code` after another failure, or ends.
+// Returns the code of the last failed call of this thread, such as `scene/missing-view`. It is empty before the first
+// failure. The code of an error never changes, but its sentence may change. eyebox owns the text. It stays valid until
+// the same thread ends, or calls `eyebox_last_error_code` after another failure.
 const char *eyebox_last_error_code(void);
 
-// A display by the name of a preset, such as "paper", "small" or "planes8", or from a TOML file.
+// Makes a display from the name of a preset, such as "paper", "small" or "planes8", or from the path of a display file
+// (TOML, docs/displays.md). Free it with `eyebox_display_free`. Fails with EYEBOX_STATUS_DISPLAY if there is no such
+// preset or file, or if the file is wrong.
 EyeboxStatus eyebox_display_load(const char *name, EyeboxDisplay **display);
 
-// A display from the text of a display file (docs/displays.md). Files that it names lie in the working folder.
+// Makes a display from the text of a display file (TOML, docs/displays.md). Paths in the text are relative to the
+// working folder. Free it with `eyebox_display_free`. Fails with EYEBOX_STATUS_DISPLAY if the text is wrong.
 EyeboxStatus eyebox_display_from_toml(const char *toml, EyeboxDisplay **display);
 
-// The same display with so many rows and columns of pixels.
+// Makes a copy of a display with another number of rows and columns (pixels). Free it with `eyebox_display_free`.
+// Fails with EYEBOX_STATUS_DISPLAY if a color of the display cannot have this size.
 EyeboxStatus eyebox_display_resized(const EyeboxDisplay *display, size_t rows, size_t columns, EyeboxDisplay **resized);
 
-// Frees a display; null is nothing to free.
+// Frees a display. Null is allowed and has no effect.
 void eyebox_display_free(EyeboxDisplay *display);
 
-// Opens an engine: "cpu"; "vulkan", a device in software included; or "auto": a real GPU where there is one that computes as it
-// should, else the CPU.
-EyeboxStatus eyebox_engine_open(const char *choice,
-                                EyeboxEngine **engine);
+// Opens an engine. "cpu" computes on the CPU. "vulkan" computes on a Vulkan device, which may be a device in software.
+// "auto" chooses a real GPU if one computes correctly, and otherwise the CPU. Free the engine with
+// `eyebox_engine_free`. Fails with EYEBOX_STATUS_ARGUMENT if `choice` is another text. Fails with EYEBOX_STATUS_ENGINE
+// if there is no usable device.
+EyeboxStatus eyebox_engine_open(const char *choice, EyeboxEngine **engine);
 
-// What computes, and why that and nothing else, in a sentence that stands as long as the engine.
+// Writes a pointer to a sentence into `reason`. The sentence names the device of the engine and the reason for this
+// choice. The engine owns it, and it stays valid until the engine is freed.
 EyeboxStatus eyebox_engine_reason(const EyeboxEngine *engine, const char **reason);
 
-// Frees an engine; refiners that were made with it go on.
+// Frees an engine. Refiners and sessions that were made with it continue to work. Null is allowed and has no effect.
 void eyebox_engine_free(EyeboxEngine *engine);
 
-// An engine on the caller's own Vulkan device. `instance`, `physical_device`, `device` and `queue` are VkInstance, VkPhysicalDevice,
-// VkDevice and VkQueue; the queue is one of `queue_family`, which computes (VK_QUEUE_COMPUTE_BIT). The instance and the device are
-// of Vulkan 1.2 or newer (VkApplicationInfo::apiVersion), and the device was made with the feature timelineSemaphore
-// (VkPhysicalDeviceVulkan12Features); no extension is needed. What Vulkan tells is looked at: limits, the version, whether the
-// family computes, and whether small transforms come out right. Which features are on it tells nobody: without that one the
-// calls are undefined. The device and its instance stay the caller's, and must stand until the engine, and all that was made
-// with it (refiners, sessions), are freed. Until then the caller makes use of the queue within `eyebox_engine_with_queue`
-// alone. A device that is lost is not opened anew: calls fail with EYEBOX_STATUS_ENGINE.
+// Makes an engine on the caller's own Vulkan device. The types of the handles `instance`, `physical_device`, `device`
+// and `queue` are VkInstance, VkPhysicalDevice, VkDevice and VkQueue. The queue belongs to `queue_family`, which must
+// support VK_QUEUE_COMPUTE_BIT. The instance and the device must have Vulkan 1.2 or newer
+// (VkApplicationInfo::apiVersion). The device must be made with the feature timelineSemaphore
+// (VkPhysicalDeviceVulkan12Features), and needs no extension.
+//
+// eyebox checks the limits, the version, the queue family, and the results of small transforms. It cannot check the
+// enabled features, because Vulkan does not report them. Without timelineSemaphore the calls are undefined.
+//
+// The caller keeps the device and its instance. Both must exist until the engine, and all refiners and sessions that
+// were made with it, are freed. Until then the caller may use the queue only within `eyebox_engine_with_queue`. Free
+// the engine with `eyebox_engine_free`.
+//
+// Fails with EYEBOX_STATUS_ENGINE if the device is not suitable. eyebox does not reopen a lost device, and later calls
+// fail with EYEBOX_STATUS_ENGINE.
 EyeboxStatus eyebox_engine_vulkan_device(void *instance,
                                          void *physical_device,
                                          void *device,
@@ -301,31 +345,46 @@ EyeboxStatus eyebox_engine_vulkan_device(void *instance,
                                          void *queue,
                                          EyeboxEngine **engine);
 
-// Calls `with` (`user`) while nothing of eyebox makes use of the queue of an engine's device: for what the caller submits there itself.
-EyeboxStatus eyebox_engine_with_queue(const EyeboxEngine *engine,
-                                      EyeboxUse with,
-                                      void *user);
+// Calls `with(user)` once, while eyebox does not use the queue of the engine's device. In `with` the caller may submit
+// its own work to the queue. It runs on the calling thread, before this function returns. Fails with
+// EYEBOX_STATUS_ARGUMENT if the engine computes on the CPU.
+EyeboxStatus eyebox_engine_with_queue(const EyeboxEngine *engine, EyeboxUse with, void *user);
 
-// Loads a scene for a display: "builtin:NAME", a folder of views, or a picture (docs/scenes.md), in the `colors` that are asked for
-// (a sum of EYEBOX_RED, EYEBOX_GREEN, EYEBOX_BLUE; 0 for all of the display's). `views` are the views per axis of scenes that are
-// rendered, 1 to 64; 0 for as many as the command takes.
+// Loads a scene for a display. The `source` is "builtin:NAME", a folder of views, or a picture (docs/scenes.md). Set
+// `colors` to a sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE, or to 0 for all colors of the display. Set `views` to
+// the number of views per axis of rendered scenes, 1 to 64, or to 0 for the default of the command. Free the scene
+// with `eyebox_scene_free`.
+//
+// Fails with EYEBOX_STATUS_SCENE if the scene cannot be read, and with EYEBOX_STATUS_DISPLAY if the display lacks a
+// color.
 EyeboxStatus eyebox_scene_load(const char *source,
                                const EyeboxDisplay *display,
                                uint32_t colors,
                                size_t views,
                                EyeboxScene **scene);
 
-// Takes over a light field of the caller's own for a display. The views are copied.
+// Makes a scene for a display from a light field of the caller. eyebox copies the views. Free the scene with
+// `eyebox_scene_free`.
+//
+// Fails with EYEBOX_STATUS_ARGUMENT if `count` does not match the sizes or `order` is unknown. Fails with
+// EYEBOX_STATUS_SCENE if the views are wrong, such as values that are not finite or views that are not a grid. Fails
+// with EYEBOX_STATUS_DISPLAY if the display lacks a color.
 EyeboxStatus eyebox_scene_from_views(const EyeboxViews *views, const EyeboxDisplay *display, EyeboxScene **scene);
 
-// Frees a scene.
+// Frees a scene. Null is allowed and has no effect.
 void eyebox_scene_free(EyeboxScene *scene);
 
-// Solves a scene for a display: one hologram, in all of the scene's colours. `settings` is TOML, or null for the defaults: the fields
-// of eyebox::solve::Settings by their names, such as "steps = 60", "pupils = 16", "frames = 8", "seed = 1", "seconds = 2.5",
-// "psnr = 30.0", depths and diameters in metres ("depth = [-1e-3, 2e-3]"), and "quality" ("fast", "balanced", "accurate"),
-// "contrast" and "force" as in the command. A key that is not known is refused. The same scene, display, settings and seed give the same
-// phases as the command, bit for bit on the CPU engine. `progress` may be null.
+// Solves a scene for a display as one hologram with all colors of the scene. Free the hologram with
+// `eyebox_hologram_free`. The argument `progress` may be null, and so may `user`.
+//
+// Set `settings` to a TOML text, or to null for the defaults. The keys are the fields of eyebox::solve::Settings
+// (docs/settings.md), such as "steps = 60", "pupils = 16", "frames = 8", "seed = 1", "seconds = 2.5" or "psnr = 30.0".
+// Depths and diameters are in meters, as in "depth = [-1e-3, 2e-3]". The keys "quality" ("fast", "balanced",
+// "accurate"), "contrast" and "force" have the same meaning as in the command.
+//
+// The same scene, display, settings and seed give the same phases as the command, bit for bit on the CPU engine.
+//
+// Fails with EYEBOX_STATUS_SOLVE if a key is unknown, if a value is wrong, or if a loss is not finite.
 EyeboxStatus eyebox_solve(const EyeboxScene *scene,
                           const EyeboxDisplay *display,
                           const char *settings,
@@ -334,43 +393,55 @@ EyeboxStatus eyebox_solve(const EyeboxScene *scene,
                           void *user,
                           EyeboxHologram **hologram);
 
-// Opens a hologram: a folder that the command or `eyebox_hologram_save` made.
+// Opens a hologram from a folder that the command or `eyebox_hologram_save` made. Free it with `eyebox_hologram_free`.
+// Fails with EYEBOX_STATUS_HOLOGRAM if the folder cannot be read or its contents are damaged.
 EyeboxStatus eyebox_hologram_open(const char *path, EyeboxHologram **hologram);
 
-// Saves a hologram by the ending of its name: .zarr is all of it, .npy its phases alone. A hologram that is there is replaced,
-// anything else left alone, and nothing is left half written.
-EyeboxStatus eyebox_hologram_save(const EyeboxHologram *hologram,
-                                  const char *path);
+// Saves a hologram in the format of the file extension. The extension .zarr saves the whole hologram, and .npy saves
+// its phases alone. A hologram at `path` is replaced, and anything else there is refused. The old hologram stays until
+// the new one is complete. After a failure (EYEBOX_STATUS_HOLOGRAM) nothing has changed at `path`.
+EyeboxStatus eyebox_hologram_save(const EyeboxHologram *hologram, const char *path);
 
-// The sizes of a hologram.
+// Writes the sizes of a hologram into `size`.
 EyeboxStatus eyebox_hologram_size(const EyeboxHologram *hologram, EyeboxSize *size);
 
-// Loads the scene that a hologram was solved from, read as it was then: wherever it is found, or at `source` where that is not
-// null. A scene that was changed since, and another scene, is refused unless `other_scene` is not 0.
+// Loads the scene from which a hologram was solved, with the settings of the solve. If `source` is not null, it is the
+// place of the scene. Otherwise eyebox searches for the scene. If `other_scene` is 0, eyebox refuses another scene,
+// and a scene that has changed since the solve. Free the scene with `eyebox_scene_free`.
+//
+// Fails with EYEBOX_STATUS_HOLOGRAM if the scene is not found or is refused. Fails with EYEBOX_STATUS_SCENE if it
+// cannot be read.
 EyeboxStatus eyebox_scene_of_hologram(const EyeboxHologram *hologram,
                                       const char *source,
                                       int32_t other_scene,
                                       EyeboxScene **scene);
 
-// The display that a name or file says, or, where `name` is null, the one that the hologram was solved for; that is cut to the
-// hologram's size, as it was then. Its encoding is that of today.
-EyeboxStatus eyebox_hologram_display(const EyeboxHologram *hologram,
-                                     const char *name,
-                                     EyeboxDisplay **display);
+// Makes the display for a hologram. If `name` is not null, it is a preset or the path of a display file. Otherwise
+// eyebox uses the display of the solve. The display of the solve is cut to the hologram's size, as it was then, and
+// has its present encoding. Free the display with `eyebox_display_free`.
+//
+// Fails with EYEBOX_STATUS_HOLOGRAM if the display of the solve no longer exists or has other optics now. Fails with
+// EYEBOX_STATUS_DISPLAY if a display cannot be read.
+EyeboxStatus eyebox_hologram_display(const EyeboxHologram *hologram, const char *name, EyeboxDisplay **display);
 
-// The phases of a colour, by its place: (sub-frame, row, column), radians, in the hologram's own memory. They stand as long as it
-// does. `count` is frames rows columns.
-EyeboxStatus eyebox_hologram_phases(const EyeboxHologram *hologram,
-                                    size_t color,
-                                    const float **phases,
-                                    size_t *count);
+// Writes a pointer to the phases of a color into `phases`, and their number into `count`. The argument `color` is the
+// index of the color, less than `colors` of `EyeboxSize`. The phases are an array (sub-frame, row, column) in radians,
+// with frames * rows * columns values. They are in the memory of the hologram, and stay valid until it is freed. Fails
+// with EYEBOX_STATUS_ARGUMENT if there is no such color.
+EyeboxStatus eyebox_hologram_phases(const EyeboxHologram *hologram, size_t color, const float **phases, size_t *count);
 
-// How a hologram was made: JSON, as its file has it (docs/hologram-format.md). It stands as long as the hologram.
+// Writes a pointer to the metadata of a hologram into `json`. They describe its solve as JSON text, as in its file
+// (docs/hologram-format.md). The hologram owns the text, and it stays valid until the hologram is freed.
 EyeboxStatus eyebox_hologram_metadata(const EyeboxHologram *hologram, const char **json);
 
-// What an eye sees through a pupil: (colour, row, column) in linear light, with 1 as the scene's full scale, into `light`, which has
-// `count` values: colors picture_rows picture_columns. `obstruction` puts opaque marks into the pupil: "lashes", "floaters", "opacity",
-// "scratches", or null for a clear pupil.
+// Computes the image that an eye sees of a hologram through a pupil, and writes it into `light`. The image is an array
+// (color, row, column) in linear light, with 1 as the full scale of the scene. Set `count` to the number of values in
+// `light`, which must be colors * picture_rows * picture_columns of `EyeboxSize`. The `obstruction` puts opaque marks
+// into the pupil, and is "lashes", "floaters", "opacity" or "scratches", or null for a clear pupil.
+//
+// Fails with EYEBOX_STATUS_DISPLAY if the light does not reach the pupil, if no eye has such a pupil, or if the
+// obstruction is unknown. Fails with EYEBOX_STATUS_ARGUMENT if `count` differs, and with EYEBOX_STATUS_ENGINE if the
+// engine fails.
 EyeboxStatus eyebox_view(const EyeboxHologram *hologram,
                          const EyeboxPupil *pupil,
                          const char *obstruction,
@@ -378,9 +449,13 @@ EyeboxStatus eyebox_view(const EyeboxHologram *hologram,
                          float *light,
                          size_t count);
 
-// Compares what `count` pupils see with what they should see of the scene, with one exposure per colour for all of them, into
-// `scores`, which has room for as many. The scene was loaded for the hologram's display and has its colours; null takes the one
-// that the hologram was solved from, read as it was then. `obstruction` is as in eyebox_view.
+// Compares the images of a hologram through `count` pupils with the target images of a scene, and writes one score per
+// pupil into `scores`. Both arrays have `count` elements, at least 1. One exposure per color holds for all pupils. The
+// scene must be loaded for the hologram's display and have its colors. If `scene` is null, eyebox loads the scene from
+// which the hologram was solved, with the settings of the solve. The `obstruction` is the same as for `eyebox_view`.
+//
+// Fails with the statuses of `eyebox_view`. Fails also with EYEBOX_STATUS_HOLOGRAM if the scene is not found, is not
+// the scene of the hologram, or has another size.
 EyeboxStatus eyebox_score(const EyeboxHologram *hologram,
                           const EyeboxScene *scene,
                           const EyeboxPupil *pupils,
@@ -389,67 +464,90 @@ EyeboxStatus eyebox_score(const EyeboxHologram *hologram,
                           const EyeboxEngine *engine,
                           EyeboxScore *scores);
 
-// Frees a hologram, and with it its phases and its metadata.
+// Frees a hologram with its phases and its metadata. Null is allowed and has no effect.
 void eyebox_hologram_free(EyeboxHologram *hologram);
 
-// Begins to refine a hologram for where the pupil is: a copy, the hologram stays as it is. The scene was loaded for the hologram's
-// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
-// then. `settings` is TOML, or null for the defaults: the fields of
-// eyebox::solve::RefineSettings by their names, such as "pupils = 2", "elsewhere = 0.5", "seed = 1". It computes where `engine` does,
-// beside it.
+// Makes a refiner, which refines a copy of a hologram for the position of the pupil. The scene must be loaded for the
+// hologram's display and have its colors. If `scene` is null, eyebox loads the scene from which the hologram was
+// solved, with the settings of the solve. Hologram and scene may be freed after this call. The refiner computes on the
+// device of `engine`, with engines of its own. Free it with `eyebox_refiner_free`.
+//
+// Set `settings` to a TOML text, or to null for the defaults. The keys are the fields of eyebox::solve::RefineSettings
+// (docs/settings.md), such as "pupils = 2", "elsewhere = 0.5" or "seed = 1".
+//
+// Fails with EYEBOX_STATUS_SOLVE if the settings are wrong. Fails with EYEBOX_STATUS_HOLOGRAM if the scene is not
+// found, is not the scene of the hologram, or has another size. Fails with EYEBOX_STATUS_DISPLAY if the scene lacks a
+// color of the hologram.
 EyeboxStatus eyebox_refiner_new(const EyeboxHologram *hologram,
                                 const EyeboxScene *scene,
                                 const char *settings,
                                 const EyeboxEngine *engine,
                                 EyeboxRefiner **refiner);
 
-// The pupil is there from now on, its centre known to within `spread_m` (a standard deviation along each axis, metres).
+// Sets the pupil for which the next steps refine. The uncertainty of its center is `spread_m`, which is a standard
+// deviation along each axis (0 to 0.1 m). Fails with EYEBOX_STATUS_DISPLAY if the light does not reach the pupil, or
+// if no eye has such a pupil.
 EyeboxStatus eyebox_refiner_aim(const EyeboxRefiner *refiner, const EyeboxPupil *pupil, double spread_m);
 
-// Takes so many steps of every colour. `loss` is that of the last, the mean squared difference in linear light over its pupils; it may be
-// null. A loss that is no finite number is an error: the step was not taken.
-EyeboxStatus eyebox_refiner_step(const EyeboxRefiner *refiner,
-                                 size_t steps,
-                                 double *loss);
+// Takes `steps` steps (1 to 1000000) of every color. If `loss` is not null, it receives the loss of the last step. The
+// loss is the mean squared difference in linear light over the pupils of the step. Fails with EYEBOX_STATUS_SOLVE if a
+// loss is not finite, and then this step was not taken.
+EyeboxStatus eyebox_refiner_step(const EyeboxRefiner *refiner, size_t steps, double *loss);
 
-// Takes at most so many steps as `eyebox_refiner_step` does and hands over the hologram in the best state that they reached, as a
-// new one. The state after each step is judged at the pupil that was aimed at, as a score is: more steps are never worse there.
-EyeboxStatus eyebox_refiner_best(const EyeboxRefiner *refiner,
-                                 size_t steps,
-                                 EyeboxHologram **hologram);
+// Takes `steps` steps (1 to 1000000) like `eyebox_refiner_step`, and makes a new hologram from the best state. The
+// state after each step is scored at the pupil of `eyebox_refiner_aim`, so more steps never lower the score there.
+// Free the hologram with `eyebox_hologram_free`. Fails with EYEBOX_STATUS_SOLVE if a loss is not finite.
+EyeboxStatus eyebox_refiner_best(const EyeboxRefiner *refiner, size_t steps, EyeboxHologram **hologram);
 
-// The hologram as it is now, as a new one: to be looked at, encoded or saved while the refiner goes on.
+// Makes a new hologram from the current state of a refiner. The program may render, encode or save it while the
+// refiner continues. Free it with `eyebox_hologram_free`.
 EyeboxStatus eyebox_refiner_hologram(const EyeboxRefiner *refiner, EyeboxHologram **hologram);
 
-// Frees a refiner.
+// Frees a refiner. Null is allowed and has no effect.
 void eyebox_refiner_free(EyeboxRefiner *refiner);
 
-// An encoder for a display, for holograms of these colours (a sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE; 0 for all of the
-// display's) and so many sub-frames. The display's calibration is read now, once.
-EyeboxStatus eyebox_encoder_new(const EyeboxDisplay *display,
-                                uint32_t colors,
-                                size_t frames,
-                                EyeboxEncoder **encoder);
+// Makes an encoder for a display and for holograms with the given colors and number of sub-frames. Set `colors` to a
+// sum of EYEBOX_RED, EYEBOX_GREEN and EYEBOX_BLUE, or to 0 for all colors of the display. Set `frames` to the number
+// of sub-frames per color, 1 to 4096. This function reads the calibration files of the display, and later calls do
+// not. Free the encoder with `eyebox_encoder_free`.
+//
+// Fails with EYEBOX_STATUS_DISPLAY if the display lacks a color. Fails with EYEBOX_STATUS_ENCODE if the display cannot
+// show these colors and sub-frames, or if its calibration is wrong.
+EyeboxStatus eyebox_encoder_new(const EyeboxDisplay *display, uint32_t colors, size_t frames, EyeboxEncoder **encoder);
 
-// The sizes of what `eyebox_encode` writes.
+// Writes the shape and size of the video frames of `eyebox_encode` into `video`.
 EyeboxStatus eyebox_encoder_video(const EyeboxEncoder *encoder, EyeboxVideo *video);
 
-// Encodes a hologram into memory of the caller's, of as many bytes as `eyebox_encoder_video` says.
+// Encodes a hologram into `video`, which is memory of the caller with the number of `bytes` from
+// `eyebox_encoder_video`. Fails with EYEBOX_STATUS_ARGUMENT if the hologram has other colors or another size than the
+// encoder, or if `bytes` differs. Fails with EYEBOX_STATUS_ENCODE if the number of sub-frames differs.
 EyeboxStatus eyebox_encode(const EyeboxEncoder *encoder, const EyeboxHologram *hologram, void *video, size_t bytes);
 
-// Frees an encoder.
+// Frees an encoder. Null is allowed and has no effect.
 void eyebox_encoder_free(EyeboxEncoder *encoder);
 
-// Shows a hologram as it was solved, on a display of so many video frames a second.
+// Starts a session that shows a hologram as it was solved. The display shows `rate_hz` video frames per second (0.001
+// to 100000). The hologram and the display may be freed after this call. Free the session with `eyebox_session_free`.
+//
+// Fails with EYEBOX_STATUS_SESSION if the rate is outside its range, or if the hologram has another size than the
+// display. Fails with EYEBOX_STATUS_ENCODE if the display cannot show the colors and sub-frames of the hologram.
 EyeboxStatus eyebox_session_play(const EyeboxHologram *hologram,
                                  const EyeboxDisplay *display,
                                  double rate_hz,
                                  EyeboxSession **session);
 
-// Shows a hologram that is refined for where the eye is, as `eyebox_session_look` says. The scene was loaded for the hologram's
-// display, has its colours, and may be freed afterwards; null takes the one that the hologram was solved from, read as it was
-// then. `display` is what is encoded for. `settings` is TOML, or null for the
-// defaults: the fields of eyebox::solve::RefineSettings, as of `eyebox_refiner_new`. It computes where `engine` does, beside it.
+// Starts a session that shows a hologram and refines it for the pupil of `eyebox_session_look`. The scene must be
+// loaded for the hologram's display and have its colors. If `scene` is null, eyebox loads the scene from which the
+// hologram was solved, with the settings of the solve. The video frames are encoded for `display`, which shows
+// `rate_hz` video frames per second (0.001 to 100000). The session computes on the device of `engine`, with engines of
+// its own. All handles may be freed after this call. Free the session with `eyebox_session_free`.
+//
+// Set `settings` to a TOML text, or to null for the defaults. The keys are the same as for `eyebox_refiner_new`.
+//
+// Fails with EYEBOX_STATUS_SOLVE if the settings are wrong. Fails with EYEBOX_STATUS_HOLOGRAM if the scene is not
+// found, is not the scene of the hologram, or has another size. Fails with EYEBOX_STATUS_ENCODE if the display cannot
+// show the colors and sub-frames of the hologram. Fails with EYEBOX_STATUS_SESSION if the rate is outside its range,
+// if the hologram has another size than the display, or if the scene lacks a color of the hologram.
 EyeboxStatus eyebox_session_follow(const EyeboxHologram *hologram,
                                    const EyeboxScene *scene,
                                    const EyeboxDisplay *display,
@@ -458,34 +556,42 @@ EyeboxStatus eyebox_session_follow(const EyeboxHologram *hologram,
                                    double rate_hz,
                                    EyeboxSession **session);
 
-// The sizes of what ticks give: `frames` video frames a set, and `bytes` of one of them.
+// Writes the shape of the pictures of `eyebox_session_tick` into `video`. The field `frames` is the number of video
+// frames per multiplex set, and `bytes` is the size of one of them.
 EyeboxStatus eyebox_session_video(const EyeboxSession *session, EyeboxVideo *video);
 
-// Gives a sample of the caller's eye tracker. It waits for nothing, a tick least of all.
+// Gives a sample of the caller's eye tracker to a session that follows the eye. It never waits, and any thread may
+// call it while another thread ticks. Fails with EYEBOX_STATUS_ARGUMENT if a value is outside its range, or if
+// `eyebox_session_play` started the session.
 EyeboxStatus eyebox_session_look(const EyeboxSession *session, const EyeboxSample *sample);
 
-// The same of a tracker that tells how fast the pupil moves, metres a second: to the right, and down. NaN where it does not know.
+// Gives a sample like `eyebox_session_look`, with the velocity of the pupil from the tracker. The velocity is `x_m_s`
+// to the right and `y_m_s` down (m/s). Set it to NaN if it is unknown.
 EyeboxStatus eyebox_session_look_moving(const EyeboxSession *session,
                                         const EyeboxSample *sample,
                                         double x_m_s,
                                         double y_m_s);
 
-// Whether a session that follows an eye does: 0 shows the hologram for the whole eyebox, anything else follows.
+// Turns refinement for the tracked pupil on or off. If `steered` is 0, the session shows the hologram for the whole
+// eyebox. Any other value turns refinement on.
 EyeboxStatus eyebox_session_steer(const EyeboxSession *session, int32_t steered);
 
-// The video frame that is next, into memory of the caller's: (row, column, channel), 8 bits each, of as many bytes as
-// `eyebox_session_video` says. It lights up in `lit_in_s` seconds, 0 to 1: what refinement aims at. Call it once for every video frame of
-// the display, in any thread; it waits for no step, and for no encoding.
+// Writes the next video frame into `picture`, and its description into `frame`. The picture is an array (row, column,
+// channel) of 8-bit values in memory of the caller, and `bytes` must be the size from `eyebox_session_video`. Set
+// `lit_in_s` to the time until the frame lights up (s, 0 to 1). Refinement predicts the pupil for this time. Call this
+// function once for every video frame of the display, on any thread. It waits neither for a step nor for an encoding.
+//
+// Fails with EYEBOX_STATUS_ARGUMENT if `bytes` differs or `lit_in_s` is outside its range.
 EyeboxStatus eyebox_session_tick(const EyeboxSession *session,
                                  double lit_in_s,
                                  void *picture,
                                  size_t bytes,
                                  EyeboxFrame *frame);
 
-// What a session did so far, as of its last tick.
+// Writes the statistics of a session, as of its last tick, into `account`.
 EyeboxStatus eyebox_session_account(const EyeboxSession *session, EyeboxAccount *account);
 
-// Ends a session, and its threads with it.
+// Ends a session with its threads, and frees it. Null is allowed and has no effect.
 void eyebox_session_free(EyeboxSession *session);
 
 #ifdef __cplusplus

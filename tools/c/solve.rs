@@ -43,9 +43,10 @@ impl EyeboxStep {
     }
 }
 
-/// A function of the caller that `eyebox_solve` calls after every step, on the thread that called `eyebox_solve`. The
-/// argument `step` is valid during the call, and `user` is the pointer that `eyebox_solve` received. Return 0 to
-/// continue. Any other value ends the solve with the best result until then, and each remaining color gets one step.
+/// A function of the caller that `eyebox_solve` calls before the first step and after every step, on the thread that
+/// called `eyebox_solve`. Before the first step, the number of the step is 0 and the loss may be NaN. The argument
+/// `step` is valid during the call, and `user` is the pointer that `eyebox_solve` received. Return 0 to continue. Any
+/// other value ends the solve with the best result until then, and each remaining color gets one step.
 /// The function must not throw, and must not call eyebox with the engine of the solve.
 pub type EyeboxProgress = Option<extern "C" fn(step: *const EyeboxStep, user: *mut c_void) -> i32>;
 

@@ -4,8 +4,8 @@ use crate::Failure;
 use crate::args::Bench;
 use crate::request::SolveRequest;
 use crate::talk::print_report;
-use crate::{common, dry};
-use eyebox::low_level::engine::Engine;
+use crate::{common, dry, roofline};
+use eyebox::low_level::engine::{Engine, machine_rates};
 use eyebox::low_level::quality::{ColorJob, Prepared};
 use eyebox::low_level::reason;
 use eyebox::low_level::solve::{self, FirstPhases, Flow, Levels, Problem, Settings, StartTable};
@@ -118,26 +118,22 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     if let Some(ms) = look_up {
         say_beside!(args.solve.json, "first phases looked up in {ms:.2} ms");
     }
-    say_beside!(args.solve.json, "{:16} {:>10} {:>12} {:>10}", "kernel", "calls", "ms in all", "share");
     let timings = engine.timings();
-    let sum: f64 = timings.iter().map(|t| t.seconds).sum();
-    for t in &timings {
-        say_beside!(
-            args.solve.json,
-            "{:16} {:10} {:12.2} {:9.1} %",
-            t.kernel.name(),
-            t.calls,
-            t.seconds * 1e3,
-            100.0 * t.seconds / sum
-        );
-    }
+    let kernels = roofline::rows(&timings);
+    // The arrays of the limits are not memory of the solve.
+    let peak = common::peak_memory_mib();
+    let machine = kernels.iter().any(|row| row.bytes > 0.0).then(machine_rates);
+    roofline::lines(&kernels, machine).iter().for_each(|line| say_beside!(args.solve.json, "{line}"));
     if args.solve.json {
         print_report(json!({
             "step_ms": steps, "look_up_ms": look_up, "solve_s": totals, "load_s": loading,
-            "peak_memory_mib": common::peak_memory_mib(),
+            "peak_memory_mib": peak, "kernels": roofline::as_json(&kernels),
+            "machine_per_thread": machine.map(|machine| json!({
+                "gb_per_s": machine.memory * 1e-9, "gflop_per_s": machine.arithmetic * 1e-9,
+            })),
         }));
     }
-    match common::peak_memory_mib() {
+    match peak {
         Some(mib) => say_beside!(args.solve.json, "peak memory {mib} MiB"),
         None => say_beside!(args.solve.json, "this system does not report the peak memory"),
     }

@@ -61,12 +61,13 @@ pub enum Command {
                       path gives the same film.")]
     Render(Box<crate::render::Render>),
     /// Show what an eye sees in a window. The mouse moves the pupil, the wheel changes focus
-    #[command(after_help = "Examples:\n  eyebox preview still-life.zarr --scene builtin:still-life\n  \
+    #[command(after_help = "Examples:\n  eyebox preview builtin:still-life --size 256\n  \
+                      eyebox preview still-life.zarr --scene builtin:still-life\n  \
                       eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \
                       eyebox preview mine.zarr --prescription none\n  \
                       eyebox preview phases.npy --pitch 8 --wavelength 520 --focal-length 400\n\n\
                       In the window the mouse moves the pupil over the eyebox, the wheel changes focus, + and - the diameter, a switches\n\
-                      speckle averaging, p shows the target image of --scene, s saves a PNG, i shows a line and a map, h all keys, escape closes.\n\
+                      speckle averaging, p shows the target image of the scene, s saves a PNG, i shows a line and a map, h all keys, escape closes.\n\
                       Ends with 0 when it is closed and on ctrl-C, with 2 if it cannot be shown, with 3 if the desktop is lost.")]
     Preview(Box<crate::preview::Preview>),
     /// Show holograms, scenes or live content on a display, refined for the tracked pupil if there is a tracker

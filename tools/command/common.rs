@@ -181,12 +181,7 @@ pub fn diameters(asked: Option<[f64; 2]>, display: &Display, force: bool) -> Res
 
 /// Opens the requested engine.
 pub fn engine(args: &EngineArgs) -> Result<Box<dyn Engine>, Failure> {
-    Ok(opener(args)?()?)
-}
-
-/// Returns a function that opens the requested engine at each call, always on one device.
-pub fn opener(args: &EngineArgs) -> Result<Opener, Failure> {
-    Ok(Engines::new(args, &Options::default())?.opener())
+    Ok(Engines::new(args, &Options::default())?.open()?)
 }
 
 /// The requested engines, all on one device if they use a device.

@@ -40,6 +40,7 @@ mod refine;
 mod renamed;
 mod render;
 mod request;
+mod roofline;
 mod short_help;
 mod show;
 mod signals;

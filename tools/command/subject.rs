@@ -4,7 +4,7 @@ use crate::args::{DisplayArgs, EngineArgs, EyeArgs, SceneArgs, SceneOptions, sce
 use crate::common::{self, Engines};
 use crate::eval::score;
 use crate::experiment::ExperimentArgs;
-use crate::phases::{PhaseUnitArgs, tell_unfinished};
+use crate::phases::{BareOpticsArgs, EncodedArgs, PhaseUnitArgs, tell_unfinished};
 use crate::quality::QualityArgs;
 use crate::solve::SolveProgress;
 use crate::{Failure, progress};
@@ -82,6 +82,9 @@ pub fn load(
     engines: &Engines,
 ) -> Result<Steered, Failure> {
     let path = Path::new(what);
+    if Sequence::is_at(path) || Tiles::is_tiled(path) || is_hologram(path) {
+        refuse_quality(what, args)?;
+    }
     if at.is_none() && Sequence::is_at(path) {
         return moving(path, args, looped, engines);
     }
@@ -116,6 +119,24 @@ pub fn load(
 pub fn is_hologram(path: &Path) -> bool {
     let phases = Phases::are_named_at(path) && (!path.is_file() || scene::may_be_phases(path));
     phases || (!Phases::are_at(path) && !path.join("views").exists())
+}
+
+/// Returns whether the content is a hologram, bare phases or video frames, and not a scene. Options of bare phases decide
+/// before the name does.
+pub fn is_phases(what: &str, how: &SubjectOptions, optics: &BareOpticsArgs, encoded: &EncodedArgs) -> bool {
+    let path = Path::new(what);
+    how.unit.phase_unit.is_some() || optics.is_given() || encoded.are_at(path) || is_hologram(path)
+}
+
+/// Refuses `--quality` for content that is not solved.
+pub fn refuse_quality(what: &str, how: &SubjectOptions) -> Result<(), Failure> {
+    match how.quality.quality {
+        Some(_) => Err(Failure::Arguments(reason!(
+            "quality-of-phases",
+            "--quality is for a scene that is solved first, and {what} is not a scene. Leave it out"
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Solves a scene for the whole eyebox with `--quality`. Returns the hologram, the scene and the display.

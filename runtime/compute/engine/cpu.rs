@@ -9,6 +9,7 @@
 //! Fields stored as halves are for comparison. Values stay float32 in memory and are rounded to halves wherever a
 //! kernel stores them, also between the axes of a transform. That takes longer than float32 and saves nothing.
 
+mod account;
 mod buffers;
 mod floats;
 mod frames;
@@ -34,18 +35,41 @@ use std::sync::{
 use std::time::Instant;
 use twins::{Twin, twin};
 
-/// Calls and nanoseconds per kernel.
-struct Clock([(AtomicU64, AtomicU64); Kernel::ALL.len()]);
+/// Sums of one kernel.
+#[derive(Default)]
+struct Sums {
+    calls: AtomicU64,
+    nanoseconds: AtomicU64,
+    bytes: AtomicU64,
+    operations: AtomicU64,
+}
+
+/// The sums of each kernel.
+struct Clock {
+    sums: [Sums; Kernel::ALL.len()],
+    /// If true, bytes and operations are counted, too.
+    accounts: bool,
+}
 
 impl Clock {
-    fn new() -> Self {
-        Self(std::array::from_fn(|_| Default::default()))
+    fn new(accounts: bool) -> Self {
+        Self { sums: std::array::from_fn(|_| Sums::default()), accounts }
+    }
+
+    /// Adds the bytes and operations of a dispatch.
+    fn account(&self, dispatch: &Dispatch, step: &Step, shape: &Shape) {
+        if self.accounts {
+            let (bytes, operations) = account::account(dispatch, step, shape);
+            let sums = &self.sums[dispatch.kernel as usize];
+            sums.bytes.fetch_add(bytes, Relaxed);
+            sums.operations.fetch_add(operations, Relaxed);
+        }
     }
 
     fn time<R>(&self, kernel: Kernel, work: impl FnOnce() -> R) -> R {
         let start = Instant::now();
         let result = work();
-        let (calls, nanoseconds) = &self.0[kernel as usize];
+        let Sums { calls, nanoseconds, .. } = &self.sums[kernel as usize];
         calls.fetch_add(1, Relaxed);
         nanoseconds.fetch_add(start.elapsed().as_nanos() as u64, Relaxed);
         result
@@ -83,7 +107,7 @@ impl CpuEngine {
             plans: Plans::default(),
             wide: Vec::new(),
             spare: Vec::new(),
-            clock: Clock::new(),
+            clock: Clock::new(false),
             #[cfg(any(test, feature = "test-hooks"))]
             before_part: None,
         }
@@ -232,6 +256,7 @@ impl CpuEngine {
             let count = rest.iter().take_while(same).count().max(1);
             let (group, later) = rest.split_at(count);
             rest = later;
+            group.iter().for_each(|dispatch| self.clock.account(dispatch, step, &self.shape));
             match scope {
                 Scope::Whole => {
                     if !self.run_whole(step, first) {
@@ -388,15 +413,21 @@ impl Engine for CpuEngine {
         Ok(())
     }
 
+    fn time_kernels(&mut self, on: bool) {
+        self.clock.accounts = on;
+    }
+
     fn timings(&self) -> Vec<Timing> {
         let one = |kernel: Kernel| {
-            let (calls, nanoseconds) = &self.clock.0[kernel as usize];
-            Timing { kernel, calls: calls.load(Relaxed), seconds: nanoseconds.load(Relaxed) as f64 * 1e-9 }
+            let Sums { calls, nanoseconds, bytes, operations } = &self.clock.sums[kernel as usize];
+            let [calls, nanoseconds, bytes, operations] =
+                [calls, nanoseconds, bytes, operations].map(|sum| sum.load(Relaxed));
+            Timing { kernel, calls, seconds: nanoseconds as f64 * 1e-9, bytes, operations }
         };
         Kernel::ALL.into_iter().map(one).filter(|t| t.calls > 0).collect()
     }
 
     fn reset_timings(&mut self) {
-        self.clock = Clock::new();
+        self.clock = Clock::new(self.clock.accounts);
     }
 }

@@ -18,6 +18,7 @@ pub use crate::plan::{
     Timing,
 };
 pub use choose::{Backend, Choice, open, reason};
+pub use eyebox_kernels::machine::{MachineRates, machine_rates};
 pub use handover::{At, Handover};
 pub use look_up::LookUp;
 pub use threads::{pool, prepare_threads};

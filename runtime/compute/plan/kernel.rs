@@ -76,6 +76,10 @@ pub struct Timing {
     pub calls: u64,
     /// Total time in seconds.
     pub seconds: f64,
+    /// Bytes of its buffers that it read and wrote, 0 if they were not counted.
+    pub bytes: u64,
+    /// Operations of its transforms, 0 if they were not counted. A complex transform of n values has 5 n log2(n).
+    pub operations: u64,
 }
 
 /// A row of the table, with the columns that plans need.
@@ -194,6 +198,11 @@ impl Kernel {
         self.binds().iter().filter(|(access, _)| *access != Access::Read).map(|(_, resource)| *resource)
     }
 
+    /// Returns true if it transforms and does nothing else.
+    fn is_transform(self) -> bool {
+        matches!(self, Self::FieldForward | Self::WindowInverse | Self::WindowForward | Self::ChangeInverse)
+    }
+
     /// Returns true if it reads the pupil passes of its dispatch.
     pub(crate) fn takes_pupil_passes(self) -> bool {
         self.binds().iter().any(|(_, resource)| resource.is_per_pupil())
@@ -307,9 +316,14 @@ impl Unit<'_> {
 /// Units of work of one weight of crosstalk per pixel.
 const CROSSTALK: f64 = 0.04;
 
+/// Units of work of a transform per point and per doubling of the length.
+const BUTTERFLIES: f64 = 0.2;
+/// Operations of a complex transform per point and per doubling of the length, by the usual count of n log2(n).
+const OPERATIONS: f64 = 5.0;
+
 /// Returns the work of a transform of `rows` x `columns` points, of which `used` columns are needed.
 fn transform(rows: usize, columns: usize, used: usize) -> f64 {
-    let along = |n: usize| 0.2 * (n.max(2) as f64).log2();
+    let along = |n: usize| BUTTERFLIES * (n.max(2) as f64).log2();
     let (rows, columns, used) = (rows as f64, columns as f64, used as f64);
     rows * columns * along(columns as usize) + rows * used * along(rows as usize)
 }
@@ -328,5 +342,9 @@ impl Dispatch {
         } else {
             shape.frames as f64 * of(None)
         }
+    }
+    /// Returns the operations of its transforms, 0 for other kernels.
+    pub fn operations(&self, step: &Step, shape: &Shape) -> u64 {
+        if self.kernel.is_transform() { (self.work(step, shape) / BUTTERFLIES * OPERATIONS) as u64 } else { 0 }
     }
 }

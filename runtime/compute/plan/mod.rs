@@ -39,7 +39,8 @@ pub use pass::{PupilPass, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 #[cfg(feature = "vulkan")]
-pub(crate) use traffic::{Entry, moved};
+pub(crate) use traffic::Entry;
+pub(crate) use traffic::moved;
 #[cfg(feature = "vulkan")]
 pub use traffic::{Move, Recording};
 pub use viewpoint::Viewpoint;

@@ -23,7 +23,7 @@ fn silent(gpus: [Gpu; 2]) {
     drop(gpus);
     for messages in messages {
         let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);
-        assert!(heard.is_empty(), "the validation layer said:\n{}", heard.join("\n"));
+        assert!(heard.is_empty(), "messages of the validation layer:\n{}", heard.join("\n"));
     }
 }
 

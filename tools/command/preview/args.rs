@@ -1,7 +1,8 @@
 //! Reads the arguments of `eyebox preview`.
 
-use crate::args::{EngineArgs, EyeArgs, ObstructedArgs, SceneOptions};
-use crate::phases::{AtArgs, EncodedArgs, PhaseArgs};
+use crate::args::ObstructedArgs;
+use crate::phases::{AtArgs, BareOpticsArgs, EncodedArgs, PhaseArgs};
+use crate::subject::{self, SubjectOptions};
 use crate::values::{GivenPupil, positive, pupil, rate, size};
 use clap::Args;
 use eyebox::low_level::present::Rate;
@@ -10,18 +11,15 @@ use std::path::PathBuf;
 /// The arguments of `eyebox preview`.
 #[derive(Args)]
 pub struct Preview {
-    /// NAME.zarr (a hologram or a sequence), or phases (NAME.npy or a folder of PNGs)
-    pub file: PathBuf,
+    /// NAME.zarr (a hologram or a sequence), phases (NAME.npy or a folder of PNGs), or a scene, which is solved first
+    pub what: String,
     #[command(flatten)]
     pub which: AtArgs,
     /// Pupil to begin with, as x,y,diameter,focus in mm, or the focus in dioptres (0.5D)
     #[arg(help_heading = "Pupils", long, value_name = "X,Y,D,Z", value_parser = pupil, default_value = "0,0,4,0")]
     pub pupil: GivenPupil,
-    /// Scene of the hologram (a folder of views, a picture, or builtin:NAME) for its target image and the PSNR
-    #[arg(help_heading = "Scene", long, value_name = "SCENE")]
-    pub scene: Option<String>,
     #[command(flatten)]
-    pub options: SceneOptions,
+    pub how: SubjectOptions,
     /// Inside of the window, rows x columns [default: fitted to the hologram and the monitor]
     #[arg(help_heading = "Window", long, value_name = "HxW", value_parser = size, conflicts_with = "zoom")]
     pub window: Option<[usize; 2]>,
@@ -35,7 +33,7 @@ pub struct Preview {
     #[arg(help_heading = "Output", short, long, value_name = "OUT_DIR", default_value = ".")]
     pub out: PathBuf,
     #[command(flatten)]
-    pub phases: PhaseArgs,
+    pub optics: BareOpticsArgs,
     #[command(flatten)]
     pub encoded: EncodedArgs,
     /// Exposure of the picture [default: the hologram's, or if it is not known, the 99th percentile of the first
@@ -43,12 +41,21 @@ pub struct Preview {
     #[arg(help_heading = "Bare phases", long, value_parser = positive)]
     pub exposure: Option<f64>,
     #[command(flatten)]
-    pub eye: EyeArgs,
-    #[command(flatten)]
     pub obstructions: ObstructedArgs,
-    #[command(flatten)]
-    pub engine: EngineArgs,
     /// Check the use of Vulkan, and print the faults
     #[arg(help_heading = "Display", long)]
     pub validation: bool,
+}
+
+impl Preview {
+    /// Returns the options of bare phases.
+    pub fn phases(&self) -> PhaseArgs {
+        let how = &self.how;
+        PhaseArgs { display: how.display.clone(), unit: how.unit, optics: self.optics.clone() }
+    }
+
+    /// Returns whether it is a hologram, bare phases or video frames, and no scene.
+    pub fn is_hologram(&self) -> bool {
+        subject::is_phases(&self.what, &self.how, &self.optics, &self.encoded)
+    }
 }

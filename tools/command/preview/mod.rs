@@ -6,12 +6,13 @@ mod sequence;
 pub use args::Preview;
 
 use crate::args::scene_of;
-use crate::common::{self, Form};
+use crate::common::{self, Engines, Form};
 use crate::phases::tell_unfinished;
 use crate::render::picture;
-use crate::{Failure, progress};
+use crate::{Failure, progress, subject};
 use eyebox::low_level::error::Reason;
 use eyebox::low_level::evaluate::Plane;
+use eyebox::low_level::gpu::Options;
 use eyebox::low_level::hologram::{Hologram, Opening, PhaseSource, Sequence, Tiles};
 use eyebox::low_level::optics::{Color, Obstruction, Padding, Prescription, Pupil};
 use eyebox::low_level::present::{Desktop, Monitor, PresentError, WindowEvent};
@@ -34,19 +35,23 @@ const ROOM: f64 = 0.85;
 
 /// Shows the window until it is closed.
 pub fn run(args: &Preview) -> Result<(), Failure> {
-    args.options.check(args.scene.as_ref())?;
-    let Opened { hologram, playing, tiles } = open(args)?;
-    let pupil = common::pupil_of(&args.pupil, &hologram, args.phases.display.force)?;
-    // The desktop opens before the scene is loaded, so that a missing window is reported at once.
+    if args.how.experiment.printed(&[])? {
+        return Ok(());
+    }
+    let opened = if args.is_hologram() { Some(open(args)?) } else { None };
+    // The desktop opens before anything is computed, so that a missing window is reported at once.
     let mut desktop = Desktop::open()?;
-    let opener = common::opener(&args.engine)?;
-    let hologram = expose(args, hologram, &pupil)?;
-    let scene = scene(args, &hologram, playing.is_some(), tiles.is_some())?;
+    let engines = Engines::new(&args.how.engine, &Options::default())?;
+    let Opened { hologram, pupil, playing, tiles, scene } = match opened {
+        Some(opened) => Opened { scene: scene(args, &opened)?, ..opened },
+        None => solved(args, &engines)?,
+    };
+    let hologram = expose(args, hologram, &pupil, &engines)?;
     let colors: Vec<Option<Color>> = hologram.colors.iter().map(|c| c.color).collect();
     let size = hologram.picture_size().into();
     let window = window_size(args, size, &desktop);
     let mut shown = PreviewedContent {
-        name: args.file.file_name().map_or_else(|| "phases".into(), |n| n.to_string_lossy().into_owned()),
+        name: Path::new(&args.what).file_name().map_or_else(|| "phases".into(), |n| n.to_string_lossy().into_owned()),
         rate: playing.as_ref().map_or(1.0, |p| p.1),
         playing: playing.map(|p| p.0),
         padding: hologram.metadata.padding(),
@@ -63,8 +68,8 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
     showing.tiles = tiles;
     let showing = Arc::new(showing);
     let controls = Controls::new(&showing, pupil, !scene.is_empty(), shown.playing.is_some());
-    let mut viewer = Viewer::start(opener, scene)?;
-    let gpu = common::display_gpu(&args.engine.device, args.validation)?;
+    let mut viewer = Viewer::start(engines.opener(), scene)?;
+    let gpu = common::display_gpu(&args.how.engine.device, args.validation)?;
     let messages = gpu.messages();
     let mut window = PreviewWindow::open(&gpu, &mut desktop, &shown.name, window)?;
     drop(gpu);
@@ -88,26 +93,52 @@ pub fn run(args: &Preview) -> Result<(), Failure> {
 struct Opened {
     /// The hologram that is shown first. A hologram in tiles has no phases here.
     hologram: Hologram,
+    pupil: Pupil,
     /// The sequence that continues from there, with its rate.
     playing: Option<(Playing, f64)>,
     /// The tiles, which keep the phases.
     tiles: Option<Arc<Tiles>>,
+    /// The scene of the target image, which has no colors if there is none.
+    scene: SceneSource,
 }
 
+impl Opened {
+    /// Makes content without a scene.
+    fn new(
+        args: &Preview,
+        hologram: Hologram,
+        playing: Option<(Playing, f64)>,
+        tiles: Option<Arc<Tiles>>,
+    ) -> Result<Self, Failure> {
+        let pupil = common::pupil_of(&args.pupil, &hologram, args.how.display.force)?;
+        Ok(Self { hologram, pupil, playing, tiles, scene: SceneSource::Whole(Vec::new()) })
+    }
+}
+
+/// Opens a hologram, a sequence or bare phases, without a scene.
 fn open(args: &Preview) -> Result<Opened, Failure> {
-    if args.which.at.is_none() && !args.encoded.encoded && Sequence::is_at(&args.file) {
-        tell_unfinished(&args.file)?;
-        let opening = Opening { unfinished: true, ..args.phases.opening(&args.file, args.which.at)? };
-        let mut sequence = opening.sequence(&args.file)?;
+    args.how.options.check(args.how.scene.as_ref())?;
+    subject::refuse_quality(&args.what, &args.how)?;
+    let (file, phases) = (Path::new(&args.what), args.phases());
+    if args.which.at.is_none() && !args.encoded.encoded && Sequence::is_at(file) {
+        if args.how.scene.is_some() {
+            return Err(Failure::Arguments(reason!(
+                "scene-of-sequence",
+                "--scene is the scene of one hologram, and a sequence has many. Choose one with --at"
+            )));
+        }
+        tell_unfinished(file)?;
+        let opening = Opening { unfinished: true, ..phases.opening(file, args.which.at)? };
+        let mut sequence = opening.sequence(file)?;
         let [numerator, denominator] = sequence.rate();
         let hz = args.rate.map_or(f64::from(numerator) / f64::from(denominator), |rate| rate.hz());
         let mut hologram = sequence.load(0)?;
-        args.eye.replace(&mut hologram.metadata.prescription)?;
+        args.how.eye.replace(&mut hologram.metadata.prescription)?;
         hologram.metadata.obstruction = args.obstructions.obstructed;
-        return Ok(Opened { hologram, playing: Some((Playing::new(sequence, hz)?, hz)), tiles: None });
+        return Opened::new(args, hologram, Some((Playing::new(sequence, hz)?, hz)), None);
     }
-    let source = args.encoded.source(&args.phases, &args.file, args.which.at)?;
-    let source = match args.eye.given()? {
+    let source = args.encoded.source(&phases, file, args.which.at)?;
+    let source = match args.how.eye.given()? {
         Some(eye) => source.seen_by(Some(eye))?,
         None => source,
     };
@@ -117,17 +148,35 @@ fn open(args: &Preview) -> Result<Opened, Failure> {
         PhaseSource::Whole(_) => None,
         PhaseSource::Tiled(tiles) => Some(tiles),
     };
-    Ok(Opened { hologram, playing: None, tiles })
+    Opened::new(args, hologram, None, tiles)
+}
+
+/// Solves a scene, which is also the scene of the target image.
+fn solved(args: &Preview, engines: &Engines) -> Result<Opened, Failure> {
+    let given = [
+        (args.which.at.is_some(), "--at"),
+        (args.rate.is_some(), "--rate"),
+        (args.encoded.as_shown.is_some(), "--as-shown"),
+    ];
+    if let Some((_, option)) = given.into_iter().find(|(given, _)| *given) {
+        let what = &args.what;
+        return Err(Failure::Arguments(reason!("of-holograms", "{option} is for a hologram, and {what} is a scene")));
+    }
+    let (mut hologram, field, mut display) = subject::solved(&args.what, &args.how, engines)?;
+    hologram.metadata.obstruction = args.obstructions.obstructed;
+    // The target is what an eye should see, wherever the display shows it.
+    display.picture = Default::default();
+    Ok(Opened { scene: SceneSource::new(field, &display)?, ..Opened::new(args, hologram, None, None)? })
 }
 
 /// Sets one exposure for the whole session. It is the requested one, or the hologram's own if it is known. Otherwise
 /// the 99th percentile of the first picture becomes white.
-fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Hologram, Failure> {
+fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil, engines: &Engines) -> Result<Hologram, Failure> {
     let exposures = match (args.exposure, hologram.metadata.exposure_assumed) {
         (Some(exposure), _) => vec![exposure; hologram.colors.len()],
         (None, false) => return Ok(hologram),
         (None, true) => {
-            let planes = hologram.look(pupil, common::engine(&args.engine)?.as_mut())?;
+            let planes = hologram.look(pupil, engines.open()?.as_mut())?;
             picture::exposures(&hologram, None, &planes)
         }
     };
@@ -135,20 +184,30 @@ fn expose(args: &Preview, mut hologram: Hologram, pupil: &Pupil) -> Result<Holog
     Ok(hologram)
 }
 
-/// Loads the scene before the hologram's display, in its colors.
-fn scene(args: &Preview, hologram: &Hologram, moves: bool, tiled: bool) -> Result<SceneSource, Failure> {
-    let Some(scene) = &args.scene else { return Ok(SceneSource::Whole(Vec::new())) };
-    if moves {
-        return Err(Failure::Arguments(reason!(
-            "scene-of-sequence",
-            "--scene is the scene of one hologram, and a sequence has many. Choose one with --at"
-        )));
+/// Loads the scene of `--scene` before the hologram's display, or the scene that the hologram was solved from if it can
+/// be read.
+fn scene(args: &Preview, opened: &Opened) -> Result<SceneSource, Failure> {
+    let how = &args.how;
+    if opened.playing.is_some() {
+        // A sequence has one scene per hologram.
+        return Ok(SceneSource::Whole(Vec::new()));
     }
-    let input = scene_of(&args.file, hologram, Some(scene), &args.options, args.phases.display.force)?;
-    if tiled {
-        return Ok(SceneSource::Around(input.around()?));
+    let load = || -> Result<SceneSource, Failure> {
+        let given = how.scene.as_deref();
+        let file = Path::new(&args.what);
+        let input = scene_of(file, &opened.hologram, given, &how.options, how.display.force)?;
+        if opened.tiles.is_some() {
+            return Ok(SceneSource::Around(input.around()?));
+        }
+        Ok(SceneSource::new(input.light_field()?, &input.display)?)
+    };
+    match load() {
+        Err(failure) if how.scene.is_none() => {
+            tracing::info!("{}: no target image: {failure}", args.what);
+            Ok(SceneSource::Whole(Vec::new()))
+        }
+        loaded => loaded,
     }
-    Ok(SceneSource::new(input.light_field()?, &input.display)?)
 }
 
 /// Returns the rows and columns of the window's inside.

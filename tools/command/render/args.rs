@@ -2,7 +2,7 @@
 
 use crate::Failure;
 use crate::phases::{AtArgs, BareOpticsArgs, EncodedArgs, PhaseArgs};
-use crate::subject::SubjectOptions;
+use crate::subject::{self, SubjectOptions};
 use crate::values::{GivenPupil, positive, pupil};
 use clap::{Args, ValueEnum};
 use eyebox::low_level::reason;
@@ -72,9 +72,7 @@ impl Render {
 
     /// Returns whether it is a hologram, bare phases or video frames, and no scene.
     pub fn is_hologram(&self) -> bool {
-        let path = Path::new(&self.what);
-        let is_said = self.how.unit.phase_unit.is_some() || self.optics.is_given();
-        is_said || self.encoded.are_at(path) || crate::subject::is_hologram(path)
+        subject::is_phases(&self.what, &self.how, &self.optics, &self.encoded)
     }
 
     /// Refuses options that a film, or a scene, does not have.

@@ -7,7 +7,7 @@ use crate::args::{SceneArgs, scene_of};
 use crate::common::{self, Engines};
 use crate::phases::tell_unfinished;
 use crate::progress::{self, JobBar};
-use crate::subject::solved;
+use crate::subject::{self, solved};
 use crate::talk::print_report;
 use eyebox::low_level::gpu::Options as VulkanOptions;
 use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Sequence};
@@ -93,6 +93,9 @@ impl<'a> Reel<'a> {
     fn open(args: &'a Render, engines: &'a Engines) -> Result<Self, Failure> {
         let path = Path::new(&args.what);
         let opening = Opening { unfinished: true, ..args.how.unit.chosen(&args.how.display)? };
+        if Sequence::is_at(path) || args.is_hologram() {
+            subject::refuse_quality(&args.what, &args.how)?;
+        }
         let mut reel = Self { args, engines, frames: Frames::One(None), shown: None };
         reel.frames = if Sequence::is_at(path) {
             tell_unfinished(path)?;

@@ -32,6 +32,9 @@ struct Rendered {
 pub fn run(args: &Render, pupil: &GivenPupil) -> Result<(), Failure> {
     let form = common::form(&args.out, &[Form::Png, Form::Npy])?;
     let is_hologram = args.is_hologram();
+    if is_hologram {
+        subject::refuse_quality(&args.what, &args.how)?;
+    }
     let content = args.content.unwrap_or(if is_hologram { RenderedContent::Image } else { RenderedContent::Target });
     let rendered = match (is_hologram, content) {
         (true, RenderedContent::Image) => image_of_hologram(args, pupil)?,

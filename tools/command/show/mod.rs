@@ -108,6 +108,7 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         What::Application(name) => application(args, settings, &name),
         What::Phases(path) if tracked => follow(args, settings, &path.display().to_string()),
         What::Phases(path) => {
+            nothing_is_solved(args, &path)?;
             let display = display(args, Some(&path))?;
             let unfinished = args.unfinished.unfinished || args.stream.follow;
             let color = args.subject.display.color.one();
@@ -131,6 +132,20 @@ pub fn run(args: &Show) -> Result<(), Failure> {
             }
             play(args, &settings, Sequence::open(&file)?, display)
         }
+    }
+}
+
+/// Refuses settings of solves and refinements for phases that are shown as they are.
+fn nothing_is_solved(args: &Show, path: &Path) -> Result<(), Failure> {
+    let what = path.display().to_string();
+    subject::refuse_quality(&what, &args.subject)?;
+    let of_shows = |set: &&String| ["show.", "viewing."].iter().any(|table| set.starts_with(table));
+    match args.subject.experiment.set.iter().find(|set| !of_shows(set)) {
+        Some(set) => Err(Failure::Arguments(reason!(
+            "settings-of-phases",
+            "{set} is for content that is solved or refined, and {what} is shown as it was solved. Leave it out, or give --tracker"
+        ))),
+        None => Ok(()),
     }
 }
 

@@ -304,3 +304,43 @@ fn what_cannot_be_shown_is_refused_in_a_line() {
     assert_eq!((nowhere.status.code(), said.trim().lines().count()), (Some(2), 1), "{said}");
     assert!(said.contains("DISPLAY"), "{said}");
 }
+
+/// A scene is solved first and has its target image. A solved hologram has the target image of the scene that it was
+/// solved from, without `--scene`.
+#[test]
+fn a_scene_is_solved_first_and_has_its_target_image() {
+    let here = common::folder();
+    let folder = here.path();
+    let size = ["--size", "36x64", "--views", "3", "--engine", "cpu"];
+    let desk = Desk::new(folder, [200, 320]);
+    let eye = "1,-2,4,0.2";
+    let target = ["render", "builtin:still-life", "--pupil=1,-2,4,0.2", "-o", "p.png"];
+    done(folder, &[&target, &size[..]].concat());
+    let target = written(&folder.join("p.png"));
+    let steps = ["--set", "steps=2", "--set", "frames=2", "--set", "seed=7"];
+    done(folder, &[&["solve", "builtin:still-life", "-o", "x.zarr"], &steps[..], &size].concat());
+    let of_scene = [&["builtin:still-life"], &steps[..], &size].concat();
+    for (what, name) in [(&of_scene[..], "builtin:still-life"), (&["x.zarr", "--engine", "cpu"], "x.zarr")] {
+        let pupil = format!("--pupil={eye}");
+        let mut child = start(folder, &desk, &[what, &[&pupil, "--window", "36x132"]].concat());
+        let window = desk.window(name);
+        desk.press(window, 'p'.into());
+        until("the target image", &mut child, || near(&columns(&desk.part(window), 68, 64), &target));
+        let image = columns(&desk.part(window), 0, 64);
+        assert!(image.rgb.iter().any(|v| *v > 60) && !near(&image, &target));
+        desk.press(window, ESCAPE);
+        ends(child);
+    }
+    for (args, what) in [
+        (&["builtin:still-life", "--at", "1"][..], "arguments/of-holograms --at"),
+        (&["builtin:still-life", "--rate", "9"], "arguments/of-holograms --rate"),
+        (&["builtin:still-life", "--scene", "builtin:plane"], "arguments/scene-of-scene"),
+        (&["x.zarr", "--quality", "fast"], "arguments/quality-of-phases --quality"),
+    ] {
+        let answer = start(folder, &desk, args).wait_with_output().expect("it ends");
+        let said = text(&answer.stderr);
+        assert_eq!(answer.status.code(), Some(2), "{said}");
+        let option = what.split(' ').nth(1).unwrap_or("--scene");
+        assert!(said.contains(option), "{what}: {said}");
+    }
+}

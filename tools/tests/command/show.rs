@@ -296,3 +296,22 @@ fn what_does_not_go_together_is_one_line() {
     refused(at, &show("builtin:nothing", &["--output", "raw:s.zarr/zarr.json"]), "x", "file/taken/exists");
     refused(at, &["eval", "gaze", "s.zarr", "--display", "planes8", "-o", "x"], "x", "arguments/sequence");
 }
+
+/// Phases that are shown as they were solved have no use for settings of solves, which are refused and not ignored.
+#[test]
+fn settings_of_solves_are_refused_for_phases_that_are_not_refined() {
+    let temp = common::folder();
+    let at = temp.path();
+    sequence(at);
+    let show = ["show", "s.zarr", "--display", "planes8", "--engine", "cpu"];
+    for (more, what) in [
+        (&["--quality", "fast"][..], "arguments/quality-of-phases"),
+        (&["--set", "steps=9"], "arguments/settings-of-phases"),
+        (&["--set", "refine.pupils=9"], "arguments/settings-of-phases"),
+    ] {
+        refused(at, &[&show, more].concat(), "none", what);
+    }
+    run(at, &[&show, &["--set", "show.mark=8"]]);
+    let render = ["render", "s.zarr", "--at", "0", "--pupil=0,0,4,0", "--quality", "fast", "-o", "r.png"];
+    refused(at, &render, "r.png", "arguments/quality-of-phases");
+}

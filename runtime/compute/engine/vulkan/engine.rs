@@ -478,7 +478,7 @@ impl Engine for VulkanEngine {
     fn timings(&self) -> Vec<Timing> {
         let one = |kernel: Kernel| {
             let (calls, seconds) = self.clock[kernel as usize];
-            Timing { kernel, calls, seconds }
+            Timing { kernel, calls, seconds, bytes: 0, operations: 0 }
         };
         Kernel::ALL.into_iter().map(one).filter(|t| t.calls > 0).collect()
     }
