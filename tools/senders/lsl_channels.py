@@ -1,12 +1,9 @@
 """Finds the eyes in the channels of a Lab Streaming Layer stream, by label, type and eye.
 
-These layouts are known from the code and the documents of their makers:
-
-- Pupil Capture's plugin (App-PupilLabs) has the center and the normal of each eye, in the frame of the scene camera.
-- The app of Neon has the center of each eyeball and its optical axis, in the frame of the scene camera, if it computes
-  the eye state.
-- TittaLSL (Tobii Pro) has the place of each pupil and its gaze point, in the tracker's frame, with flags.
-- App-EyeLink has the gaze in pixels of the screen, and pixels per degree.
+The layouts follow the code and the documents of their makers. Pupil Capture's plugin (App-PupilLabs) has the center and
+the normal of each eye, in the frame of the scene camera. The app of Neon has the center of each eyeball and its optical
+axis in the same frame, if it computes the eye state. TittaLSL (Tobii Pro) has the place of each pupil and its gaze
+point, in the tracker's frame, with flags. App-EyeLink has the gaze in pixels of the screen, and pixels per degree.
 
 Lengths without a unit are in millimeters. NaN is an unknown value.
 """

@@ -127,7 +127,7 @@ class Connection:
         self.data += data
 
     def next(self):
-        """Returns the next Answer of the bytes so far, or None. Frames go to `frames` as (channel, bytes)."""
+        """Returns the next Answer of the received bytes, or None. Frames go to `frames` as (channel, bytes)."""
         while self.data:
             if self.data[0] == 0x24:
                 if len(self.data) < 4:

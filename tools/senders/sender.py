@@ -34,7 +34,7 @@ class Sender:
 
 
 class Age:
-    """Prints once how old samples are when they are sent. Only trackers whose clock is known have such an age."""
+    """Prints once how old samples are when they are sent. Their times have to be on a clock of this computer."""
 
     def __init__(self, name, samples=200):
         self.name, self.samples, self.ages = name, samples, []

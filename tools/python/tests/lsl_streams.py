@@ -122,7 +122,8 @@ STREAMS = {
         ("Tobii_gaze", "Gaze", 600.0, list(titta())),
         [
             [*half((-33, 189, 0), 4.5, (-33, 11, 600)), *half((31, 12, 0), 3.5, (31, 12, 600)), 12.5],
-            [*half((NAN,) * 3, NAN, (NAN,) * 3, 0.0), *half((31, 12, 0), 3.5, (31, 12, 600)), 12.6],
+            # The flags of the left eye are not valid, and its numbers are old.
+            [*half((-33, 189, 0), 4.5, (-33, 11, 600), 0.0), *half((31, 12, 0), 3.5, (31, 12, 600)), 12.6],
         ],
     ),
     "eyelink": (

@@ -1,4 +1,4 @@
-"""A phone with a Neon, as its Companion app is in the network: status, gaze by RTSP, RTP and RTCP, and time echo.
+"""A phone with a Neon, as its Companion app is in the network. It has the status, the gaze stream and the time echo.
 
 It is as strict as the protocols are. The tests also read it with the client of the maker, if that is installed.
 """
@@ -34,11 +34,11 @@ def payload(left=(0.0, 0.0, 1.0), right=(0.6, 0.0, 0.8), *, length=89, worn=255,
 
 
 class Phone:
-    """Serves until the end of its block. `samples` are pairs of Unix seconds and payloads.
+    """Serves until the end of its block. The samples are pairs of Unix seconds and payloads.
 
-    `report` is the index of the sample before which the phone reports its clock, or None. `pace` is the time between
-    samples, seconds. `goodbye` ends the stream after the samples, and `drop_after` closes the first connection after
-    some. `again` sends them again and again. `first` is the RTP time of the first sample.
+    The phone reports its clock before the sample with index `report`, unless this is None. The time between samples is
+    `pace` seconds. The stream ends after the samples with `goodbye`, and starts again with `again`. The phone closes
+    the first connection after `drop_after` samples. The RTP time of the first sample is `first`.
     """
 
     def __init__(self, samples, **settings):

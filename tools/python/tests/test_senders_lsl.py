@@ -11,6 +11,7 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lsl_streams import RECORDED, STREAMS, described, info, isolate
 
@@ -50,7 +51,7 @@ def recorded(key):
 
 
 def reading(found):
-    """The numbers of an eye: position, diameter."""
+    """The position and the diameter of an eye."""
     assert found["valid"], found
     return pytest.approx([found["x"], found["y"], found.get("diameter")], abs=1e-9)
 
@@ -177,6 +178,14 @@ def test_the_pose_of_a_display_turns_and_moves_points():
     # First to the right, then up about the turned axis, then clockwise.
     assert place.Display("0,0,0,90,90,0").inside([0, -5, 0]) == pytest.approx([0, 0, 5])
     assert place.Display("0,0,0,90,90,90").inside([5, 0, 0]) == pytest.approx([5, 0, 0])
+    # Another way to the same: the axes of the display, turned one after the other.
+    sx, cx, sy, cy, sz, cz = (f(math.radians(a)) for a in (10, 20, 30) for f in (math.sin, math.cos))
+    clockwise = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    up = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    right = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    for axis in np.eye(3):
+        point = np.array([1, 2, 3]) + right @ up @ clockwise @ axis
+        assert place.Display("1,2,3,10,20,30").inside(point) == pytest.approx(axis)
     for wrong in ("1,2", "1,2,3,4", "a,b,c", "1,2,nan"):
         with pytest.raises(argparse.ArgumentTypeError):
             place.Display(wrong)
@@ -312,7 +321,7 @@ def placed(row):
 @needs_pylsl
 @needs_eyebox
 def test_eyebox_watches_a_stream():
-    """From an outlet through lsl.py and UDP to the pupil."""
+    """A sample goes from an outlet to lsl.py and by UDP to eyebox."""
     port = free_port()
     words = ["tracker", "watch", f"udp://:{port}", "--duration", str(WIDE), "--json", "--predict"]
     watching = subprocess.Popen([os.environ["EYEBOX"], *words], stdout=subprocess.PIPE, text=True)
@@ -350,6 +359,7 @@ def test_eyebox_reads_the_recorded_bytes(tmp_path):
 def test_a_missing_pylsl_is_one_line(tmp_path):
     (tmp_path / "pylsl.py").write_text("raise ImportError('absent')\n")
     where = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-B", SENDERS / "lsl.py"], env=where, capture_output=True, text=True)
+    words = [sys.executable, "-B", SENDERS / "lsl.py"]
+    done = subprocess.run(words, env=where, capture_output=True, text=True, timeout=WIDE)
     assert done.returncode == 1 and done.stdout == ""
     assert len(done.stderr.splitlines()) == 1 and "pip install pylsl" in done.stderr

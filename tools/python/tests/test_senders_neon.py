@@ -217,7 +217,7 @@ WRONG = [
 @pytest.mark.parametrize(("settings", "reason"), WRONG)
 def test_a_phone_without_gaze_is_refused_in_one_line(settings, reason):
     with Phone(steps(1), **settings) as phone:
-        done = subprocess.run(program(phone, 9), capture_output=True, text=True)
+        done = subprocess.run(program(phone, 9), capture_output=True, text=True, timeout=WIDE)
     assert done.returncode == 1 and len(done.stderr.splitlines()) == 1
     assert reason in done.stderr and "Traceback" not in done.stderr
 
@@ -225,7 +225,7 @@ def test_a_phone_without_gaze_is_refused_in_one_line(settings, reason):
 def test_no_phone_is_one_line():
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    done = subprocess.run(program(f"127.0.0.1:{port}", 9), capture_output=True, text=True)
+    done = subprocess.run(program(f"127.0.0.1:{port}", 9), capture_output=True, text=True, timeout=WIDE)
     assert done.returncode == 1 and len(done.stderr.splitlines()) == 1 and f"127.0.0.1:{port}" in done.stderr
 
 
@@ -340,7 +340,7 @@ def test_frames_between_answers_in_pieces(size):
 
 @pytest.mark.skipif("EYEBOX" not in os.environ, reason="EYEBOX names no eyebox command")
 def test_eyebox_watches_a_neon():
-    """From the phone through neon.py and UDP to the pupil, 1 mm to the right of the center of the eyebox."""
+    """A sample goes from the phone to neon.py and by UDP to eyebox, 1 mm to the right of the center of the eyebox."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
