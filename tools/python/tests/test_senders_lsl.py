@@ -133,6 +133,23 @@ def changed(key, *pairs):
     return description, samples[0]
 
 
+@pytest.mark.parametrize("flag", ["valid", "available"])
+@pytest.mark.parametrize(("of", "without_display", "with_display"), [
+    ("gaze_point", None, [0, -1, 4.5]),
+    ("gaze_origin", None, None),
+    ("pupil", [0, -UP, None], [0, -1, None]),
+])
+def test_each_flag_concerns_its_own_quantity(flag, of, without_display, with_display):
+    """A display needs no gaze point, and a diameter that is not valid is unknown."""
+    description, samples = recorded("titta")
+    labels = [channel["label"] for channel in STREAMS["titta"][0][3]]
+    values = list(samples[0])
+    values[labels.index(f"{flag}.{of}.left_eye")] = 0.0
+    for words, what, wanted in (((), "gaze", without_display), (DISPLAYS["titta"][:1], "pupil", with_display)):
+        found = layout(description, eyes(*words)).sample(values)
+        same({"left": found["left"]}, {"left": wanted}, what)
+
+
 def test_meters_and_unknown_units():
     meters, values = changed("neon", ("<unit>mm</unit>", "<unit>m</unit>"))
     at = [i for i, c in enumerate(STREAMS["neon"][0][3]) if c["unit"] == "mm"]
