@@ -31,7 +31,7 @@ case $what in
 module)
     # Of the whole workspace, whose tests have built all but this: by itself it would want its dependencies otherwise.
     cargo build --quiet --workspace
-    environment tests numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py
+    environment tests numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py pylsl
     rm -rf "$place/site"
     mkdir -p "$place/site"
     cp -rL tools/python/eyebox "$place/site/eyebox"
@@ -41,8 +41,9 @@ module)
     export PYTHONPATH=$place/site
     ;;
 wheel)
-    # Of PyTorch and JAX, which are large, only here.
-    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py torch jax
+    # PyTorch, JAX and the client of Pupil Labs are large, so they are only here.
+    environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py torch jax \
+        pylsl pupil-labs-realtime-api
     python=$place/wheel/bin/python
     rm -f dist/eyebox-*.whl
     PATH=$place/wheel/bin:$PATH maturin build --profile "${2:-release}" --zig --compatibility manylinux_2_28 --out dist

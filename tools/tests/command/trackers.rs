@@ -322,7 +322,7 @@ fn senders_are_heard_and_the_focus_reaches_the_pupil() {
     if !has_python {
         return eprintln!("no python3: the senders were not run");
     }
-    for (sender, focus_mm) in [("tobii.py", 90.0), ("openxr.py", 90.0)] {
+    for (sender, focus_mm) in [("tobii.py", 90.0), ("openxr.py", 90.0), ("lsl.py", 90.0), ("neon.py", 90.0)] {
         let free = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).expect("a free port");
         let source = format!("udp://:{}", free.port());
         let watch = ["watch", &source, "--predict", "--focal-length", "300", "--json", "--duration", "60"];
