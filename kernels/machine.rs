@@ -1,5 +1,5 @@
-//! Measures the limits of this processor, for the comparison of kernels with them (the roofline of Williams, Waterman
-//! and Patterson, Communications of the ACM 52, 2009).
+//! Measures the limits of this processor. A comparison of kernels with them is the roofline model of Williams, Waterman
+//! and Patterson (Communications of the ACM 52, page 65).
 
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ const CHAINS: usize = 12;
 /// Repetitions of the arithmetic test.
 const REPEATS: usize = 1 << 20;
 
-/// The limits of a processor for each thread of the current pool, while all of them are busy.
+/// The limits of a processor for each thread of the current pool, while all of them work.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MachineRates {
     /// Bytes per second that are read and written, in arrays that no cache holds.

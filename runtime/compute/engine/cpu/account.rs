@@ -1,4 +1,4 @@
-//! Counts the bytes and the operations of dispatches, for the comparison with the limits of the processor.
+//! Counts the bytes and the operations of dispatches. A benchmark compares them with the limits of the processor.
 
 use crate::plan::{Dispatch, Shape, Step, moved};
 
