@@ -26,8 +26,8 @@ HEAD = """# Measurements
 
 This page is for readers who want to check a number or measure it again. Each table comes from a file in `docs/results`
 with the date, the build, the load and more rows ([how to add one](../CONTRIBUTING.md#numbers)). PSNR is in dB. `SCENE` is
-*antinous* of the 4D Light Field Benchmark (9 x 9 views), unless a row names another scene. The *peer* is a plain PyTorch
-program for the CPU, with autograd and Adam. Compare times only within a table."""
+*antinous* of the 4D Light Field Benchmark (9 x 9 views), unless a row names another scene. The *peer* is [plain
+PyTorch](../tests/peer/slfh_torch.py) with autograd and Adam. Compare times only within a table."""
 
 
 # The head of a record, for scripts that measure.
