@@ -1,6 +1,7 @@
 //! `eyebox device` lists and tests engines and devices that compute.
 
 mod list;
+mod measure;
 mod test;
 
 use crate::Failure;
@@ -15,7 +16,9 @@ pub enum Device {
     )]
     List(list::List),
     /// Solve and refine a small scene on a device and on the CPU, and compare the results
-    #[command(after_help = "Examples:\n  eyebox device test\n  eyebox device test --device 0 --json")]
+    #[command(
+        after_help = "Examples:\n  eyebox device test\n  eyebox device test --device 0 --measure\n  eyebox device test --measure --json > report.json"
+    )]
     Test(test::Test),
 }
 

@@ -1,11 +1,13 @@
-//! `eyebox device test` compares the same solve on a device and on the CPU.
+//! `eyebox device test` compares the same solve on a device and on the CPU, and measures steps with `--measure`.
 
-use crate::Failure;
-use crate::common;
+use super::measure::{self, Row};
+use crate::common::{self, Engines};
 use crate::groups::{DeviceArgs, EngineArgs, EngineName};
 use crate::talk::print_report;
+use crate::{Failure, progress};
 use clap::Args;
-use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
+use eyebox::low_level::engine::{Engine, Storage, cpu::CpuEngine};
+use eyebox::low_level::gpu::Options;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::ColorJob;
@@ -20,6 +22,9 @@ use std::f32::consts::PI;
 pub struct Test {
     #[command(flatten)]
     pub device: DeviceArgs,
+    /// Measure steps of several sizes in fp32 and fp16, for a report (docs/measure.md)
+    #[arg(help_heading = "Output", long)]
+    pub measure: bool,
     /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
     pub json: bool,
@@ -27,10 +32,12 @@ pub struct Test {
 
 /// The scene of the test.
 const SCENE: &str = "builtin:still-life";
-/// Pixels of the display along each axis.
-const SIZE: usize = 128;
-/// Steps of the solve. After many steps rounding alone makes phases differ.
+/// Steps of the comparison. After many steps rounding alone makes phases differ.
 const STEPS: usize = 3;
+/// The solve of the comparison.
+const TEST: Solve = Solve { size: [128, 128], pupils: 16, steps: STEPS };
+/// The largest difference of quality that halves explain, dB.
+const LARGEST_DB: f64 = 0.1;
 /// The largest root mean square difference of phases that rounding explains, radians. Both engines compute in float32,
 /// and lavapipe is 5e-7 off.
 const LARGEST_RMS: f64 = 1e-3;
@@ -38,24 +45,40 @@ const LARGEST_RMS: f64 = 1e-3;
 /// Solves on the device and on the CPU, and compares the phases.
 pub fn run(args: &Test) -> Result<(), Failure> {
     let device = DeviceArgs { device: args.device.device.clone() };
-    let mut engine = common::engine(&EngineArgs { engine: EngineName::Vulkan, device })?;
-    let on_device = solve(engine.as_mut())?;
-    let on_cpu = solve(&mut CpuEngine::new())?;
+    let args_of_engine = EngineArgs { engine: EngineName::Vulkan, device };
+    let engines = Engines::new(&args_of_engine, &Options::default())?;
+    let mut engine = engines.open()?;
+    let [on_device, halves] = [Storage::F32, Storage::F16].map(|storage| solve(engine.as_mut(), TEST, storage));
+    let (on_device, halves) = (on_device?, halves?);
+    let on_cpu = solve(&mut CpuEngine::new(), TEST, Storage::F32)?;
     let rms = rms_difference(&on_device.phases, &on_cpu.phases);
     let quality = |solution: &Solution| solution.validation.quality().map(|[mean, _]| mean);
-    let is_right = rms <= LARGEST_RMS;
+    let halves_db = quality(&halves).zip(quality(&on_cpu)).map(|(halves, exact)| halves - exact);
+    let is_right = rms <= LARGEST_RMS && halves_db.is_none_or(|db| db.abs() <= LARGEST_DB);
+    if args.measure {
+        progress::catch_interrupt();
+    }
+    let rows = if args.measure { measure::rows(&engines, !args.json)? } else { Vec::new() };
     let [device_ms, cpu_ms] = [&on_device, &on_cpu].map(|solution| solution.step_seconds * 1e3);
     if args.json {
         print_report(json!({
             "engine": engine.describe(), "right": is_right, "phase_rms_rad": rms, "phase_rms_limit_rad": LARGEST_RMS,
             "step_ms": device_ms, "cpu_step_ms": cpu_ms, "psnr_mean_db": quality(&on_device), "cpu_psnr_mean_db": quality(&on_cpu),
+            "fp16_psnr_difference_db": halves_db, "driver": measure::driver(&engine.describe()),
+            "steps": rows.iter().map(Row::as_json).collect::<Vec<_>>(),
         }));
     } else {
         println!("{}", engine.describe());
         println!(
             "  phases      {rms:.1e} rad off those of the CPU (root mean square after {STEPS} steps, at most {LARGEST_RMS:.0e})"
         );
-        println!("  step        {device_ms:.2} ms, on the CPU {cpu_ms:.2} ms ({SIZE}x{SIZE}, 8 sub-frames)");
+        if let Some(db) = halves_db {
+            println!("  fp16        {:.3} dB off the quality in fp32 (at most {LARGEST_DB} dB)", db.abs());
+        }
+        println!(
+            "  step        {device_ms:.2} ms, on the CPU {cpu_ms:.2} ms ({}x{}, 8 sub-frames)",
+            TEST.size[0], TEST.size[1]
+        );
     }
     if is_right {
         return Ok(());
@@ -67,17 +90,29 @@ pub fn run(args: &Test) -> Result<(), Failure> {
     )))
 }
 
-/// Solves the scene of the test.
-fn solve(engine: &mut dyn Engine) -> Result<Solution, Failure> {
+/// The size of a solve.
+#[derive(Clone, Copy)]
+pub struct Solve {
+    /// Rows and columns of the display.
+    pub size: [usize; 2],
+    pub pupils: usize,
+    pub steps: usize,
+}
+
+/// Solves the scene of the test in green.
+pub fn solve(engine: &mut dyn Engine, of: Solve, storage: Storage) -> Result<Solution, Failure> {
     let mut display = Display::load("paper")?;
-    (display.height, display.width) = (SIZE, SIZE);
+    [display.height, display.width] = of.size;
     let field = scene::load(SCENE, &Request::new(&display, &[Color::Green]))?;
     let depth = field.depths(&display, None)?;
     let diameter = common::diameters(None, &display, false)?;
-    let settings = Settings { steps: STEPS, depth, diameter, ..Settings::default() };
+    let (steps, pupils) = (of.steps, of.pupils);
+    let settings = Settings { steps, pupils, storage, depth, diameter, ..Settings::default() };
     let levels = Levels::of(&display);
     let job = ColorJob { field: &field, color: Color::Green, display: &display, base: settings.clone(), levels };
-    let solved = solve_colors(&job, &[Color::Green], &settings, engine, &mut |_| Flow::Continue)?;
+    let solved = solve_colors(&job, &[Color::Green], &settings, engine, &mut |_| {
+        if progress::interrupted() { Flow::Stop } else { Flow::Continue }
+    })?;
     let solution = solved.into_iter().next().map(|(_, solution)| solution);
     solution.ok_or_else(|| Failure::Arguments(reason!("nothing-solved", "no color was solved")))
 }
