@@ -159,7 +159,7 @@ pub mod hologram {
 pub mod reconstruction {
     pub use eyebox_solve::evaluate::{EvaluateError, Group, Plane, Summary, psnr, ssim};
     pub use eyebox_solve::reconstruction::{
-        HologramScores, InputOptions, JodSettings, PupilScore, ReconstructionError,
+        ForwardModel, HologramScores, InputOptions, JodSettings, PupilScore, ReconstructionError,
     };
     pub use eyebox_solve::reconstruction::{SceneReading, SceneSource, SolveInput};
 }

@@ -90,7 +90,7 @@ impl Error {
             }
             Self::Solve(_) | Self::Produce(_) | Self::Quality(_) | Self::Tiled(_) => ErrorKind::Solve,
             Self::Hologram(error) | Self::Reconstruction(ReconstructionError::Hologram(error)) => of_hologram(error),
-            Self::Evaluate(_) | Self::Reconstruction(ReconstructionError::Evaluate(_)) => ErrorKind::Hologram,
+            Self::Evaluate(_) | Self::Reconstruction(_) => ErrorKind::Hologram,
             Self::Encode(_) => ErrorKind::Encode,
             Self::Calibrate(_) => ErrorKind::Calibrate,
             #[cfg(feature = "window")]

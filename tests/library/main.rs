@@ -7,6 +7,7 @@ mod extremes;
 mod eyes;
 mod facade;
 mod far_field;
+mod forward;
 mod fuzz;
 mod header;
 mod mask;

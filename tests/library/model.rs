@@ -79,7 +79,7 @@ impl Bench {
         (0..frames).map(one).collect()
     }
 
-    fn view(&self, phases: &[f64], pupil: &Pupil) -> Vec<f64> {
+    pub(crate) fn view(&self, phases: &[f64], pupil: &Pupil) -> Vec<f64> {
         let (h, w) = self.size();
         let pupil = self.model.true_pupil(pupil);
         let kernel = self.oracle.kernel(&pupil);

@@ -5,6 +5,7 @@ mod encode;
 mod faults;
 mod fft;
 mod flight;
+mod forward;
 mod fused;
 mod instances;
 mod joint;

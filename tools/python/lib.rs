@@ -15,6 +15,7 @@ mod engine;
 mod failure;
 mod far_field;
 mod forked;
+mod forward;
 mod frames;
 mod hologram;
 mod pupil;
@@ -49,6 +50,8 @@ mod _eyebox {
     };
     #[pymodule_export]
     use crate::far_field::FarField;
+    #[pymodule_export]
+    use crate::forward::ForwardModel;
     #[pymodule_export]
     use crate::hologram::Hologram;
     #[pymodule_export]

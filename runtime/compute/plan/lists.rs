@@ -108,6 +108,37 @@ impl Planner {
         step
     }
 
+    /// Makes the step that carries the derivatives of a function of the images back to the phases (OPTICS 4). It takes
+    /// one pupil pass after the other, each in slot 0. Before each `ApplyFactor`, `Image` holds the image, and the caller
+    /// replaces it by the derivatives with respect to its pixels, times the gain of the pass's `intensity`. At the end,
+    /// the derivatives with respect to the phases are `2 Im(conj(u) Change)`, with `u = exp(i phase)`. Fields are stored as
+    /// float32, and the pupil passes have a [`Comparison`](super::Comparison) of intensities.
+    pub fn adjoint_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
+        const THERE_AND_BACK: [Kernel; 12] = [
+            Kernel::Transfer,
+            Kernel::Relay,
+            Kernel::Eye,
+            Kernel::Taper,
+            Kernel::PassPupil,
+            Kernel::Motion,
+            Kernel::WindowInverse,
+            Kernel::Intensity,
+            Kernel::ApplyFactor,
+            Kernel::WindowForward,
+            Kernel::MotionBack,
+            Kernel::PupilAdjoint,
+        ];
+        let mut step = self.empty(pupil_passes);
+        step.list.extend(self.to_spectrum());
+        step.list.push(Dispatch::whole(Kernel::Clear));
+        for i in 0..step.pupil_passes.len() {
+            step.over_pupil_passes(i..i + 1, &THERE_AND_BACK);
+        }
+        step.list.extend(self.to_field());
+        step.list.extend(self.to_phases());
+        step
+    }
+
     /// Makes the step that leaves the fields of all sub-frames behind each pupil in `Window`, and its target image in
     /// `Target`, of slots 0, 1, ...
     pub fn fields_step(&self, pupil_passes: Vec<PupilPass>) -> Step {

@@ -73,6 +73,27 @@ impl Resize {
         }
         out
     }
+
+    /// Returns the gradient with respect to a plane from the gradient with respect to `resized`, which is the plane
+    /// after [`apply`](Self::apply). Pixels that are cut at black have no share in it.
+    fn adjoint(&self, gradient: &[f32], resized: &[f32]) -> Vec<f32> {
+        let (width, source) = (self.columns.len(), self.columns.source);
+        let mut wide = vec![0.0f32; self.rows.source * width];
+        for (i, (gradient, resized)) in gradient.chunks_exact(width).zip(resized.chunks_exact(width)).enumerate() {
+            for &(k, w) in self.rows.taps(i) {
+                let to = wide[k as usize * width..][..width].iter_mut();
+                let lit = gradient.iter().zip(resized).map(|(g, r)| if *r > 0.0 { *g } else { 0.0 });
+                to.zip(lit).for_each(|(t, g)| *t += w * g);
+            }
+        }
+        let mut out = vec![0.0f32; self.rows.source * source];
+        for (from, to) in wide.chunks_exact(width).zip(out.chunks_exact_mut(source)) {
+            for (i, value) in from.iter().enumerate() {
+                self.columns.taps(i).iter().for_each(|&(k, w)| to[k as usize] += w * value);
+            }
+        }
+        out
+    }
 }
 
 /// Shrinks the picture to `share` of its size about its axis, with black around it. This is the field of view of one
@@ -84,6 +105,12 @@ pub fn shrink_to_share(plane: &[f32], height: usize, width: usize, share: f64) -
 /// Enlarges the middle `share` of one color's image to the size of the whole image, which gives the picture again.
 pub fn crop_share(plane: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
     about_axis([height, width], 1.0 / share).apply(plane)
+}
+
+/// Returns the gradient with respect to an image from the gradient with respect to `cropped`, which is the image after
+/// [`crop_share`].
+pub fn crop_share_adjoint(gradient: &[f32], cropped: &[f32], height: usize, width: usize, share: f64) -> Vec<f32> {
+    about_axis([height, width], 1.0 / share).adjoint(gradient, cropped)
 }
 
 fn about_axis(size: [usize; 2], scale: f64) -> Resize {
@@ -184,5 +211,21 @@ mod tests {
         let placed = Resize::new([5, 7], [5, 10], Fit::Contain).apply(&plane);
         assert_eq!(placed[12..19], plane[7..14]);
         assert_eq!((placed[10], placed[19]), (0.0, 0.0));
+    }
+
+    /// The sum of gradient times resized plane equals the sum of its adjoint times the plane, because resizing is linear
+    /// above black.
+    #[test]
+    fn the_adjoint_is_that_of_the_resize() {
+        let mut random = eyebox_base::random::SplitMix(5);
+        let mut noise = |count: usize| (0..count).map(|_| random.unit() as f32).collect::<Vec<_>>();
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+        for (target, fit) in [([5, 3], Fit::Contain), ([17, 31], Fit::Stretch), ([12, 40], Fit::Cover)] {
+            let resize = Resize::new([12, 10], target, fit);
+            let (plane, gradient) = (noise(120), noise(target[0] * target[1]));
+            let resized = resize.apply(&plane);
+            let (there, back) = (dot(&gradient, &resized), dot(&resize.adjoint(&gradient, &resized), &plane));
+            assert!((there / back - 1.0).abs() < 1e-5 && there > 0.5, "{target:?}: {there}, {back}");
+        }
     }
 }

@@ -37,40 +37,84 @@ impl Bend {
         Self { size: [rows, columns], from: (0..rows * columns).into_par_iter().map(pixel).collect() }
     }
 
+    /// Writes the source pixels of a pixel with their weights, along a row and down a column. Far outside of the picture
+    /// there are none.
+    fn sources(&self, pixel: usize, along: &mut Vec<(usize, f64)>, down: &mut Vec<(usize, f64)>) {
+        let ([rows, columns], ([x, y], [wide, high])) = (self.size, self.from[pixel]);
+        axis(x, wide, columns, along);
+        axis(y, high, rows, down);
+    }
+
     /// Bends a plane of linear light. It uses Catmull-Rom with a width of the distance between source pixels. Places
     /// beyond the picture become black, and no value is below black.
     pub fn apply(&self, plane: &[f32]) -> Vec<f32> {
         let [rows, columns] = self.size;
-        let axis = |at: f64, wide: f64, n: usize, out: &mut Vec<(usize, f64)>| {
-            out.clear();
-            let (first, last) = ((at - 2.0 * wide).ceil(), (at + 2.0 * wide).floor());
-            let mut sum = 0.0;
-            let mut k = first;
-            while k <= last {
-                let weight = catmull_rom((at - k) / wide);
-                sum += weight;
-                if (0.0..n as f64).contains(&k) {
-                    out.push((k as usize, weight));
-                }
-                k += 1.0;
-            }
-            out.iter_mut().for_each(|(_, weight)| *weight /= sum);
-        };
         let mut out = vec![0.0f32; rows * columns];
         out.par_chunks_mut(columns).enumerate().for_each(|(row, line)| {
             let (mut along, mut down) = (Vec::new(), Vec::new());
-            for (value, &([x, y], [wide, high])) in line.iter_mut().zip(&self.from[row * columns..]) {
-                // Far outside of the picture there is nothing to sum.
-                let is_near = |at: f64, n: usize| at > -17.0 && at < n as f64 + 17.0;
-                if !is_near(x, columns) || !is_near(y, rows) {
-                    continue;
-                }
-                axis(x, wide, columns, &mut along);
-                axis(y, high, rows, &mut down);
+            for (column, value) in line.iter_mut().enumerate() {
+                self.sources(row * columns + column, &mut along, &mut down);
                 let line_sum = |j: usize| along.iter().map(|(i, w)| w * f64::from(plane[j * columns + i])).sum::<f64>();
                 *value = down.iter().map(|(j, w)| w * line_sum(*j)).sum::<f64>().max(0.0) as f32;
             }
         });
         out
+    }
+
+    /// Returns the gradient with respect to a plane from the gradient with respect to `bent`, which is the plane after
+    /// [`apply`](Self::apply). Pixels that are cut at black have no share in it.
+    pub fn adjoint(&self, gradient: &[f32], bent: &[f32]) -> Vec<f32> {
+        let [rows, columns] = self.size;
+        let mut sums = vec![0.0f64; rows * columns];
+        let (mut along, mut down) = (Vec::new(), Vec::new());
+        for (pixel, (value, bent)) in gradient.iter().zip(bent).enumerate() {
+            if *bent > 0.0 {
+                self.sources(pixel, &mut along, &mut down);
+                for (j, high) in &down {
+                    along.iter().for_each(|(i, w)| sums[j * columns + i] += w * high * f64::from(*value));
+                }
+            }
+        }
+        sums.into_iter().map(|sum| sum as f32).collect()
+    }
+}
+
+/// Writes the source pixels along one axis of `n` pixels with their weights, around `at`.
+fn axis(at: f64, wide: f64, n: usize, out: &mut Vec<(usize, f64)>) {
+    out.clear();
+    if at <= -17.0 || at >= n as f64 + 17.0 {
+        return;
+    }
+    let (first, last) = ((at - 2.0 * wide).ceil(), (at + 2.0 * wide).floor());
+    let mut sum = 0.0;
+    let mut k = first;
+    while k <= last {
+        let weight = catmull_rom((at - k) / wide);
+        sum += weight;
+        if (0.0..n as f64).contains(&k) {
+            out.push((k as usize, weight));
+        }
+        k += 1.0;
+    }
+    out.iter_mut().for_each(|(_, weight)| *weight /= sum);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sum of gradient times bent plane equals the sum of its adjoint times the plane, because bending is linear
+    /// above black.
+    #[test]
+    fn the_adjoint_is_that_of_the_bend() {
+        let size @ [rows, columns] = [13, 21];
+        let bend = Bend::new(size, |[x, y]| [0.9 * x + 0.1 * y + 0.05 * x * x, 1.3 * y - 0.2 * x]);
+        let mut random = eyebox_base::random::SplitMix(3);
+        let mut noise = || (0..rows * columns).map(|_| random.unit() as f32).collect::<Vec<_>>();
+        let (plane, gradient) = (noise(), noise());
+        let bent = bend.apply(&plane);
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+        let (there, back) = (dot(&gradient, &bent), dot(&bend.adjoint(&gradient, &bent), &plane));
+        assert!((there / back - 1.0).abs() < 1e-6 && there > 1.0, "{there}, {back}");
     }
 }

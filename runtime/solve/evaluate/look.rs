@@ -4,7 +4,7 @@ use super::pool2;
 use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Geometry, PictureMap, Pupil, WindowFactor};
 use crate::plan::{Comparison, Kernel, Planner, PupilPass, Step, Viewpoint};
-use crate::scene::{Bend, crop_share};
+use crate::scene::{Bend, crop_share, crop_share_adjoint};
 
 /// Returns the time-averaged intensity through each pupil of the phases in `engine`. It is divided by the pupil's
 /// share of the eyebox (OPTICS 2). Each image has the SLM's pixels, (height, width), row-major. In the far field it is
@@ -110,9 +110,41 @@ pub fn crop(planner: &Planner, image: Vec<f32>) -> Vec<f32> {
     means
 }
 
+/// Returns the gradient with respect to an image on the grid from the gradient with respect to `cropped`, which is the
+/// image after [`crop`].
+pub fn crop_adjoint(planner: &Planner, gradient: &[f32], cropped: &[f32]) -> Vec<f32> {
+    if planner.grid.geometry == Geometry::FarField {
+        let (height, width) = planner.grid.image_size();
+        let gradient = match planner.share {
+            share @ 0.0..1.0 => crop_share_adjoint(gradient, cropped, height, width, share),
+            _ => gradient.to_vec(),
+        };
+        // The axis moves back to the first pixel.
+        return rolled(&gradient, height, width, [height / 2, width / 2]);
+    }
+    let place = planner.place();
+    if planner.grid == planner.slm {
+        return gradient.to_vec();
+    }
+    let (finer, columns, grid_width) = (planner.slm.mask_factor, place.width as usize, place.grid_width as usize);
+    let share = 1.0 / (finer * finer) as f32;
+    let mut image = vec![0.0; place.grid_height as usize * grid_width];
+    let rows = image.chunks_exact_mut(grid_width).skip(place.top as usize).take(finer * place.height as usize);
+    for (y, row) in rows.enumerate() {
+        let of_row = &gradient[y / finer * columns..][..columns];
+        let pixels = row[place.left as usize..].chunks_exact_mut(finer).zip(of_row);
+        pixels.for_each(|(pixels, value)| pixels.fill(share * value));
+    }
+    image
+}
+
 /// Moves the axis of an image (height, width) from the first pixel to the middle.
 pub fn centered(image: &[f32], height: usize, width: usize) -> Vec<f32> {
-    let (top, left) = (height - height / 2, width - width / 2);
+    rolled(image, height, width, [height - height / 2, width - width / 2])
+}
+
+/// Returns the image (height, width) from this row and column on, with the rows and columns before them at its end.
+fn rolled(image: &[f32], height: usize, width: usize, [top, left]: [usize; 2]) -> Vec<f32> {
     let rows = (0..height).map(|y| &image[(y + top) % height * width..][..width]);
     rows.flat_map(|row| row[left % width.max(1)..].iter().chain(&row[..left % width.max(1)])).copied().collect()
 }

@@ -40,7 +40,7 @@ pub use energy::{energy, passed, variation};
 pub use epipolar::{RowFinder, sweep};
 pub use groups::{Group, Member, members, places};
 pub use jod::{JodMetric, Judged, Rgb, lost_picture, rgb};
-pub use look::{Plane, centered, crop, images, photographs, targets, views};
+pub use look::{Plane, centered, crop, crop_adjoint, images, photographs, targets, views};
 pub use score::{Score, Scores, Summary, compare};
 pub use speckle::{averaged_contrast, contrast};
 pub use ssim::ssim;

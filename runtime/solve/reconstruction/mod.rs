@@ -4,7 +4,10 @@
 //! through a pupil. A [`SceneSource`] provides the target images of the scene through the same pupils, and
 //! [`HologramScores`] compare the two. [`SolveInput`] finds the scene of a hologram and reads it as it was read for the
 //! solve.
+//!
+//! The type [`ForwardModel`] has the same images with their derivatives, for optimizers outside of this library.
 
+mod forward;
 mod input;
 mod jod;
 mod look;
@@ -12,6 +15,7 @@ mod scene_source;
 mod score;
 mod seen;
 
+pub use forward::ForwardModel;
 pub use input::{InputOptions, SceneReading, SolveInput};
 pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use look::Sampling;
@@ -35,6 +39,28 @@ pub enum ReconstructionError {
     Engine(#[from] EngineError),
     /// An error of a measure.
     Evaluate(#[from] EvaluateError),
+    /// A [`ForwardModel`] received a wrong number of values.
+    #[error("the model has {expected} {what}, but {given} were given")]
+    Count {
+        /// The kind of the values, `phases` or `gradients`.
+        what: &'static str,
+        /// Number of given values.
+        given: usize,
+        /// Number of values of the model.
+        expected: usize,
+    },
+    /// A phase given to a [`ForwardModel`] is infinite or NaN.
+    #[error("the phase {phase} at sub-frame {frame}, row {row}, column {column} is not finite")]
+    NotFinite {
+        /// Index of the sub-frame.
+        frame: usize,
+        /// Index of the row.
+        row: usize,
+        /// Index of the column.
+        column: usize,
+        /// The phase that is infinite or NaN.
+        phase: f32,
+    },
 }
 
 impl From<OpticsError> for ReconstructionError {
