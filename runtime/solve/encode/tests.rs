@@ -3,9 +3,13 @@
 //! It knows presets by their description, and levels by float64.
 
 #[cfg(feature = "image-formats")]
+mod active_area;
+mod beyond_a_turn;
+#[cfg(feature = "image-formats")]
 mod calibrated;
 #[cfg(feature = "image-formats")]
 mod decoded;
+mod many_bits;
 mod turned;
 
 use super::*;
