@@ -14,8 +14,8 @@
 
 layout(local_size_x = WIDTH) in;
 layout(constant_id = 0) const uint channels = 1;
-// ENCODE_POWER: levels are a power of two, ENCODE_EVEN: up to 256 even levels, ENCODE_FINE: more of them,
-// ENCODE_FINE_TABLED: the table has two bytes an entry, else one.
+// With ENCODE_POWER, levels are a power of two. With ENCODE_EVEN, they are at most 256 even levels, and with ENCODE_FINE
+// more of them. With ENCODE_FINE_TABLED, the table has two bytes per entry, otherwise one.
 layout(constant_id = 1) const uint kind = 0;
 layout(constant_id = 2) const bool has_offsets = false;
 layout(constant_id = 3) const uint cell_rows = 1;

@@ -1,4 +1,4 @@
-//! Converts phases to levels, for the kernel [`encode`](crate::encode).
+//! Converts phases to levels in the kernel [`encode`](crate::encode).
 
 use crate::trig::ROUND;
 

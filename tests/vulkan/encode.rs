@@ -112,7 +112,7 @@ map = [
         (8, "packing = \"planes8\"\ncells = [[2, 0, 1]]\nflip_video = \"both\"".to_owned()),
         (16, "packing = \"planes24\"\ncells = [[2], [0], [1], [3]]\nflip_video = \"vertical\"".to_owned()),
     ];
-    // Levels of more than 8 bits: a power of two, evenly spaced, and by a table.
+    // Levels of more than 8 bits are a power of two, evenly spaced, or in a table.
     let deep = |bits: &[u8], two_pi: f64| {
         format!(
             "packing = \"map\"\ntwo_pi_level = {two_pi}\nmap = [{{ color = \"red\", sub_frame = 0, video_frame = 0, channel \

@@ -202,7 +202,8 @@ impl Decoder {
         let plan = self.encoder.plan();
         let [top, left] = plan.area.offset.map(|n| n as usize);
         let (rows, columns) = (top..top + plan.args.area_height(), left..left + plan.args.area_width());
-        let within = |i: usize| rows.contains(&(i / frames.width)) && columns.contains(&(i % frames.width));
+        let whole = plan.fills_frame();
+        let within = |i: usize| whole || rows.contains(&(i / frames.width)) && columns.contains(&(i % frames.width));
         let lit = frames.frame(index).chunks_exact(frames.channels).enumerate().filter(|(i, _)| within(*i));
         let mut stray =
             lit.flat_map(|(i, pixel)| pixel.iter().zip(&used).enumerate().map(move |(c, (b, u))| (i, c, b & !u)));

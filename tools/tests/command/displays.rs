@@ -83,7 +83,7 @@ fn a_file_begun_from_a_preset_brings_its_first_phases() {
     assert_eq!(tables(), kept);
 }
 
-/// Ten bits of a pixel over its channels: every level is written where the SLM reads it, and `convert` returns it.
+/// Ten bits of a pixel are in several channels. Every level is written where the SLM reads it, and `convert` returns it.
 #[test]
 fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
     let temp = folder();

@@ -107,7 +107,7 @@ fn an_area_that_does_not_fit_is_refused() {
     for (area, code) in [
         ("{ video_size = [4, 5] }", "display-file/active-area"),
         ("{ video_size = [5, 6], offset = [2, 0] }", "display-file/active-area"),
-        ("{ video_size = [4, 6], offset = [0, 18446744073709551615] }", "display-file/toml"),
+        ("{ video_size = [4, 6], offset = [0, 9223372036854775807] }", "display-file/active-area"),
         ("{ video_size = [0, 6] }", "display-file/video-size"),
         ("{ video_size = [4, 65537] }", "display-file/video-size"),
         ("{ video_size = [4, 6], fill = 256 }", "display-file/toml"),
@@ -123,4 +123,26 @@ fn an_area_that_does_not_fit_is_refused() {
     let error = Encoder::new(&larger, &[Color::Green], 1).unwrap_err();
     assert_eq!(ErrorData::of(&error).code, "display/active-area", "{error}");
     assert_eq!(display.encoding.most_pixels(), Some([4, 6]));
+}
+
+/// Holograms of all columns of the video frame, which these presets had before, still fill it.
+#[test]
+fn a_hologram_as_large_as_the_video_frame_is_shown() {
+    let preset = Display::preset("hamamatsu-x15213").unwrap();
+    let shown = |width: usize| {
+        let color = crate::hologram::ColorHologram {
+            color: Some(Color::Green),
+            wavelength: 520e-9,
+            exposure: 1.0,
+            efficiency: 1.0,
+            phases: Vec::new(),
+        };
+        let display = Display { width, ..preset.clone() };
+        crate::hologram::Hologram::on(&display, 1, vec![color]).shown_on(None).unwrap()
+    };
+    assert_eq!([640, 1272, 1280].map(|width| shown(width).width), [640, 1272, 1280]);
+    let encoder = Encoder::new(&shown(1280), &[Color::Green], 1).unwrap();
+    assert_eq!((encoder.video_shape(), encoder.hologram_size()), ([1, 1024, 1280, 1], [1024, 1280]));
+    // A larger one does not fit, and the display keeps its own size.
+    assert_eq!(shown(1281).width, 1272);
 }

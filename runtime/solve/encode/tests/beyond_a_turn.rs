@@ -35,7 +35,8 @@ fn lost(turns: &dyn Fn(u32) -> f64, count: u32) -> [f64; 2] {
     [decibels(&|(level, phase)| far(turns(*level), *phase)), decibels(&|(_, phase)| nearest(*phase))]
 }
 
-/// 2.9 pi over 8 bits, in even steps: no level beyond the first turn is more than half a step of 8 bits from another.
+/// The table has 2.9 pi over 8 bits in even steps. No level beyond the first turn is more than half a step of 8 bits from
+/// another.
 #[test]
 fn even_steps_are_fine_enough_in_one_turn() {
     let turns = |n: u32| 1.45 * f64::from(n) / 255.0;
@@ -48,8 +49,8 @@ fn even_steps_are_fine_enough_in_one_turn() {
     assert!((chosen - 0.00046).abs() < 1e-5 && (first - 0.00046).abs() < 1e-5, "{chosen} {first}");
 }
 
-/// 2.9 pi over 8 bits, as a liquid crystal bends: steep in the middle, flat at the ends. Flat levels of the second turn
-/// lie between the steep ones of the first.
+/// The table has 2.9 pi over 8 bits, steep in the middle and flat at the ends, as liquid crystals have. Flat levels of
+/// the second turn are between the steep ones of the first.
 #[test]
 fn levels_beyond_a_turn_fill_the_gaps_of_steep_steps() {
     let turns = |n: u32| 1.45 * (0.5 - 0.5 * (std::f64::consts::PI * f64::from(n) / 255.0).cos());
@@ -65,7 +66,7 @@ fn levels_beyond_a_turn_fill_the_gaps_of_steep_steps() {
     }
 }
 
-/// 16 levels over 2.9 pi: all of them are used, and less light is lost.
+/// All of 16 levels over 2.9 pi are used, and less light is lost.
 #[test]
 fn few_levels_are_all_used() {
     let turns = |n: u32| 1.45 * f64::from(n) / 15.0;
