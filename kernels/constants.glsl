@@ -28,6 +28,8 @@
 #define START_COARSER 2
 #define ENCODE_POWER 0
 #define ENCODE_EVEN 1
+#define ENCODE_FINE 3
+#define ENCODE_FINE_TABLED 4
 #define ENCODE_ROWS 0
 #define ENCODE_WIDE 2
 #define ENCODE_ENTRIES 24

@@ -15,8 +15,8 @@
 
 layout(local_size_x = WIDTH) in;
 layout(constant_id = 0) const uint channels = 1;
-// ENCODE_POWER is for a power of two of evenly spaced levels, ENCODE_EVEN for any number of evenly spaced levels. With
-// another value the table gives the level.
+// With ENCODE_POWER, levels are a power of two. With ENCODE_EVEN, they are at most 256 even levels, and with ENCODE_FINE
+// more of them. With ENCODE_FINE_TABLED, the table has two bytes per entry, otherwise one.
 layout(constant_id = 1) const uint kind = 0;
 layout(constant_id = 2) const bool has_offsets = false;
 layout(constant_id = 3) const uint cell_rows = 1;
@@ -67,7 +67,7 @@ layout(std430, binding = 0) readonly buffer Fours { vec4 fours[]; };
 layout(std430, binding = 0) readonly buffer Angles { uint angle_pairs[]; };
 layout(std430, binding = 0) readonly buffer AngleFours { uvec2 angle_fours[]; };
 layout(std430, binding = 1) readonly buffer Offsets { uint offsets[]; };
-// The table has four entries per word.
+// The table has four entries per word, or two.
 layout(std430, binding = 2) readonly buffer Table { uint table[]; };
 MAY_ALIAS layout(std430, binding = 3) buffer Frame { uint frame[]; };
 MAY_ALIAS layout(std430, binding = 3) buffer Wide { uvec4 wide[]; };
@@ -116,8 +116,14 @@ uint level_of(uint t) {
     } else if (kind == ENCODE_EVEN) {
         uint level = ((t >> 8) * levels + (1u << 23)) >> 24;
         return level == levels ? 0 : level;
+    } else if (kind == ENCODE_FINE) {
+        // The product of t and levels over 2^16, rounded down.
+        uint sum = (t >> 16) * levels + (((t & 0xffffu) * levels) >> 16);
+        uint level = (sum >> 16) + ((sum >> 15) & 1);
+        return level == levels ? 0 : level;
     }
     uint at = t >> 16;
+    if (kind == ENCODE_FINE_TABLED) return (table[at >> 1] >> (16 * (at & 1))) & 0xffffu;
     return (table[at >> 2] >> (8 * (at & 3))) & 255u;
 }
 

@@ -6,19 +6,23 @@
 //!
 //! The shader takes one color of one video frame at a time, and ORs it into the frame.
 
-use crate::{simd, trig::ROUND};
+pub use crate::encode_levels::{LARGEST_PHASE, Levels, TABLE, turns};
+pub(crate) use crate::encode_levels::{PART, PARTS, RADIAN};
+
+use crate::encode_levels::{quantise, quantise_fine};
+use crate::simd;
 use bytemuck::{Pod, Zeroable};
 
-/// Phases must be smaller than this number of radians, with either sign. Beyond it float32 cannot distinguish phases.
-pub const LARGEST_PHASE: f32 = 4_194_304.0;
-/// Entries of the table of levels of a color, one for each 1/65536 turn.
-pub const TABLE: usize = 65536;
 /// The shader finds the level by a shift. This requires a power of two of evenly spaced levels.
 pub const POWER: u32 = 0;
 /// The shader finds the level by a product. This requires evenly spaced levels.
 pub const EVEN: u32 = 1;
 /// The shader looks the level up in the table.
 pub const TABLED: u32 = 2;
+/// The shader finds one of more than 256 evenly spaced levels by two products.
+pub const FINE: u32 = 3;
+/// The shader looks the level up in a table with two bytes per entry.
+pub const FINE_TABLED: u32 = 4;
 /// The shader goes over the picture row by row.
 pub const ROWS: u32 = 0;
 /// The shader goes over the picture in groups of four pixels. This requires rows without gaps on both sides.
@@ -30,13 +34,6 @@ pub const ENTRIES: usize = 24;
 /// Maximum number of memory cells of a pixel.
 const MOST_CELLS: usize = 4;
 
-/// Units of 2^-32 turns per radian, which is 683565275 + 148 / 256.
-pub(crate) const RADIAN: [i32; 2] = [683_565_275, 148];
-/// Parts of a radian to which the rest of a phase is rounded.
-pub(crate) const PARTS: f32 = 4_194_304.0;
-/// Units per 2^-12 radian, and 128 times the units per 2^-22 radian. The second is less than 2^15, which processors
-/// multiply faster.
-pub(crate) const PART: [i32; 2] = [166_886, 20_861];
 /// Pixels that are encoded at once, in the nearest cache. A set has several sub-frames, and each is a separate stream.
 /// Blocks are long because a processor fetches ahead along a stream.
 pub const BLOCK: usize = 8192;
@@ -75,19 +72,33 @@ pub struct Args {
 }
 
 impl Args {
-    /// Returns the number of rows of the video frame.
-    pub fn video_height(&self) -> usize {
+    /// Returns the number of rows that the SLM takes of the video frame.
+    pub fn area_height(&self) -> usize {
         self.height as usize * self.cell_rows as usize
     }
 
-    /// Returns the number of columns of the video frame.
-    pub fn video_width(&self) -> usize {
+    /// Returns the number of columns that the SLM takes of the video frame.
+    pub fn area_width(&self) -> usize {
         self.width as usize * self.cell_columns as usize
     }
+}
 
-    /// Returns the bytes of the rows of the video frame that one row of the SLM fills.
-    pub fn row_bytes(&self) -> usize {
-        self.cell_rows as usize * self.video_width() * self.channels as usize
+/// The place of the SLM's pixels in the video frame, which may be larger than the SLM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Area {
+    /// Rows and columns of the video frame.
+    pub frame: [u32; 2],
+    /// Row and column of the video frame at which the SLM's pixels begin.
+    pub offset: [u32; 2],
+    /// Value of each channel of the pixels around the SLM's.
+    pub fill: u8,
+}
+
+impl Area {
+    /// Returns the bytes of a row of the video frame with this number of bytes per pixel, and the bytes in it before
+    /// the SLM's pixels.
+    pub fn line_bytes(&self, channels: u32) -> [usize; 2] {
+        [self.frame[1], self.offset[1]].map(|columns| columns as usize * channels as usize)
     }
 }
 
@@ -98,16 +109,6 @@ pub struct Color {
     pub offsets: Vec<u32>,
     /// The levels that the phases are converted to.
     pub levels: Levels,
-}
-
-/// The levels of one color.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Levels {
-    /// Number of levels, 2 to 256, evenly spaced over a turn. A phase is rounded to the nearest, and the level after
-    /// the last is level 0.
-    Even(u32),
-    /// The level, or its memory code, for each of [`TABLE`] equal parts of a turn.
-    Table(Box<[u8]>),
 }
 
 /// The destination of the levels of one sub-frame of one color.
@@ -142,6 +143,8 @@ pub struct Part {
 pub struct Plan {
     /// Sizes, and the position of the hologram.
     pub args: Args,
+    /// The place of the SLM's pixels in the video frame.
+    pub area: Area,
     /// Offsets and levels, per color.
     pub colors: Vec<Color>,
     /// The slots of each video frame.
@@ -150,85 +153,58 @@ pub struct Plan {
     pub sub_frames: usize,
 }
 
-/// Returns a phase in 2^-32 turns, wrapped. The error is at most 2^-25 turns for phases of a few turns, and 2^-20 turns
-/// at [`LARGEST_PHASE`].
-///
-/// The function is total. NaN and values beyond the range give some number.
-#[inline(always)]
-pub fn turns(phase: f32) -> u32 {
-    let shifted = phase + ROUND;
-    let whole = shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32;
-    // Both are multiples of the last bit of the phase, and the rest is at most a half, so the difference is exact.
-    let rest = phase - (shifted - ROUND);
-    let rest = (rest * PARTS + ROUND).to_bits().wrapping_sub(ROUND.to_bits()) as i32;
-    let whole = whole.wrapping_mul(RADIAN[0]).wrapping_add(whole.wrapping_mul(RADIAN[1]) >> 8);
-    let high = (rest >> 10).wrapping_mul(PART[0]);
-    let low = ((rest & 1023) * PART[1]) >> 7;
-    whole.wrapping_add(high).wrapping_add(low) as u32
-}
-
-/// Returns the nearest of `count` levels. `count` is 3 to 255 and not a power of two.
-#[inline(always)]
-fn nearest(turns: u32, count: u32) -> u32 {
-    let level = ((turns >> 8) * count + (1 << 23)) >> 24;
-    if level == count { 0 } else { level }
-}
-
-/// Writes the levels of some phases. `offsets` belong to the same pixels, or are empty.
-#[inline(always)]
-fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
-    #[inline(always)]
-    fn each(phases: &[f32], offsets: &[u32], out: &mut [u8], level: impl Fn(u32) -> u8) {
-        if offsets.is_empty() {
-            for (out, &phase) in out.iter_mut().zip(phases) {
-                *out = level(turns(phase));
-            }
-        } else {
-            for ((out, &phase), offset) in out.iter_mut().zip(phases).zip(offsets) {
-                *out = level(turns(phase).wrapping_add(*offset));
-            }
-        }
-    }
-    match color {
-        Levels::Even(count) if count.is_power_of_two() => {
-            let shift = 32 - count.trailing_zeros();
-            let half = 1 << (shift - 1);
-            each(phases, offsets, out, |t| (t.wrapping_add(half) >> shift) as u8);
-        }
-        Levels::Even(count) => each(phases, offsets, out, |t| nearest(t, *count) as u8),
-        Levels::Table(table) => {
-            // The compiler knows this length, so it checks no index.
-            let table: &[u8; TABLE] = (&**table).try_into().expect("a table has an entry for each part of a turn");
-            each(phases, offsets, out, |t| table[(t >> 16) as usize]);
-        }
-    }
-}
-
 /// Working memory for one block.
 struct Scratch {
     /// Bytes of the video frame, ordered by cell, channel and pixel.
     planes: [u8; 3 * BLOCK],
-    levels: [u8; BLOCK],
+    /// Levels, in the first bytes if they have one byte each.
+    levels: [u16; BLOCK],
     /// Phases of the block, if they are not contiguous in the sub-frame.
     phases: [f32; SMALL],
 }
 
-/// Encodes the rows of the SLM from row `first` on into one video frame. `out` is the rows of the frame that they fill.
-/// They are complete, and all bytes are written.
+impl Plan {
+    /// Returns the bytes of the rows of the video frame that one row of the SLM is in.
+    pub fn row_bytes(&self) -> usize {
+        self.args.cell_rows as usize * self.area.line_bytes(self.args.channels)[0]
+    }
+
+    /// Returns the rows and columns of the video frame.
+    pub fn video_size(&self) -> [usize; 2] {
+        self.area.frame.map(|n| n as usize)
+    }
+
+    /// Returns true if the SLM's pixels are all of the video frame.
+    pub fn fills_frame(&self) -> bool {
+        self.video_size() == [self.args.area_height(), self.args.area_width()]
+    }
+}
+
+/// Encodes the rows of the SLM from row `first` on into one video frame. `out` is the complete rows of the frame that
+/// they are in. All bytes of the area are written, and no others.
 ///
 /// `slots` are the slots of the frame. `phases` (sub-frame, row, column) has one slice per color, in the orientation of
 /// the hologram.
-pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], first: usize, out: &mut [u8]) {
+pub fn encode(
+    (args, area): (&Args, &Area),
+    colors: &[Color],
+    slots: &[Slot],
+    phases: &[&[f32]],
+    first: usize,
+    out: &mut [u8],
+) {
     let frame = Frame { args, colors, slots, phases };
     simd(
         #[inline(always)]
         || {
             let mut scratch = Scratch { planes: [0; 3 * BLOCK], levels: [0; BLOCK], phases: [0.0; SMALL] };
             let (height, width) = (args.height as usize, args.width as usize);
-            let rows = out.len() / args.row_bytes();
+            let bytes = args.cell_rows as usize * area.line_bytes(args.channels)[0];
+            let rows = out.len() / bytes;
             let yy = (first + args.shift_y as usize) % height;
             // Rows that are contiguous in memory on both sides form one run.
             let plain = args.flips == 0 && args.shift_x == 0 && args.cell_rows * args.cell_columns == 1;
+            let plain = plain && area.frame[1] == args.width;
             if plain && args.step_x == 1 && args.step_y == args.width && yy + rows <= height {
                 let source = args.first as usize + yy * width;
                 for (i, out) in out.chunks_mut(BLOCK * args.channels as usize).enumerate() {
@@ -238,12 +214,12 @@ pub fn encode(args: &Args, colors: &[Color], slots: &[Slot], phases: &[&[f32]], 
                 }
                 return;
             }
-            for (row, out) in (first..).zip(out.chunks_exact_mut(args.row_bytes())) {
+            for (row, out) in (first..).zip(out.chunks_exact_mut(bytes)) {
                 let y = if args.flips & 2 != 0 { height - 1 - row } else { row };
                 for x in (0..width).step_by(SMALL) {
                     let count = SMALL.min(width - x);
                     frame.block(y * width + x, source(args, y, x, count), count, &mut scratch);
-                    scatter(args, &scratch.planes, x, count, out);
+                    scatter((args, area), &scratch.planes, x, count, out);
                 }
             }
         },
@@ -306,11 +282,23 @@ impl Frame<'_> {
                 std::hint::black_box(phases.iter().step_by(LINE).fold(0, |sum: u32, p| sum ^ p.to_bits()));
             }
             let offsets = if color.offsets.is_empty() { &[] } else { &color.offsets[at..at + count] };
-            let levels = &mut scratch.levels[..count];
-            quantise(&color.levels, phases, offsets, levels);
-            for part in &slot.parts {
-                let plane = (part.cell * args.channels + part.channel) as usize;
-                place(part, levels, &mut scratch.planes[plane * count..][..count]);
+            let planes = &mut scratch.planes;
+            let plane = |part: &Part| {
+                let plane = (part.cell * args.channels + part.channel) as usize * count;
+                plane..plane + count
+            };
+            if color.levels.are_fine() {
+                let levels = &mut scratch.levels[..count];
+                quantise_fine(&color.levels, phases, offsets, levels);
+                for part in &slot.parts {
+                    place_fine(part, levels, &mut planes[plane(part)]);
+                }
+            } else {
+                let levels = &mut bytemuck::cast_slice_mut(&mut scratch.levels)[..count];
+                quantise(&color.levels, phases, offsets, levels);
+                for part in &slot.parts {
+                    place(part, levels, &mut planes[plane(part)]);
+                }
             }
         }
     }
@@ -337,6 +325,15 @@ fn place(part: &Part, levels: &[u8], plane: &mut [u8]) {
     }
 }
 
+/// ORs some bits of levels of two bytes into the bytes of pixels.
+#[inline(always)]
+fn place_fine(part: &Part, levels: &[u16], plane: &mut [u8]) {
+    let (from, mask, to) = (part.from & 15, part.mask as u8, part.to & 7);
+    for (byte, level) in plane.iter_mut().zip(levels) {
+        *byte |= ((level >> from) as u8 & mask) << to;
+    }
+}
+
 /// Copies the bytes of a block into contiguous pixels.
 #[inline(always)]
 fn interleave(args: &Args, planes: &[u8], count: usize, out: &mut [u8]) {
@@ -352,14 +349,15 @@ fn interleave(args: &Args, planes: &[u8], count: usize, out: &mut [u8]) {
 
 /// Copies the bytes of a block into the rows of the video frame, at their cells.
 #[inline(always)]
-fn scatter(args: &Args, planes: &[u8], x: usize, count: usize, out: &mut [u8]) {
+fn scatter((args, area): (&Args, &Area), planes: &[u8], x: usize, count: usize, out: &mut [u8]) {
     let (rows, columns, channels) = (args.cell_rows as usize, args.cell_columns as usize, args.channels as usize);
-    let width = args.video_width();
+    let width = args.area_width();
+    let [line_bytes, left] = area.line_bytes(args.channels);
     let (mirrored, upside_down) = (args.flips & 1 != 0, args.flips & 2 != 0);
     for cell in 0..rows * columns {
         let (dy, dx) = (cell / columns, cell % columns);
         let dy = if upside_down { rows - 1 - dy } else { dy };
-        let line = &mut out[dy * width * channels..][..width * channels];
+        let line = &mut out[dy * line_bytes + left..][..width * channels];
         let planes = &planes[cell * channels * count..][..channels * count];
         if columns == 1 && !mirrored {
             interleave(args, planes, count, &mut line[x * channels..][..count * channels]);
@@ -371,53 +369,6 @@ fn scatter(args: &Args, planes: &[u8], x: usize, count: usize, out: &mut [u8]) {
             for channel in 0..channels {
                 line[at * channels + channel] = planes[channel * count + i];
             }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use std::f64::consts::TAU;
-
-    /// Returns the distance of two places on a turn, in turns.
-    fn apart(got: u32, phase: f32) -> f64 {
-        let off = f64::from(got) / 4_294_967_296.0 - f64::from(phase) / TAU;
-        (off - off.round()).abs()
-    }
-
-    #[test]
-    fn edges_of_a_turn() {
-        let two_pi = TAU as f32;
-        for phase in [0.0, -0.0, f32::MIN_POSITIVE / 8.0, two_pi, two_pi.next_down(), -two_pi, 1.0, -1.0, 0.5, -0.5] {
-            assert!(apart(turns(phase), phase) < 3e-8, "{phase}");
-        }
-        for phase in [1e6, -1e6, 999_999.94, LARGEST_PHASE.next_down(), -LARGEST_PHASE.next_down()] {
-            assert!(apart(turns(phase), phase) < 1e-6 * f64::from(phase.abs()) / 1e6 + 3e-8, "{phase}");
-        }
-        assert_eq!((turns(0.0), turns(-0.0)), (0, 0));
-        for phase in [f32::NAN, f32::INFINITY, -1e30] {
-            turns(phase);
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn a_turn_is_wrapped_to_what_float32_holds(phase in -100.0f32..100.0, far in -1e6f32..1e6) {
-            prop_assert!(apart(turns(phase), phase) < 8e-8);
-            prop_assert!(apart(turns(far), far) < 5e-7);
-        }
-
-        #[test]
-        fn the_nearest_level_is_taken(turns: u32, count in 2u32..=256) {
-            let mut out = [0];
-            // An offset is added to the phase 0.
-            quantise(&Levels::Even(count), &[0.0], &[turns], &mut out);
-            let exact = f64::from(turns) / 4_294_967_296.0 * f64::from(count);
-            let off = exact - f64::from(out[0]);
-            let off = (off - f64::from(count) * (off / f64::from(count)).round()).abs();
-            prop_assert!(off <= 0.5 + 2e-5 && u32::from(out[0]) < count, "{exact} became {}", out[0]);
         }
     }
 }

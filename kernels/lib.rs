@@ -22,6 +22,7 @@ pub mod divide_by_overlap;
 pub mod drive;
 pub mod drive_adjoint;
 pub mod encode;
+mod encode_levels;
 pub mod energy;
 pub mod equalise_eyebox;
 pub mod exposure;

@@ -39,6 +39,8 @@ pub fn glsl() -> String {
         ("START_COARSER", table_start::COARSER as u32),
         ("ENCODE_POWER", encode::POWER),
         ("ENCODE_EVEN", encode::EVEN),
+        ("ENCODE_FINE", encode::FINE),
+        ("ENCODE_FINE_TABLED", encode::FINE_TABLED),
         ("ENCODE_ROWS", encode::ROWS),
         ("ENCODE_WIDE", encode::WIDE),
         ("ENCODE_ENTRIES", encode::ENTRIES as u32),

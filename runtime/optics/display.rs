@@ -200,6 +200,7 @@ impl Display {
             return Err(wrong(reason!("rate", "rate_hz is {hz}: it must be 1 to 100000 video frames per second")));
         }
         read.encoding.check(read.levels).map_err(&wrong)?;
+        read.encoding.area(read.resolution).map_err(&wrong)?;
         let wavelengths: Vec<(Color, f64)> = read.wavelengths_nm.iter().map(|(color, nm)| (*color, *nm)).collect();
         check_dispersion(&read.dispersion, &wavelengths).map_err(&wrong)?;
         // Files that the display file names are relative to its folder.

@@ -32,13 +32,16 @@ pub struct Encoding {
     pub look_up: BTreeMap<Color, PathBuf>,
     /// Code in memory for each level, if it is not the number of the level.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub codes: Vec<u8>,
+    pub codes: Vec<u16>,
     /// Memory cells of a pixel, row by row. Each entry is the bit of the code that the cell holds.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cells: Vec<Vec<u8>>,
-    /// Flip of the video frame, after all other steps.
+    /// Flip of the video frame, after all other steps. In a larger video frame, the SLM's part of it is flipped.
     #[serde(skip_serializing_if = "super::is_default")]
     pub flip_video: Flip,
+    /// The place of the SLM in a larger video frame. By default the SLM is all of the video frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub active_area: Option<ActiveArea>,
     /// Flip of the hologram.
     #[serde(skip_serializing_if = "super::is_default")]
     pub flip: Flip,
@@ -173,6 +176,20 @@ impl Flip {
     }
 }
 
+/// The place of the SLM in a video frame that is larger than the SLM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ActiveArea {
+    /// Rows and columns of the video frame, 1 to 65536 each.
+    pub video_size: [usize; 2],
+    /// Row and column of the video frame at which the SLM begins.
+    #[serde(default)]
+    pub offset: [usize; 2],
+    /// Value of each channel outside the SLM, 0 to 255.
+    #[serde(default)]
+    pub fill: u8,
+}
+
 /// A phase image, as an 8- or 16-bit gray PNG or BMP, or as an `.npy` of radians.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -217,6 +234,45 @@ pub struct Grating {
 }
 
 impl Encoding {
+    /// Returns the rows and columns that an SLM of this size takes of the video frame, with its memory cells.
+    pub fn area_size(&self, [height, width]: [usize; 2]) -> [usize; 2] {
+        let cells = [self.cells.len().max(1), self.cells.first().map_or(1, Vec::len).max(1)];
+        [height.saturating_mul(cells[0]), width.saturating_mul(cells[1])]
+    }
+
+    /// Returns the place of an SLM of this size in the video frame.
+    ///
+    /// # Errors
+    /// [`Reason`] if the SLM exceeds the video frame.
+    pub fn area(&self, size: [usize; 2]) -> Result<ActiveArea, Reason> {
+        let [rows, columns] = self.area_size(size);
+        let Some(area) = self.active_area else {
+            return Ok(ActiveArea { video_size: [rows, columns], offset: [0; 2], fill: 0 });
+        };
+        let ActiveArea { video_size: [height, width], offset: [top, left], .. } = area;
+        if ![height, width].iter().all(|side| (1..=65536).contains(side)) {
+            return Err(reason!(
+                "video-size",
+                "active_area has a video_size of {height}x{width}, but each side must be 1 to 65536"
+            ));
+        }
+        if rows > height.saturating_sub(top) || columns > width.saturating_sub(left) {
+            return Err(reason!(
+                "active-area",
+                "the SLM takes {rows}x{columns} pixels from row {top}, column {left} on, but active_area has a \
+                 video_size of {height}x{width}. Give a larger video_size or a smaller offset"
+            ));
+        }
+        Ok(area)
+    }
+
+    /// Returns the largest rows and columns of an SLM that fits the video frame, if the video frame has its own size.
+    pub fn most_pixels(&self) -> Option<[usize; 2]> {
+        let area = self.active_area?;
+        let cells = self.area_size([1, 1]);
+        Some(std::array::from_fn(|axis| area.video_size[axis].saturating_sub(area.offset[axis]) / cells[axis]))
+    }
+
     /// Rejects values that no display file may have. The reason includes the remedy.
     pub(super) fn check(&self, levels: u32) -> Result<(), Reason> {
         if !matches!(self.rotation_deg, 0 | 90 | 180 | 270) {

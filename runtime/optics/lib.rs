@@ -44,7 +44,9 @@ mod zernike;
 
 pub use color::Color;
 pub use display::{Display, Wavelength};
-pub use encoding::{Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi};
+pub use encoding::{
+    ActiveArea, Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi,
+};
 pub use eyebox::EyeboxRegion;
 pub use fewer_modes::{FewerModes, fewer_modes};
 pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, dioptres, dioptres_in_words};

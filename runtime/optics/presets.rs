@@ -6,7 +6,7 @@ use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
 
 /// The names of the built-in displays. The first is the default.
-pub const PRESETS: [&str; 22] = [
+pub const PRESETS: [&str; 25] = [
     "paper",
     "headset",
     "plm",
@@ -27,18 +27,21 @@ pub const PRESETS: [&str; 22] = [
     "hamamatsu-x15213",
     "meadowlark-1920x1152",
     "meadowlark-e19x12",
+    "meadowlark-hdmi-10bit",
     "santec-slm-200",
     "ti-plm-0.47",
+    "ti-plm-0.67-hdmi",
+    "ti-plm-0.67-displayport",
 ];
 
 /// The name and the text of each SLM's file, in which each number has its source.
 macro_rules! devices {
     ($($name:literal)*) => { [$(($name, include_str!(concat!("presets/", $name, ".toml")))),*] };
 }
-const DEVICES: [(&str, &str); 14] = devices! {
+const DEVICES: [(&str, &str); 17] = devices! {
     "headset" "plm" "holoeye-pluto-2.1" "holoeye-leto-3" "holoeye-gaea-2" "thorlabs-exulus-hd1" "thorlabs-exulus-hd2"
     "thorlabs-exulus-4k1" "hamamatsu-x13138" "hamamatsu-x15213" "meadowlark-1920x1152" "meadowlark-e19x12"
-    "santec-slm-200" "ti-plm-0.47"
+    "meadowlark-hdmi-10bit" "santec-slm-200" "ti-plm-0.47" "ti-plm-0.67-hdmi" "ti-plm-0.67-displayport"
 };
 
 fn device(name: &str) -> Option<&'static str> {

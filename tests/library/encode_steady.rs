@@ -6,10 +6,19 @@ use eyebox_tests::pool;
 
 #[test]
 fn encoding_a_set_allocates_nothing() {
-    for preset in ["grey8", "fields", "planes8", "planes24", "plm"] {
+    let all = [Color::Red, Color::Green, Color::Blue];
+    for (preset, colors) in [
+        ("grey8", &all[..]),
+        ("fields", &all),
+        ("planes8", &all),
+        ("planes24", &all),
+        ("plm", &all),
+        ("hamamatsu-x15213", &all),
+        ("meadowlark-hdmi-10bit", &all[1..2]),
+    ] {
         let display = Display { height: 120, width: 300, ..Display::preset(preset).expect("a preset") };
-        let encoder = Encoder::new(&display, &[Color::Red, Color::Green, Color::Blue], 8).expect("an encoder");
-        let phases: Vec<Vec<f32>> = (0..3).map(|c| (0..8 * 36_000).map(|i| (i * c) as f32 * 1e-3).collect()).collect();
+        let encoder = Encoder::new(&display, colors, 8).expect("an encoder");
+        let phases: Vec<Vec<f32>> = (0..colors.len()).map(|c| (0..8 * 36_000).map(|i| (i * c) as f32 * 1e-3).collect()).collect();
         let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
         let mut frames = encoder.frames();
         // One thread, so the counter sees all allocations.

@@ -2,6 +2,7 @@
 
 use eyebox::low_level::encode::{Encoder, PhaseSet};
 use eyebox::low_level::engine::vulkan::VulkanEncoder;
+use eyebox::low_level::gpu::PixelOrder;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox_tests::both::{Noise, gpu};
 use std::f32::consts::TAU;
@@ -41,6 +42,31 @@ fn check(display: &Display, colors: &[Color], sub_frames: usize) {
     assert!(heard.is_empty(), "messages of the validation layer:\n{}", heard.join("\n"));
 }
 
+/// The pictures for swapchains have the size of the video frame, with the fill around the SLM.
+#[test]
+fn pictures_of_a_part_of_the_video_frame_have_its_fill_around() {
+    for (height, width, offset) in [(6, 11, [0, 0]), (7, 12, [2, 8]), (9, 20, [0, 0])] {
+        let text = format!(
+            "resolution = [{height}, {width}]\npitch_um = 8.0\nfocal_length_mm = 400.0\nwavelengths_nm = {{ red = 660 }}\n\
+             [encoding]\nactive_area = {{ video_size = [9, 20], offset = {offset:?}, fill = 33 }}\n"
+        );
+        let display = Display::from_toml(&text, "area").unwrap_or_else(|e| panic!("{e}"));
+        let encoder = Encoder::new(&display, &ALL[..1], 2).expect("an encoder");
+        let set = phases(2 * height * width, 8);
+        let want = encoder.encode(&PhaseSet::new(&[&set], [height, width]).expect("phases")).expect("encoded");
+        let gpu = gpu();
+        let mut device = VulkanEncoder::new(&gpu, encoder.plan()).expect("an encoder");
+        device.upload(&[&set]).expect("uploaded");
+        device.encode_uploaded().expect("encoded");
+        let mut pictures = device.pictures(PixelOrder::Bgra).expect("pictures");
+        device.draw(&mut pictures).expect("drawn");
+        for i in 0..2 {
+            let pixels: Vec<u8> = want.frame(i).iter().flat_map(|level| [*level, *level, *level, 255]).collect();
+            assert!(pictures.pixels(&gpu, i).expect("read") == pixels, "{height}x{width}, frame {i}");
+        }
+    }
+}
+
 #[test]
 fn every_preset() {
     for (preset, colors, sub_frames) in [
@@ -51,6 +77,9 @@ fn every_preset() {
         ("planes24", &ALL[..1], 24),
         ("plm", &ALL[..], 8),
         ("small", &ALL[..1], 1),
+        ("santec-slm-200", &ALL[1..2], 2),
+        ("meadowlark-hdmi-10bit", &ALL[1..2], 2),
+        ("ti-plm-0.67-displayport", &ALL[..], 8),
     ] {
         for (height, width) in [(1, 1), (5, 7), (12, 64), (33, 258)] {
             let display = Display { height, width, ..Display::preset(preset).expect("a preset") };
@@ -83,6 +112,21 @@ map = [
         (8, "packing = \"planes8\"\ncells = [[2, 0, 1]]\nflip_video = \"both\"".to_owned()),
         (16, "packing = \"planes24\"\ncells = [[2], [0], [1], [3]]\nflip_video = \"vertical\"".to_owned()),
     ];
+    // Levels of more than 8 bits are a power of two, evenly spaced, or in a table.
+    let deep = |bits: &[u8], two_pi: f64| {
+        format!(
+            "packing = \"map\"\ntwo_pi_level = {two_pi}\nmap = [{{ color = \"red\", sub_frame = 0, video_frame = 0, channel \
+             = \"rgb\", bits = {bits:?} }}]\n"
+        )
+    };
+    let ten = [20, 21, 22, 23, 13, 14, 15, 5, 6, 7];
+    cases.extend([1024.0, 1023.0, 700.0, 1000.5].map(|two_pi| (1024, deep(&ten, two_pi) + grating)));
+    let sixteen: Vec<u8> = (0..16).map(|bit| 23 - bit).collect();
+    cases.extend([65536.0, 65535.0, 40000.25].map(|two_pi| (65536, deep(&sixteen, two_pi) + grating)));
+    // The SLM is a part of its video frame.
+    let area = |more: &str| format!("active_area = {{ video_size = [40, 49], offset = [3, 5], fill = 90 }}\n{more}");
+    cases.extend([grating, "packing = \"fields\"\nflip_video = \"both\""].map(|more| (256, area(more))));
+    cases.push((8, area("packing = \"planes8\"\ncells = [[2], [0]]\nflip_video = \"vertical\"")));
     // Four neighboring pixels are also neighbors in the hologram.
     cases.push((256, format!("flip = \"vertical\"\noffset_px = [3, -8]\n{grating}")));
     cases.extend(turns.map(|turn| (256, format!("{turn}\noffset_px = [3, -5]\n{grating}"))));

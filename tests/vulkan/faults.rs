@@ -191,6 +191,11 @@ fn phases_become_pixels_on_the_device() {
                 row: (want.width * want.channels) as u32,
                 channels: want.channels as u32,
                 blue_first: u32::from(order == PixelOrder::Bgra),
+                top: 0,
+                left: 0,
+                rows: want.height as u32,
+                columns: want.width as u32,
+                fill: 0,
             };
             for i in 0..want.count() {
                 let mut want_pixels = vec![0; 4 * 270];

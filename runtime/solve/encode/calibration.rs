@@ -114,8 +114,8 @@ impl Separator {
 /// # Errors
 /// Returns [`EncodeError::File`]. Returns [`EncodeError::Table`] with the wrong line, and for phases that fit no unit
 /// or two units.
-pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u8, f64)>, EncodeError> {
-    let bytes = read::bytes(file, read::TEXT).map_err(|e| FileError::read(file, e))?;
+pub(super) fn read_table(file: &Path, levels: u32) -> Result<Vec<(u16, f64)>, EncodeError> {
+    let bytes = read::bytes(file, read::TABLE).map_err(|e| FileError::read(file, e))?;
     let kind = FileKind::of_bytes(&bytes[..bytes.len().min(4096)]);
     let text = decode_text(bytes).or_else(latin1).map_err(|()| FileError::of_kind(file, kind, Wanted::Table))?;
     parse(&text, levels).map_err(|(line, reason)| EncodeError::Table { file: file.display().to_string(), line, reason })
@@ -127,7 +127,7 @@ fn latin1(bytes: Vec<u8>) -> Result<String, ()> {
     if text { Ok(bytes.into_iter().map(char::from).collect()) } else { Err(()) }
 }
 
-fn parse(text: &str, levels: u32) -> Result<Vec<(u8, f64)>, (usize, Reason)> {
+fn parse(text: &str, levels: u32) -> Result<Vec<(u16, f64)>, (usize, Reason)> {
     let (mut head, mut separator) = (None, None);
     let mut rows: Vec<(usize, Vec<&str>)> = Vec::new();
     let data = text.lines().map(str::trim).find_map(|row| if is_comment(row) { None } else { Separator::of(row) });
@@ -194,8 +194,9 @@ fn values(
     head: Head,
     levels: u32,
     unit: Unit,
-) -> Result<Vec<(u8, f64)>, (usize, Reason)> {
-    let mut found: Vec<(u8, f64)> = Vec::new();
+) -> Result<Vec<(u16, f64)>, (usize, Reason)> {
+    let mut found: Vec<(u16, f64)> = Vec::new();
+    let mut is_known = vec![false; 65536];
     for (line, cells) in rows {
         let (line, count) = (*line, cells.len());
         if count <= head.level.max(head.phase) {
@@ -203,13 +204,13 @@ fn values(
         }
         let (level, phase) = (cells[head.level], cells[head.phase]);
         let level = level_of(separator, level, levels).ok_or_else(|| {
-            (line, reason!("level", "has the level '{level}', not a number from 0 to {}", levels.min(256) - 1))
+            (line, reason!("level", "has the level '{level}', not a number from 0 to {}", levels.min(65536) - 1))
         })?;
         let turns = separator.number(phase).map(|p| p * unit.turns()).filter(|t| t.abs() <= 1000.0);
         let turns = turns.ok_or_else(|| {
             (line, reason!("phase", "has the phase '{phase}', not a finite number of at most 1000 turns"))
         })?;
-        if found.iter().any(|l| l.0 == level) {
+        if std::mem::replace(&mut is_known[usize::from(level)], true) {
             return Err((line, reason!("level-twice", "has level {level} a second time")));
         }
         found.push((level, turns));
@@ -218,9 +219,9 @@ fn values(
 }
 
 /// Parses a level, which some programs write as 1.8e1.
-fn level_of(separator: Separator, cell: &str, levels: u32) -> Option<u8> {
+fn level_of(separator: Separator, cell: &str, levels: u32) -> Option<u16> {
     let level = separator.number(cell)?;
-    (level.fract() == 0.0 && (0.0..f64::from(levels.min(256))).contains(&level)).then_some(level as u8)
+    (level.fract() == 0.0 && (0.0..f64::from(levels.min(65536))).contains(&level)).then_some(level as u16)
 }
 
 /// Returns the columns if no line names them. Levels are the column of whole numbers.
@@ -341,7 +342,7 @@ fn column_of(name: &str) -> Result<Option<Column>, Reason> {
 
 /// Refuses phases that no SLM has in their unit. If no unit is named, it also refuses phases that are not radians, or
 /// that fit another unit as well.
-fn check_unit(found: &[(u8, f64)], named: Option<Unit>, unit: Unit) -> Result<(), Reason> {
+fn check_unit(found: &[(u16, f64)], named: Option<Unit>, unit: Unit) -> Result<(), Reason> {
     let largest = found.iter().map(|l| l.1).fold(f64::NEG_INFINITY, f64::max);
     let smallest = found.iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
     let (turns, span) = (largest - smallest, (largest - smallest) / unit.turns());

@@ -26,7 +26,7 @@ fn tables_of_laboratories_are_read() {
         "Graylevel\tPhase shift in rad\n0\t0,0\n255\t3,14159265358979\n",
     ] {
         let table = parse(text, 256).unwrap_or_else(|e| panic!("{text}: {e:?}"));
-        let turns = |level: u8| table.iter().find(|l| l.0 == level).unwrap().1;
+        let turns = |level: u16| table.iter().find(|l| l.0 == level).unwrap().1;
         assert!(table.len() == 2 && turns(0) == 0.0 && (turns(255) - 0.5).abs() < 1e-9, "{text}: {table:?}");
     }
 }

@@ -50,8 +50,8 @@ pub struct Decoder {
 /// The decoding of one color.
 #[derive(Debug, Clone)]
 struct OfColor {
-    /// The phase of every code, in 2^-32 turns.
-    phases: Box<[Option<u32>; 256]>,
+    /// The phase of every code up to the highest, in 2^-32 turns.
+    phases: Vec<Option<u32>>,
     /// Phases to subtract from every pixel of the SLM, in 2^-32 turns. It is empty if there are none.
     undone: Vec<u32>,
 }
@@ -81,7 +81,7 @@ impl Decoder {
         }
         let of_color = |&color: &Color| {
             let phases = levels::phases(&scale(display, color)?, &display.encoding.codes);
-            let phases = Box::new(phases.map(|turns| turns.map(correction::units)));
+            let phases = phases.into_iter().map(|turns| turns.map(correction::units)).collect();
             Ok(OfColor { phases, undone: correction::offsets(&undone, color, &turning)? })
         };
         let of_colors = colors.iter().map(of_color).collect::<Result<_, EncodeError>>()?;
@@ -138,9 +138,13 @@ impl Decoder {
         let mut out = vec![0.0; height * width];
         for y in 0..height {
             for x in 0..width {
-                let bit = |b: &Bit| (frame[self.byte([y, x], b.cell, b.channel)] >> b.to & 1) << b.of_code;
+                let bit = |b: &Bit| u16::from(frame[self.byte([y, x], b.cell, b.channel)] >> b.to & 1) << b.of_code;
                 let code = bits.iter().fold(0, |code, b| code | bit(b));
-                let units = phases[usize::from(code)].ok_or_else(|| self.no_level(slot, code, [y, x]))?;
+                let units = phases
+                    .get(usize::from(code))
+                    .copied()
+                    .flatten()
+                    .ok_or_else(|| self.no_level(slot, code, [y, x]))?;
                 let units = units.wrapping_sub(undone.get(y * width + x).copied().unwrap_or(0));
                 let [row, column] = if self.keeps_turns { [y, x] } else { self.turning.source(y, x) };
                 // The upper half of a turn is its negative half.
@@ -151,7 +155,7 @@ impl Decoder {
         Ok(out)
     }
 
-    fn no_level(&self, slot: &PackedSlot, code: u8, [y, x]: [usize; 2]) -> Reason {
+    fn no_level(&self, slot: &PackedSlot, code: u16, [y, x]: [usize; 2]) -> Reason {
         let (color, display) = (self.encoder.colors()[slot.color], &self.encoder.display);
         reason!(
             "no-level",
@@ -179,20 +183,28 @@ impl Decoder {
     /// Returns the index of a byte of the video frame, for a cell of an SLM pixel and a channel.
     fn byte(&self, [y, x]: [usize; 2], [dy, dx]: [usize; 2], channel: usize) -> usize {
         let (args, flip) = (&self.encoder.plan().args, self.encoder.display.encoding.flip_video);
-        let (height, width) = (args.video_height(), args.video_width());
+        let (height, width) = (args.area_height(), args.area_width());
         let (row, column) = (y * args.cell_rows as usize + dy, x * args.cell_columns as usize + dx);
         let row = if flip.overturns() { height - 1 - row } else { row };
         let column = if flip.mirrors() { width - 1 - column } else { column };
-        (row * width + column) * args.channels as usize + channel
+        let area = &self.encoder.plan().area;
+        let [line, left] = area.line_bytes(args.channels);
+        (area.offset[0] as usize + row) * line + left + column * args.channels as usize + channel
     }
 
-    /// Refuses light in bits that the packing leaves black. Then the frame is of another packing or display.
+    /// Refuses light in bits that the packing leaves black. Then the frame is of another packing or display. Pixels
+    /// outside the SLM may have any light, because nobody sees it.
     fn check_unused(&self, frames: &VideoFrames, index: usize) -> Result<(), Reason> {
         let mut used = vec![0u8; frames.channels];
         for bit in self.encoder.packed().slots.iter().filter(|s| s.video_frame == index).flat_map(|s| &s.bits) {
             used[usize::from(bit / 8)] |= 1 << (bit % 8);
         }
-        let lit = frames.frame(index).chunks_exact(frames.channels).enumerate();
+        let plan = self.encoder.plan();
+        let [top, left] = plan.area.offset.map(|n| n as usize);
+        let (rows, columns) = (top..top + plan.args.area_height(), left..left + plan.args.area_width());
+        let whole = plan.fills_frame();
+        let within = |i: usize| whole || rows.contains(&(i / frames.width)) && columns.contains(&(i % frames.width));
+        let lit = frames.frame(index).chunks_exact(frames.channels).enumerate().filter(|(i, _)| within(*i));
         let mut stray =
             lit.flat_map(|(i, pixel)| pixel.iter().zip(&used).enumerate().map(move |(c, (b, u))| (i, c, b & !u)));
         let Some((at, channel, bits)) = stray.find(|(_, _, bits)| *bits != 0) else { return Ok(()) };

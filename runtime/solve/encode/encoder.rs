@@ -3,9 +3,9 @@
 use super::levels::{Scale, levels};
 use super::turning::Turning;
 use super::{EncodeError, Lighting, Packed, PackedSlot, PhaseSet, VideoFrames, calibration, correction};
-use crate::optics::{Color, Display, TwoPi};
+use crate::optics::{ActiveArea, Color, Display, Encoding, TwoPi};
 use eyebox_base::{Reason, reason};
-use eyebox_kernels::encode::{self, Args, Part, Plan, Slot};
+use eyebox_kernels::encode::{self, Area, Args, Part, Plan, Slot};
 use rayon::prelude::*;
 
 /// Converts multiplex sets of one shape into video frames of one display.
@@ -38,6 +38,7 @@ impl Encoder {
             let has = has.join(", ");
             return Err(mismatch(reason!("no-such-color", "it has the color {color}, but the display has only {has}")));
         }
+        let area = area(encoding, [height, width]).map_err(wrong)?;
         let packed = Packed::new(encoding, colors, sub_frames).map_err(mismatch)?;
         let turning = Turning::new(encoding, height, width);
         let (mut of_colors, mut notes) = (Vec::new(), Vec::new());
@@ -48,10 +49,7 @@ impl Encoder {
                 tracing::warn!("{color}: {note}");
                 notes.push(format!("{color}: {note}"));
             }
-            codes = codes.max(match &levels {
-                encode::Levels::Even(count) => count - 1,
-                encode::Levels::Table(table) => table.iter().copied().max().unwrap_or(0).into(),
-            });
+            codes = codes.max(levels.highest());
             of_colors.push(encode::Color { offsets: correction::offsets(display, color, &turning)?, levels });
         }
         let cells: Vec<u8> = encoding.cells.concat();
@@ -76,15 +74,16 @@ impl Encoder {
             flips: u32::from(encoding.flip_video.mirrors()) + 2 * u32::from(encoding.flip_video.overturns()),
         };
         // Every buffer of a set can be counted in usize.
-        let most = pixels.checked_mul(args.row_bytes() / width).and_then(|n| n.checked_mul(packed.video_frames));
-        if most.is_none() {
+        let plan = Plan { args, area, colors: of_colors, video_frames, sub_frames };
+        let rows = area.frame[0] as usize;
+        let most = rows.checked_mul(plan.row_bytes()).and_then(|n| n.checked_mul(packed.video_frames));
+        if most.is_none() || pixels.checked_mul(size_of::<f32>()).is_none() {
             return Err(wrong(reason!(
                 "too-many-frames",
                 "{} video frames of that size do not fit into memory",
                 packed.video_frames
             )));
         }
-        let plan = Plan { args, colors: of_colors, video_frames, sub_frames };
         Ok(Self { display: display.clone(), colors: colors.to_vec(), packed, hologram: turning.hologram, plan, notes })
     }
 
@@ -169,26 +168,35 @@ impl Encoder {
 
     /// Returns the bytes of a set's video frames.
     pub fn bytes(&self) -> usize {
-        self.plan.args.row_bytes() * self.plan.args.height as usize * self.packed.video_frames
+        self.video_shape().iter().product()
     }
 
     /// Returns the number of video frames of a set, and their rows, columns and channels.
     pub fn video_shape(&self) -> [usize; 4] {
-        let args = &self.plan.args;
-        [self.packed.video_frames, args.video_height(), args.video_width(), self.packed.channels]
+        let [height, width] = self.plan.video_size();
+        [self.packed.video_frames, height, width, self.packed.channels]
     }
 
     fn fill(&self, phases: &PhaseSet<'_>, bytes: &mut [u8]) {
-        let Plan { args, colors, video_frames, .. } = &self.plan;
+        let Plan { args, area, colors, video_frames, .. } = &self.plan;
         let phases = phases.colors();
-        let row = args.row_bytes();
+        let row = self.plan.row_bytes();
         let height = args.height as usize;
         // Several blocks of the kernel run in one task.
         let rows = (4 * encode::BLOCK).div_ceil(args.width as usize).min(height);
-        let frame = row * height;
+        let [line, _] = area.line_bytes(args.channels);
+        let frame = area.frame[0] as usize * line;
+        let above = area.offset[0] as usize * line;
         bytes.par_chunks_exact_mut(frame).zip(video_frames).for_each(|(frame, slots)| {
-            frame.par_chunks_mut(row * rows).enumerate().for_each(|(share, out)| {
-                encode::encode(args, colors, slots, phases, share * rows, out);
+            let (above, rest) = frame.split_at_mut(above);
+            let (slm, below) = rest.split_at_mut(row * height);
+            above.fill(area.fill);
+            below.fill(area.fill);
+            slm.par_chunks_mut(row * rows).enumerate().for_each(|(share, out)| {
+                if area.frame[1] as usize > args.area_width() {
+                    out.fill(area.fill);
+                }
+                encode::encode((args, area), colors, slots, phases, share * rows, out);
             });
         });
     }
@@ -226,9 +234,8 @@ impl Encoder {
     /// # Errors
     /// Returns [`EncodeError::Mismatch`] for another shape.
     pub(super) fn check_frames(&self, frames: &VideoFrames) -> Result<(), EncodeError> {
-        let args = &self.plan.args;
-        let size = (args.video_height(), args.video_width(), self.packed.channels);
-        let count = self.packed.video_frames;
+        let [count, height, width, channels] = self.video_shape();
+        let size = (height, width, channels);
         if (frames.height, frames.width, frames.channels) != size || frames.bytes.len() != count * frames.frame_bytes()
         {
             let reason = reason!("other-encoder", "the video frames were made for another encoder");
@@ -236,6 +243,13 @@ impl Encoder {
         }
         Ok(())
     }
+}
+
+/// Returns the place of an SLM of this size in the video frame.
+fn area(encoding: &Encoding, size: [usize; 2]) -> Result<Area, Reason> {
+    let ActiveArea { video_size, offset, fill } = encoding.area(size)?;
+    let [frame, offset] = [video_size, offset].map(|sides| sides.map(|n| n as u32));
+    Ok(Area { frame, offset, fill })
 }
 
 /// Returns the phases of the levels at one color.
@@ -249,8 +263,8 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
             "look_up, phases_turns and two_pi_level exclude each other. Give one"
         )));
     }
-    if levels > 256 {
-        return Err(wrong(reason!("levels", "it has {levels} levels, but a video frame carries at most 256")));
+    if levels > 65536 {
+        return Err(wrong(reason!("levels", "it has {levels} levels, but a video frame carries at most 65536")));
     }
     let missing = |what: &str| wrong(reason!("no-table", "it has {what} for other colors, but none for {color}"));
     if !encoding.look_up.is_empty() {
@@ -258,7 +272,7 @@ pub(super) fn scale(display: &Display, color: Color) -> Result<Scale, EncodeErro
         return Ok(Scale::Listed(calibration::read_table(file, levels)?));
     }
     if !encoding.phases_turns.is_empty() {
-        return Ok(Scale::Listed((0..=255).zip(encoding.phases_turns.iter().copied()).collect()));
+        return Ok(Scale::Listed((0..=u16::MAX).zip(encoding.phases_turns.iter().copied()).collect()));
     }
     let two_pi = match &encoding.two_pi_level {
         None => f64::from(levels),

@@ -167,8 +167,8 @@ impl Packed {
                     "{what} is in a gray frame, but others are in a color frame. Use one kind for all"
                 ));
             }
-            if p.bits.is_empty() || p.bits.len() > 8 || p.bits.iter().any(|bit| *bit >= width) {
-                return Err(reason!("map-bits", "{what} must have 1 to 8 bits, each below {width}"));
+            if p.bits.is_empty() || p.bits.len() > 16 || p.bits.iter().any(|bit| *bit >= width) {
+                return Err(reason!("map-bits", "{what} must have 1 to 16 bits, each below {width}"));
             }
             let bits: Vec<u8> = p.bits.iter().map(|bit| first + bit).collect();
             if let Some(bit) = bits.iter().find(|bit| !taken.insert((p.video_frame, **bit))) {

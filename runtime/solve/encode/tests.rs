@@ -3,9 +3,13 @@
 //! It knows presets by their description, and levels by float64.
 
 #[cfg(feature = "image-formats")]
+mod active_area;
+mod beyond_a_turn;
+#[cfg(feature = "image-formats")]
 mod calibrated;
 #[cfg(feature = "image-formats")]
 mod decoded;
+mod many_bits;
 mod turned;
 
 use super::*;
@@ -359,10 +363,11 @@ fn what_a_packing_holds_is_said() {
         ("packing = \"planes24\"\ncells = [[1, 0]]", 16, "display/lost-bit", "2"),
         ("two_pi_level = { red = 200 }", 256, "display/no-table", "green"),
         ("two_pi_level = 200\nlook_up = { red = \"x.csv\" }", 256, "display/two-tables", "two_pi_level"),
-        ("", 300, "display/levels", "256"),
+        ("", 300, "display/bits", "256"),
     ] {
         refused(&with(text, here.path(), [4, 4], levels), &ALL, 8, code, holds);
     }
+    refused(&Display { levels: 65537, ..display("grey8", 4, 4) }, &ALL, 1, "display/levels", "65536");
     let map = |more: &str, code: &str, holds: &str| {
         let one = |f: u32, bit: u32| {
             format!("{{ color = \"red\", sub_frame = {f}, video_frame = 0, channel = \"red\", bits = [{bit}] }}")

@@ -93,11 +93,12 @@ impl Hologram {
         Ok(if is_own { self.cut(display) } else { display })
     }
 
-    /// Returns a display with as many pixels as the hologram, if it has at least as many.
+    /// Returns a display with as many pixels as the hologram, if it has at least as many, or if they fit its video frame.
     fn cut(&self, display: Display) -> Display {
         let is_turned = display.encoding.rotation_deg % 180 == 90;
         let (height, width) = if is_turned { (self.width, self.height) } else { (self.height, self.width) };
-        if height > display.height || width > display.width {
+        let [rows, columns] = display.encoding.most_pixels().unwrap_or([display.height, display.width]);
+        if height > rows.max(display.height) || width > columns.max(display.width) {
             return display;
         }
         Display { height, width, portrait: display.portrait || height > width, ..display }

@@ -83,24 +83,70 @@ fn a_file_begun_from_a_preset_brings_its_first_phases() {
     assert_eq!(tables(), kept);
 }
 
-/// The preset spreads the ten bits of a pixel over three channels, as the maker's guide describes. They are R7 to R5,
-/// G7 to G5 and B7 to B4.
+/// Ten bits of a pixel are in several channels. Every level is written where the SLM reads it, and `convert` returns it.
 #[test]
 fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
     let temp = folder();
     let at = temp.path();
-    // A phase of n / 255.75 turns is gray level 4 n of 1023.
-    let levels = [0, 1, 37, 128, 255];
-    let phases = levels.map(|n| (f64::from(n) / 255.75 * std::f64::consts::TAU) as f32);
-    ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 1, 5], &phases).unwrap();
-    let encode = ["encode", "p.npy", "--display", "santec-slm-200", "--color", "green", "--size", "1x5", "-o", "x"];
-    done(at, &encode);
-    let frame = image::open(at.join("x/frame-00000.png")).unwrap().into_rgb8();
-    let read =
-        frame.pixels().map(|image::Rgb([r, g, b])| u32::from(r >> 5) << 7 | u32::from(g >> 5) << 4 | u32::from(b >> 4));
-    assert_eq!(read.collect::<Vec<_>>(), levels.map(|n| 4 * n as u32));
-    // The frames can be rendered again.
-    done(at, &["render", "x", "--pupil=0,0,4,0", "--force", "--engine", "cpu", "-o", "seen.png"]);
+    // R7 to R5, G7 to G5, B7 to B4 in the maker's guide, and red and the lowest two bits of blue.
+    let santec = |p: [u8; 3]| u32::from(p[0] >> 5) << 7 | u32::from(p[1] >> 5) << 4 | u32::from(p[2] >> 4);
+    let meadowlark = |p: [u8; 3]| u32::from(p[0]) << 2 | u32::from(p[1]) << 10 | u32::from(p[2]);
+    let links: [(&str, f64, &dyn Fn([u8; 3]) -> u32); 2] =
+        [("santec-slm-200", 1023.0, &santec), ("meadowlark-hdmi-10bit", 1024.0, &meadowlark)];
+    for (preset, two_pi, read) in links {
+        let phases: Vec<f32> = (0..1023).map(|n| (f64::from(n) / two_pi * std::f64::consts::TAU) as f32).collect();
+        ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 3, 341], &phases).unwrap();
+        done(at, &["encode", "p.npy", "--display", preset, "--color", "green", "--size", "3x341", "-o", preset]);
+        let frame = image::open(at.join(preset).join("frame-00000.png")).unwrap().into_rgb8();
+        assert!(frame.pixels().map(|p| read(p.0)).eq(0..1023), "{preset}");
+        // Decoding and encoding again give the same bytes.
+        let back = format!("{preset}.npy");
+        done(at, &["convert", preset, &back]);
+        let decoded = ::eyebox::low_level::files::read_npy(&at.join(&back)).unwrap();
+        assert_eq!(decoded.values.len(), 1023);
+        for (phase, decoded) in phases.iter().zip(&decoded.values) {
+            let turns = f64::from(phase - decoded) / std::f64::consts::TAU;
+            assert!((turns - turns.round()).abs() < 1e-6, "{preset}: {phase} became {decoded}");
+        }
+        done(at, &["encode", &back, "--display", preset, "--color", "green", "--size", "3x341", "-o", "again"]);
+        assert_eq!(image::open(at.join("again/frame-00000.png")).unwrap().into_rgb8(), frame, "{preset}");
+    }
+    done(at, &["render", "santec-slm-200", "--pupil=0,0,4,0", "--force", "--engine", "cpu", "-o", "seen.png"]);
+}
+
+/// The SLM has 1272 columns of the 1280 of its video frame, and the maker's correction has 1272. Frames are written,
+/// shown and decoded with the monitor's size.
+#[test]
+fn an_slm_of_fewer_columns_than_its_monitor_is_encoded_corrected_and_shown() {
+    let temp = folder();
+    let at = temp.path();
+    let level = |x: u32, y: u32| (x * 5 + y * 3) % 256;
+    image::GrayImage::from_fn(1272, 1024, |x, y| image::Luma([level(x, y) as u8])).save(at.join("flat.bmp")).unwrap();
+    let preset = done(at, &["display", "show", "hamamatsu-x15213"]);
+    let correction = "[[encoding.correction]]\nfile = \"flat.bmp\"\nsign = 1\norientation = \"slm\"\n";
+    std::fs::write(at.join("bench.toml"), format!("{preset}{correction}")).unwrap();
+    ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 1024, 1272], &vec![0.0; 1024 * 1272]).unwrap();
+    for engine in ["cpu", "vulkan"] {
+        let encode = ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "--engine", engine, "-o", engine];
+        let report = json(at, &[&encode[..], &["--json"]].concat());
+        assert_eq!((&report["height"], &report["width"]), (&1024.into(), &1280.into()));
+        let frame = image::open(at.join(engine).join("frame-00000.png")).unwrap().into_luma8();
+        let wanted = |x: u32, y: u32| if x < 1272 { level(x, y) } else { 0 };
+        assert!(frame.enumerate_pixels().all(|(x, y, p)| u32::from(p[0]) == wanted(x, y)), "{engine}");
+    }
+    done(at, &["convert", "cpu", "back.npy"]);
+    let back = ::eyebox::low_level::files::read_npy(&at.join("back.npy")).unwrap();
+    assert!(back.shape.ends_with(&[1024, 1272]) && back.values.iter().all(|p| p.abs() < 1e-6), "{:?}", back.shape);
+    let show = ["show", "p.npy", "--display", "bench.toml", "--color", "green", "--clock", "simulated"];
+    done(at, &[&show[..], &["--duration", "0.05", "--record", "shown"]].concat());
+    let shown = std::fs::read_dir(at.join("shown")).unwrap().map(|e| e.unwrap().path());
+    let shown: Vec<_> = shown.filter(|file| file.extension().is_some_and(|e| e == "png")).collect();
+    let frame = image::open(at.join("cpu/frame-00000.png")).unwrap().into_luma8();
+    assert!(!shown.is_empty() && shown.iter().all(|file| image::open(file).unwrap().into_luma8() == frame), "{shown:?}");
+    // The size of the video frame is not the size of a correction.
+    image::GrayImage::new(1280, 1024).save(at.join("flat.bmp")).unwrap();
+    let encode = ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "x"];
+    refused(at, &encode, "x", "file/content/correction-size 1024x1280 1024x1272");
 }
 
 /// A set of eight gray frames has an eighth of the 60 Hz of the display. Each command that makes such a set reports

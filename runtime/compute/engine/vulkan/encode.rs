@@ -8,7 +8,7 @@
 use super::super::EngineError;
 use super::layout::{Layout, Value};
 use crate::gpu::{Block, Commands, Gpu, PhasesOnDevice, Pictures, Pipeline, PixelOrder};
-use eyebox_kernels::encode::{self, Args, Levels, Part, Plan};
+use eyebox_kernels::encode::{self, Area, Args, Levels, Part, Plan};
 use eyebox_kernels::{WIDTH, pixels};
 use eyebox_spirv as spirv;
 
@@ -73,9 +73,11 @@ pub struct VulkanEncoder {
     input: Layout,
     output: Layout,
     args: Args,
+    area: Area,
     /// The bit of a code that each cell holds, 4 bits per cell.
     cells: u32,
-    /// Video frames with padded rows, as read from the device.
+    /// The SLM's part of the video frames with padded rows, as read from the device. It is empty if the rows have no
+    /// padding and the SLM is all of the video frame.
     padded: Vec<u8>,
     seconds: f64,
     gpu: Commands,
@@ -101,7 +103,7 @@ impl VulkanEncoder {
         let pixels = args.height as usize * args.width as usize;
         let row_words = (args.channels * args.cell_columns * args.width.div_ceil(4)) as usize;
         let input = Layout { offset: 0, frames: plan.sub_frames, values: pixels, value: Value::Real };
-        let values = row_words * args.video_height();
+        let values = row_words * args.area_height();
         let output = Layout { offset: 0, frames: plan.video_frames.len(), values, value: Value::Real };
         let limit = gpu.limits.storage_range;
         for (layout, what) in [(&input, "sub-frame"), (&output, "video frame")] {
@@ -114,13 +116,12 @@ impl VulkanEncoder {
         for color in &plan.colors {
             let (kind, levels, table) = match &color.levels {
                 Levels::Even(count) if count.is_power_of_two() => (encode::POWER, *count, &[][..]),
-                Levels::Even(count) => (encode::EVEN, *count, &[][..]),
+                Levels::Even(count @ ..=256) => (encode::EVEN, *count, &[][..]),
+                Levels::Even(count) => (encode::FINE, *count, &[][..]),
                 Levels::Table(table) => (encode::TABLED, 0, &table[..]),
+                Levels::FineTable(table) => (encode::FINE_TABLED, 0, bytemuck::cast_slice(table)),
             };
-            let highest = match &color.levels {
-                Levels::Even(count) => count.saturating_sub(1),
-                Levels::Table(table) => table.iter().copied().max().unwrap_or(0).into(),
-            };
+            let highest = color.levels.highest();
             let has_offsets = u32::from(!color.offsets.is_empty());
             let constants = [args.channels, kind, has_offsets, args.cell_rows, args.cell_columns, levels];
             inks.push(Ink {
@@ -149,9 +150,9 @@ impl VulkanEncoder {
         let cells = (plan.video_frames.iter().flatten().next())
             .map_or(0, |slot| slot.parts.iter().fold(0, |all, p| all | p.from << (4 * p.cell)));
         let frames = gpu.block(output.bytes(), "video frames")?;
-        let even = args.width.is_multiple_of(4);
-        let padded = if even { Vec::new() } else { vec![0; 4 * output.values * output.frames] };
-        Ok(Self { inks, frames, runs, input, output, args, cells, padded, seconds: 0.0, gpu })
+        let dense = args.width.is_multiple_of(4) && plan.fills_frame();
+        let padded = if dense { Vec::new() } else { vec![0; 4 * output.values * output.frames] };
+        Ok(Self { inks, frames, runs, input, output, args, area: plan.area, cells, padded, seconds: 0.0, gpu })
     }
 
     /// Makes the driver report a lost device after `submissions` more submissions.
@@ -278,8 +279,7 @@ impl VulkanEncoder {
     /// # Errors
     /// [`EngineError`] if a video frame exceeds the range of a kernel, or memory runs out.
     pub fn pictures(&self, order: PixelOrder) -> Result<Pictures, EngineError> {
-        let size = [self.args.video_height(), self.args.video_width()];
-        Pictures::new(&self.gpu, self.output.frames, size, order)
+        Pictures::new(&self.gpu, self.output.frames, self.area.frame.map(|n| n as usize), order)
     }
 
     /// Converts the video frames that were encoded last to pixels, on the device.
@@ -287,19 +287,23 @@ impl VulkanEncoder {
     /// # Errors
     /// [`EngineError::Mismatch`] if the pictures are another encoder's or still being read, and a lost device.
     pub fn draw(&mut self, pictures: &mut Pictures) -> Result<(), EngineError> {
-        let Self { frames, output, args, gpu, .. } = self;
-        let [height, width] = [args.video_height(), args.video_width()];
-        let fits = (pictures.count(), pictures.size()) == (output.frames, [height, width]);
+        let Self { frames, output, args, area, gpu, .. } = self;
+        let fits = (pictures.count(), pictures.size()) == (output.frames, area.frame.map(|n| n as usize));
         if !fits || pictures.in_use() || !pictures.block.is_on(&gpu.device) {
             return Err(EngineError::mismatch("the pictures belong to another encoder or are still shown"));
         }
         let pipeline = gpu.pipeline(&spirv::PIXELS, 2, &[])?;
         let push = pixels::Args {
-            height: height as u32,
-            width: width as u32,
-            row: (4 * output.values / height.max(1)) as u32,
+            height: area.frame[0],
+            width: area.frame[1],
+            row: (4 * output.values / args.area_height().max(1)) as u32,
             channels: args.channels,
             blue_first: u32::from(pictures.order() == PixelOrder::Bgra),
+            top: area.offset[0],
+            left: area.offset[1],
+            rows: args.area_height() as u32,
+            columns: args.area_width() as u32,
+            fill: area.fill.into(),
         };
         gpu.recorder.begin(0)?;
         gpu.recorder.barrier();
@@ -323,12 +327,12 @@ impl VulkanEncoder {
     /// # Errors
     /// [`EngineError::Mismatch`] if the length differs, and a lost device.
     pub fn download(&mut self, bytes: &mut [u8]) -> Result<(), EngineError> {
-        let row = self.args.video_width() * self.args.channels as usize;
-        let rows = self.args.video_height() * self.output.frames;
-        if bytes.len() != row * rows {
+        let [line, left] = self.area.line_bytes(self.args.channels);
+        let frame = self.area.frame[0] as usize * line;
+        if bytes.len() != frame * self.output.frames {
             return Err(EngineError::mismatch(format!(
                 "the video frames have {} bytes, but {} were given",
-                row * rows,
+                frame * self.output.frames,
                 bytes.len()
             )));
         }
@@ -337,9 +341,17 @@ impl VulkanEncoder {
             return self.gpu.fetch(&self.frames, bytes, pieces);
         }
         self.gpu.fetch(&self.frames, &mut self.padded, pieces)?;
-        let padded = self.padded.len() / rows;
-        for (to, from) in bytes.chunks_exact_mut(row).zip(self.padded.chunks_exact(padded)) {
-            to.copy_from_slice(&from[..row]);
+        if frame > self.args.area_height() * self.args.area_width() * self.args.channels as usize {
+            bytes.fill(self.area.fill);
+        }
+        let row = self.args.area_width() * self.args.channels as usize;
+        let padded = self.padded.len() / (self.args.area_height() * self.output.frames);
+        let above = self.area.offset[0] as usize * line;
+        let parts = self.padded.chunks_exact(padded * self.args.area_height());
+        for (to, from) in bytes.chunks_exact_mut(frame).zip(parts) {
+            for (to, from) in to[above..].chunks_exact_mut(line).zip(from.chunks_exact(padded)) {
+                to[left..left + row].copy_from_slice(&from[..row]);
+            }
         }
         Ok(())
     }
