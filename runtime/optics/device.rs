@@ -56,7 +56,7 @@ impl Device {
 }
 
 /// Returns the text of a display file without the table `[device]` and the empty lines before it. The digest of the
-/// file is that of this text.
+/// file is made from this text.
 pub(crate) fn without_device(text: &str) -> String {
     let mut kept = String::new();
     let mut is_device = false;
@@ -98,7 +98,9 @@ mod tests {
         assert!(usual.device.is_some_and(|d| d.simulated && d.link == VideoLink::DisplayPort));
         let none = read("").unwrap();
         assert!(none.device.is_none() && !none.to_toml().contains("device"));
-        for wrong in ["kind = \"dlpc350\"", "link = \"hdmi\"", "kind = \"dlpc900\"\nlink = \"vga\"", "kind = \"dlpc900\"\nx = 1"] {
+        for wrong in
+            ["kind = \"dlpc350\"", "link = \"hdmi\"", "kind = \"dlpc900\"\nlink = \"vga\"", "kind = \"dlpc900\"\nx = 1"]
+        {
             let error = read(&format!("[device]\n{wrong}\n")).unwrap_err();
             assert_eq!(ErrorData::of(&error).code, "display-file/toml", "{wrong}");
         }

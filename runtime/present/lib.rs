@@ -12,7 +12,9 @@
 //! displays, with their `modes` and the `connectors` of the system. `monitor` selects a monitor of a desktop. `system`
 //! holds the differences between desktops. `x_server` handles the loss of an X server. `interference` names the effects
 //! of a desktop on levels and light, and `x_observer` reads them. `clock` is real or simulated, and `rate` is an exact
-//! frequency. [`plm`] sets up the controllers of phase light modulators.
+//! frequency.
+//!
+//! [`plm`] sets up the controllers of phase light modulators.
 //!
 //! Every name of a time has its unit and its meaning.
 

@@ -28,11 +28,11 @@ const MOST_STRAY: usize = 64;
 pub enum State {
     /// The connection is open. The controller may do anything.
     Opened,
-    /// Its receiver is on, and it takes video.
+    /// The receiver is on, and the controller takes video.
     Prepared,
-    /// It shows the 24 planes of each video frame.
+    /// The controller shows the 24 planes of each video frame.
     Running,
-    /// Its patterns are stopped, and its receiver is off.
+    /// The patterns are stopped, and the receiver is off.
     Asleep,
 }
 
@@ -90,7 +90,7 @@ impl Controller {
     /// Takes a connection. Replies to a program that ended before are dropped.
     ///
     /// # Errors
-    /// [`PlmError::Link`].
+    /// [`PlmError::Link`] if the connection failed.
     pub fn new(link: Box<dyn Link>) -> Result<Self, PlmError> {
         let mut controller = Self { link, sequence: 0, state: State::Opened, is_awake: false };
         let mut report = [0; REPORT];
@@ -206,7 +206,7 @@ impl Controller {
         PlmError::Refused { command, error, text }
     }
 
-    /// Reads the identity.
+    /// Reads board, firmware and flips.
     ///
     /// # Errors
     /// Any [`PlmError`] of a command.
@@ -235,7 +235,7 @@ impl Controller {
         Ok(Flips { long_axis: long & 1 != 0, short_axis: short & 1 != 0 })
     }
 
-    /// Reads the hardware status.
+    /// Reads the status of the hardware.
     ///
     /// # Errors
     /// Any [`PlmError`] of a command.
@@ -243,7 +243,7 @@ impl Controller {
         self.read(Command::HardwareStatus).map(|[status]| HardwareStatus(status))
     }
 
-    /// Reads the main status.
+    /// Reads the status of sequencer and video.
     ///
     /// # Errors
     /// Any [`PlmError`] of a command.

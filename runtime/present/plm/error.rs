@@ -9,9 +9,7 @@ use super::values::HardwareFault;
 #[non_exhaustive]
 pub enum PlmError {
     /// No controller is connected.
-    #[error(
-        "no DLPC900 (USB 0451:C900) is connected: connect its USB cable, switch it on, and close TI's own program"
-    )]
+    #[error("no DLPC900 (USB 0451:C900) is connected. Connect its USB cable, switch it on, and close TI's own program")]
     NoController,
     /// This system or this build has no USB access to the controller.
     #[error("{reason}")]
@@ -20,15 +18,15 @@ pub enum PlmError {
         reason: String,
     },
     /// The USB connection refused or failed.
-    #[error("the USB connection of the controller: {reason}")]
+    #[error("the USB connection of the controller failed ({reason})")]
     Link {
         /// The message of the system, with a remedy if there is one.
         reason: String,
     },
     /// No reply arrived in time.
-    #[error("the controller did not reply to {command} within {waited_ms} ms: switch it off and on")]
+    #[error("the controller did not reply to {command} within {waited_ms} ms. Switch it off and on")]
     NoReply {
-        /// The command.
+        /// The command that failed.
         command: Command,
         /// The time for which the driver waited, over all attempts (ms).
         waited_ms: u64,
@@ -36,7 +34,7 @@ pub enum PlmError {
     /// A reply has fewer bytes than the command returns.
     #[error("the controller replied to {command} with {bytes} bytes, but it must be {needed}")]
     ShortReply {
-        /// The command.
+        /// The command that failed.
         command: Command,
         /// The bytes of data in the reply.
         bytes: usize,
@@ -46,7 +44,7 @@ pub enum PlmError {
     /// The controller refused a command.
     #[error("the controller refused {command} with error {error}{}", said(text))]
     Refused {
-        /// The command.
+        /// The command that failed.
         command: Command,
         /// The code of the error, or 0 if the controller named none.
         error: u8,
@@ -54,11 +52,11 @@ pub enum PlmError {
         text: String,
     },
     /// The controller reports a hardware fault.
-    #[error("the controller reports: {fault} (hardware status 0x{status:02X})")]
+    #[error("the controller reports a fault ({fault}) with hardware status 0x{status:02X}. Switch it off and on")]
     Hardware {
-        /// The first fault.
+        /// The first fault that the status has.
         fault: HardwareFault,
-        /// The status byte.
+        /// The byte of the hardware status.
         status: u8,
     },
     /// The controller stays in standby.
@@ -69,7 +67,7 @@ pub enum PlmError {
     },
     /// The controller does not receive a video signal that it can lock to.
     #[error(
-        "the controller found no video signal within {waited_ms} ms: connect the video cable, and show a picture of \
+        "the controller found no video signal within {waited_ms} ms. Connect the video cable, and show a picture of \
          2716 x 1600 pixels on its monitor"
     )]
     NoSource {
@@ -89,15 +87,15 @@ pub enum PlmError {
     /// The patterns did not start.
     #[error("the controller does not run the patterns (main status 0x{status:02X}), after {waited_ms} ms")]
     NotStarted {
-        /// The main status.
+        /// The byte of the main status.
         status: u8,
         /// The time for which the driver waited (ms).
         waited_ms: u64,
     },
     /// Video frames are too short for 24 patterns.
     #[error(
-        "a pattern lasts {exposure_us} us at {rate_hz} video frames per second, but the controller needs {least_us} us: \
-         choose a slower video mode"
+        "a pattern lasts {exposure_us} us at {rate_hz} video frames per second, but the controller needs {least_us} us. \
+         Choose a slower video mode"
     )]
     Exposure {
         /// The exposure that fits the frame (us).
@@ -108,13 +106,13 @@ pub enum PlmError {
         rate_hz: f64,
     },
     /// The rate of the video mode is impossible.
-    #[error("{rate_hz} video frames per second are impossible for the controller: it must be 1 to 1000")]
+    #[error("{rate_hz} video frames per second are impossible for the controller. Give 1 to 1000")]
     Rate {
-        /// The rate.
+        /// Video frames per second (Hz).
         rate_hz: f64,
     },
     /// A step was called before the step that it needs.
-    #[error("the controller is {state}: prepare it first")]
+    #[error("the controller is {state}. Prepare it first")]
     Order {
         /// The name of its state.
         state: &'static str,

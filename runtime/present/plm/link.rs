@@ -8,7 +8,7 @@ pub const REPORT: usize = 64;
 
 /// A connection to a controller.
 pub trait Link: Send {
-    /// Sends a report.
+    /// Sends one report to the controller.
     ///
     /// # Errors
     /// [`PlmError::Link`] if the connection failed.

@@ -6,8 +6,8 @@
 //! second, and [`Controller::sleep`].
 //!
 //! `report` packs commands into reports, `values` reads and writes their data, `table` computes the 24 patterns of a
-//! video frame, and `setup` has the order of the steps. The commands and their bytes are those of TI's guide DLPU018J.
-//! Where the guide is silent, they are those of TI's own program. The driver is not yet tested on hardware.
+//! video frame, and `setup` has the order of the steps. TI's guide DLPU018J defines the commands and their bytes.
+//! TI's own program has the commands that the guide lacks. The driver is not yet tested on hardware.
 
 mod command;
 mod controller;

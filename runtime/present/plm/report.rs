@@ -1,4 +1,4 @@
-//! Packs commands into reports and reads replies (TI DLPU018J, and TI's program where the guide is silent).
+//! Packs commands into reports and reads replies (TI DLPU018J, and TI's own program).
 //!
 //! | byte | content |
 //! |---|---|

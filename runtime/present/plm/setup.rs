@@ -1,6 +1,6 @@
 //! Takes a controller from any state to running patterns, and to sleep.
 //!
-//! The order of the steps is that of TI's guide, of plmctrl and of slmsuite. On DisplayPort, the monitor of the
+//! TI's guide, plmctrl and slmsuite agree on the order of the steps. On DisplayPort, the monitor of the
 //! controller appears on the host only after [`Controller::prepare`].
 
 use super::command::Command;
@@ -35,9 +35,9 @@ const START: u8 = 2;
 /// The result of a check of a running controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Condition {
-    /// The hardware status.
+    /// The status of the hardware.
     pub hardware: HardwareStatus,
-    /// The main status.
+    /// The status of sequencer and video.
     pub main: MainStatus,
 }
 
@@ -131,11 +131,7 @@ impl Controller {
     ///
     /// # Errors
     /// [`PlmError::NoSource`], [`PlmError::Order`], and any error of a command.
-    pub fn wait_for_source(
-        &mut self,
-        patience: Duration,
-        goes_on: &mut dyn FnMut() -> bool,
-    ) -> Result<(), PlmError> {
+    pub fn wait_for_source(&mut self, patience: Duration, goes_on: &mut dyn FnMut() -> bool) -> Result<(), PlmError> {
         if self.state != State::Prepared {
             return Err(PlmError::Order { state: self.state.name() });
         }

@@ -42,8 +42,8 @@ impl Simulated {
         change(&mut self.state().faults);
     }
 
-    /// Returns the planes of a pixel in the order in which the device shows them, for a pixel word with red in bits 0
-    /// to 7, green in bits 8 to 15 and blue in bits 16 to 23. It is empty while no patterns run.
+    /// Returns the planes of a pixel in the order in which the device shows them. In `word`, red has bits 0 to 7,
+    /// green has bits 8 to 15, and blue has bits 16 to 23. The list is empty while no patterns run.
     pub fn lit_planes(&self, word: u32) -> Vec<LitPlane> {
         self.state().lit_planes(word)
     }

@@ -72,7 +72,7 @@ pub struct LitPlane {
     pub bit: bool,
     /// The outputs for light sources.
     pub leds: Leds,
-    /// The exposure (us).
+    /// The exposure of the plane (us).
     pub exposure_us: u32,
     /// True if TRIG_OUT_2 marks the plane.
     pub trigger_out_2: bool,
@@ -152,7 +152,7 @@ impl SimulatedState {
         if !self.locked() && self.sequencer == 2 {
             self.sequencer = 0;
         }
-        // The controller aborts the video frame and goes on with the next one.
+        // The controller aborts the video frame and continues with the next one.
         self.aborted |= self.runs() && self.patterns_us() > 1e6 / self.faults.rate_hz;
     }
 
@@ -194,7 +194,7 @@ impl SimulatedState {
         if self.runs() { self.shown().map(lit).collect() } else { Vec::new() }
     }
 
-    /// Runs a command.
+    /// Runs a command, and prepares its reply.
     pub(super) fn take(&mut self, command: &Received) {
         if self.now < self.silent_until {
             return;

@@ -48,7 +48,7 @@ pub fn usual_leds() -> [Leds; PLANES] {
 /// otherwise the controller aborts it.
 ///
 /// # Errors
-/// [`PlmError::Rate`].
+/// [`PlmError::Rate`] if it is not 1 to 1000 Hz.
 pub fn exposure_us(rate_hz: f64) -> Result<u32, PlmError> {
     if !(1.0..=1000.0).contains(&rate_hz) {
         return Err(PlmError::Rate { rate_hz });

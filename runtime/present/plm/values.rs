@@ -8,7 +8,7 @@ use std::fmt;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum HardwareFault {
-    /// The initialization failed.
+    /// The controller is not initialized.
     NotInitialized,
     /// Controller, modulator and firmware do not match.
     WrongHardware,
@@ -32,7 +32,7 @@ impl fmt::Display for HardwareFault {
     }
 }
 
-/// The hardware status.
+/// The status of the hardware, a byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HardwareStatus(pub u8);
 
@@ -59,7 +59,7 @@ impl HardwareStatus {
     }
 }
 
-/// The main status.
+/// The status of sequencer and video, a byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MainStatus(pub u8);
 
@@ -141,13 +141,13 @@ pub struct Leds {
 }
 
 impl Leds {
-    /// The red output.
+    /// Only the red output is on.
     pub const RED: Self = Self { red: true, green: false, blue: false };
-    /// The green output.
+    /// Only the green output is on.
     pub const GREEN: Self = Self { red: false, green: true, blue: false };
-    /// The blue output.
+    /// Only the blue output is on.
     pub const BLUE: Self = Self { red: false, green: false, blue: true };
-    /// All three outputs.
+    /// All three outputs are on.
     pub const ALL: Self = Self { red: true, green: true, blue: true };
 
     fn bits(self) -> u8 {
@@ -184,8 +184,7 @@ impl Pattern {
         let [e0, e1, e2, _] = self.exposure_us.to_le_bytes();
         let [d0, d1, d2, _] = self.dark_us.to_le_bytes();
         let depth = self.depth.clamp(1, 16) - 1;
-        let flags =
-            u8::from(self.clears) | (depth & 7) << 1 | self.leds.bits() << 4 | u8::from(self.waits) << 7;
+        let flags = u8::from(self.clears) | (depth & 7) << 1 | self.leds.bits() << 4 | u8::from(self.waits) << 7;
         let outputs = u8::from(!self.trigger_out_2) | (depth >> 3) << 1;
         [i0, i1, e0, e1, e2, flags, d0, d1, d2, outputs, 0, self.plane << 3]
     }

@@ -78,7 +78,9 @@ impl PresentThread {
             }
         };
         let mode_rate = display.mode_rate.unwrap_or(display.rate);
-        let watch = |controller: PreparedController| controller.watch(mode_rate, shared.notes.clone(), trace.track("controller"));
+        let watch = |controller: PreparedController| {
+            controller.watch(mode_rate, shared.notes.clone(), trace.track("controller"))
+        };
         let controller = controller.map(watch).transpose()?;
         let ContentSetup { running, schedule, idle, sub_frames } = setup;
         let simulated = display.clock.is_simulated();

@@ -22,10 +22,10 @@ pub struct Connect {
     /// Display preset or TOML file
     #[arg(value_name = "PRESET|FILE")]
     pub display: String,
-    /// Video frames per second [default: of the monitor, otherwise of the display, otherwise 60, or 30 on HDMI]
+    /// Video frames per second. Without it, the rate of the monitor counts, then the display's, then 60, or 30 on HDMI
     #[arg(help_heading = "Display", long, value_name = "HZ", value_parser = rate)]
     pub display_rate: Option<Rate>,
-    /// Stop after this time, s [default: on ctrl-C]
+    /// Stop after this time, s. Without it, ctrl-C ends the command
     #[arg(help_heading = "Time", long, value_name = "S", value_parser = positive_in(S))]
     pub duration: Option<f64>,
     /// One JSON object on standard output
@@ -59,7 +59,7 @@ pub fn run(args: &Connect) -> Result<(), Failure> {
         print_report(report.to_json());
     }
     if is_lost {
-        return Err(Failure::Lost(reason!("controller", "the controller was lost: {last}")));
+        return Err(Failure::Lost(reason!("controller", "the controller was lost ({last})")));
     }
     Ok(())
 }

@@ -1,10 +1,10 @@
 //! Checks the controller of a phase light modulator with test pictures, and asks for what was seen.
 
 use crate::Failure;
+use crate::progress;
 use crate::show::args::OutputTo;
 use crate::show::controller_line;
 use crate::talk::print_report;
-use crate::progress;
 use eyebox::low_level::optics::{Display, LevelOrder};
 use eyebox::low_level::present::plm::{Identity, PLANES, VideoChannel, channel};
 use eyebox::low_level::reason;
@@ -70,7 +70,11 @@ fn planes(output: &mut PatternOutput, answers: &mut Answers) -> Result<(Vec<Stri
     let (mut dark, mut answered) = (Vec::new(), 0);
     for plane in 0..PLANES {
         output.show_plane(plane)?;
-        let question = format!("plane {} ({plane} of 0 to {}): Enter if it is lit, - if not", name(plane), PLANES - 1);
+        let question = format!(
+            "plane {} ({plane} of 0 to {}). Press Enter if it is lit, or type - if not",
+            name(plane),
+            PLANES - 1
+        );
         let Some(answer) = answers.ask(&question)? else { break };
         answered += 1;
         if answer == "-" {
@@ -80,19 +84,23 @@ fn planes(output: &mut PatternOutput, answers: &mut Answers) -> Result<(Vec<Stri
     Ok((dark, answered))
 }
 
-/// Shows each level beside level 0. Returns the levels from the smallest shift of the fringes to the largest, if each
+/// Shows each level next to level 0. Returns the levels from the smallest shift of the fringes to the largest, if each
 /// was answered.
 fn levels(output: &mut PatternOutput, count: usize, answers: &mut Answers) -> Result<Option<Vec<usize>>, Failure> {
     let mut shifts = Vec::new();
     for level in 0..count {
         output.show_level(level)?;
-        let question = format!("level {level} of 0 to {}: shift of the fringes in any unit, Enter to skip", count - 1);
+        let question =
+            format!("level {level} of 0 to {}. Type the shift of the fringes in any unit, or Enter to skip", count - 1);
         let Some(answer) = answers.ask(&question)? else { break };
         if answer.is_empty() {
             continue;
         }
         let shift: f64 = answer.parse().ok().filter(|shift: &f64| shift.is_finite()).ok_or_else(|| {
-            Failure::Arguments(reason!("shift", "level {level}: '{answer}' is no number. Give the shift of the fringes"))
+            Failure::Arguments(reason!(
+                "shift",
+                "level {level}: '{answer}' is no number. Give the shift of the fringes"
+            ))
         })?;
         shifts.push((level, shift));
     }
@@ -107,17 +115,20 @@ fn levels(output: &mut PatternOutput, count: usize, answers: &mut Answers) -> Re
 fn in_words(order: &LevelOrder) -> String {
     match order {
         LevelOrder::Rising => "the levels rise, so cells and codes are right".into(),
-        LevelOrder::Falling => "the levels fall: change the sign of the shifts, or reverse phases_turns".into(),
-        LevelOrder::UpsideDownCells => "the cells are upside down: exchange the rows of cells, or change the flip of \
+        LevelOrder::Falling => "the levels fall. Change the sign of the shifts, or reverse phases_turns".into(),
+        LevelOrder::UpsideDownCells => "the cells are upside down. Exchange the rows of cells, or change the flip of \
                                         the short axis"
             .into(),
-        LevelOrder::MirroredCells => "the cells are swapped left to right: exchange the columns of cells, or change \
+        LevelOrder::MirroredCells => "the cells are swapped left to right. Exchange the columns of cells, or change \
                                       the flip of the long axis"
             .into(),
-        LevelOrder::TurnedCells => "the cells are turned by 180 degrees: turn cells, or change both flips".into(),
+        LevelOrder::TurnedCells => "the cells are turned by 180 degrees. Turn cells, or change both flips".into(),
         LevelOrder::NotRising { levels } => {
             let levels: Vec<String> = levels.iter().map(usize::to_string).collect();
-            format!("the levels do not rise. Out of place: {}. Measure phases_turns of them again", levels.join(", "))
+            format!(
+                "the levels do not rise. Levels {} are out of place. Measure phases_turns of them again",
+                levels.join(", ")
+            )
         }
         _ => "the levels do not rise".into(),
     }

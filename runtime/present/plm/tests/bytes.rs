@@ -25,7 +25,7 @@ fn reports_are_those_of_the_guide() {
     assert!(reply(&padded(&[0xE0, 0x11, 0, 0])).unwrap().is_error);
     // The command for the mode is 1B 1A on the wire.
     assert_eq!(read_request(Command::Mode.code(), 3)[4..6], [0x1B, 0x1A]);
-    // The device reads the same bytes, and its reply is that of the guide.
+    // The device reads the same bytes, and its reply equals the guide's.
     let command = received(&read_request(0x1100, 0x11)).unwrap();
     assert!(command.reads && command.wants_reply && command.code == 0x1100 && command.data.is_empty());
     assert_eq!(reply_report(&command, false, &color), bytes);

@@ -21,8 +21,8 @@ pub struct ControllerConnection {
 
 impl ControllerConnection {
     /// Sets the controller of a display up, and starts its patterns when it is locked to a picture. Without a
-    /// `[device]` the display has a DLPC900 on DisplayPort. If `rate` is `None`, the rate is that of the monitor with
-    /// the size of the display's video frames, otherwise the display's own rate, otherwise 60 Hz or 30 Hz of the input.
+    /// `[device]` the display has a DLPC900 on DisplayPort. If `rate` is `None`, it is the rate of the monitor with the
+    /// size of the display's video frames, otherwise the display's own rate, otherwise 60 Hz or 30 Hz of the input.
     ///
     /// # Errors
     /// Returns [`SessionError::Plm`], [`SessionError::Encode`], and [`SessionError::Setting`] for a display whose
@@ -65,7 +65,7 @@ impl ControllerConnection {
     /// Puts the controller to sleep, and returns its report.
     ///
     /// # Errors
-    /// Returns [`SessionError::Thread`].
+    /// Returns [`SessionError::Thread`] if its thread failed.
     pub fn stop(self) -> Result<ControllerReport, SessionError> {
         Ok(self.thread.stop()?.0)
     }

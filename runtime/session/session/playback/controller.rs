@@ -62,7 +62,7 @@ pub struct ControllerReport {
     pub lost_pictures: u64,
     /// The number of errors of the controller and of its connection.
     pub errors: u64,
-    /// The first events.
+    /// The first 64 events.
     pub events: Vec<ControllerEvent>,
     /// True if the controller was put to sleep at the end.
     pub asleep: bool,
@@ -82,8 +82,8 @@ impl ControllerReport {
     }
 }
 
-/// Returns the outputs for light sources of each plane, for the colors that an encoder puts into it. With `together`,
-/// all colors share each plane.
+/// Returns the outputs for light sources of each plane. They follow the colors that an encoder puts into it. With
+/// `together`, all colors share each plane.
 ///
 /// # Errors
 /// Returns [`SessionError::Setting`] if the display does not show single bits of RGB video frames, or shows different
@@ -147,11 +147,7 @@ impl PreparedController {
     }
 
     /// Prepares `given`, or the controller of this machine.
-    fn start(
-        device: Device,
-        given: Option<Controller>,
-        leds: [Leds; PLANES],
-    ) -> Result<Self, SessionError> {
+    pub(crate) fn start(device: Device, given: Option<Controller>, leds: [Leds; PLANES]) -> Result<Self, SessionError> {
         let mut controller = given.map_or_else(|| plm::open(&device), Ok)?;
         let identity = controller.prepare(device.link)?;
         Ok(Self { controller, identity, leds })
@@ -279,7 +275,7 @@ impl Watch {
             self.report.aborts += 1;
             let hz = self.report.rate_hz;
             let text = format!(
-                "the controller aborted video frames: its {PLANES} planes do not fit them. The video mode is faster \
+                "the controller aborted video frames, because its {PLANES} planes do not fit them. The video mode is faster \
                  than {hz:.3} Hz"
             );
             self.event("abort", text, None);

@@ -1,4 +1,4 @@
-//! Tests the start, the checks and the end of a controller beside a session.
+//! Tests the start, the checks and the end of the controller of a session.
 
 use super::*;
 use crate::optics::{ChannelOrder, DeviceKind, Display, VideoLink};
@@ -77,7 +77,7 @@ fn the_end_does_not_wait_for_a_picture() {
     assert!(report.errors == 0 && report.asleep && report.exposure_us.is_none());
 }
 
-/// The sources of a plane are those of the color that the encoder puts there, in any order of channels.
+/// A plane has the source of the color that the encoder puts there, in any order of channels.
 #[test]
 fn lights_follow_the_encoder() {
     let all = [Color::Red, Color::Green, Color::Blue];
@@ -93,7 +93,7 @@ fn lights_follow_the_encoder() {
     assert_eq!(leds(ChannelOrder::Rgb, &all, false), by_eight([Leds::GREEN, Leds::RED, Leds::BLUE]));
     assert_eq!(leds(ChannelOrder::Rgb, &[Color::Blue], false), [Leds::BLUE; PLANES]);
     assert_eq!(leds(ChannelOrder::Rgb, &[Color::Blue], true), [Leds::ALL; PLANES]);
-    // The bits that light up are those of the color's sub-frames.
+    // Gray video frames have no planes.
     let display = Display { height: 4, width: 4, ..Display::preset("planes8").unwrap() };
     let error = leds_of_planes(&Encoder::new(&display, &[Color::Green], 8).unwrap(), false).unwrap_err();
     assert_eq!(ErrorData::of(&error).code, "setting/device-packing");

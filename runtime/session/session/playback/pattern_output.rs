@@ -85,7 +85,13 @@ impl PatternOutput {
     pub fn show_plane(&mut self, number: usize) -> Result<(), SessionError> {
         let mut frames = match self.encoders.first() {
             Some((_, encoder)) if encoder.frames().channels == 3 && number < PLANES => encoder.frames(),
-            _ => return Err(reason!("plane", "plane {number}: an RGB video frame has the planes 0 to 23").into()),
+            _ => {
+                return Err(reason!(
+                    "plane",
+                    "plane {number} is impossible, because an RGB video frame has the planes 0 to 23"
+                )
+                .into());
+            }
         };
         let (channel, bit) = plm::channel(number);
         let at = match channel {
@@ -108,11 +114,15 @@ impl PatternOutput {
         let display = encoder.display();
         let levels = display.levels as usize;
         if level >= levels {
-            return Err(reason!("level", "level {level}: the display has the levels 0 to {}", levels - 1).into());
+            return Err(reason!(
+                "level",
+                "level {level} is impossible, because the display has the levels 0 to {}",
+                levels - 1
+            )
+            .into());
         }
-        let turns = |level: usize| {
-            display.encoding.phases_turns.get(level).copied().unwrap_or(level as f64 / levels as f64)
-        };
+        let turns =
+            |level: usize| display.encoding.phases_turns.get(level).copied().unwrap_or(level as f64 / levels as f64);
         let [zero, own] = [0, level].map(|level| (turns(level) * std::f64::consts::TAU) as f32);
         let [height, width] = encoder.hologram_size();
         let row = |column: usize| if column < width / 2 { own } else { zero };
@@ -124,7 +134,7 @@ impl PatternOutput {
     /// Closes the output, and puts the controller to sleep. Returns its report.
     ///
     /// # Errors
-    /// Returns [`SessionError::Thread`].
+    /// Returns [`SessionError::Thread`] if the controller's thread failed.
     pub fn finish(mut self) -> Result<Option<ControllerReport>, SessionError> {
         let stopped = self.controller.take().map(ControllerThread::stop).transpose()?;
         Ok(stopped.map(|(report, _)| report))
