@@ -9,8 +9,8 @@ use eyebox::low_level::optics::{Display, LevelOrder};
 use eyebox::low_level::present::plm::{Identity, PLANES, VideoChannel, channel};
 use eyebox::low_level::reason;
 use eyebox::low_level::session::PatternOutput;
-use serde_json::{Value, json};
-use std::io::{self, BufRead};
+use serde_json::json;
+use std::io;
 use std::time::Duration;
 
 /// The most levels that are shown. A PLM has 16.
@@ -165,7 +165,7 @@ pub fn check(display: &Display, to: &OutputTo, as_json: bool) -> Result<(), Fail
         eprintln!("{}", controller_line(report));
     }
     if as_json {
-        let controller = report.as_ref().map_or(Value::Null, |report| report.to_json());
+        let controller = report.map(|report| report.to_json());
         print_report(json!({
             "controller": controller, "planes_answered": lit, "dark_planes": dark, "levels_seen": seen, "levels": order,
         }));

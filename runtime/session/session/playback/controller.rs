@@ -8,7 +8,7 @@ use crate::encode::Encoder;
 use crate::optics::{Color, Device};
 use crate::present::Rate;
 use crate::present::plm::{
-    self, Controller, Identity, Leds, PLANES, PlmError, SOURCE_TIME, State, VideoChannel, exposure_us, plane,
+    self, Condition, Controller, Identity, Leds, PLANES, PlmError, SOURCE_TIME, State, VideoChannel, exposure_us, plane,
 };
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
@@ -269,26 +269,31 @@ impl Watch {
     }
 
     fn check(&mut self) -> Result<(), PlmError> {
+        if !self.read_condition()?.is_showing() {
+            self.report.lost_pictures += 1;
+            self.event("no-picture", "the controller lost the picture, and starts again".into(), None);
+            self.controller.recover()?;
+        }
+        Ok(())
+    }
+
+    /// Reads the condition of the running controller, and counts aborts.
+    fn read_condition(&mut self) -> Result<Condition, PlmError> {
         let condition = self.controller.poll()?;
         self.report.checks += 1;
         if condition.hardware.has_aborted() {
             self.report.aborts += 1;
             let hz = self.report.rate_hz;
             let text = format!(
-                "the controller aborted video frames, because its {PLANES} planes do not fit them. The video mode is faster \
-                 than {hz:.3} Hz"
+                "the controller aborted video frames, because its {PLANES} planes do not fit them. The video mode is \
+                 faster than {hz:.3} Hz"
             );
             self.event("abort", text, None);
         }
-        if let Some(fault) = condition.hardware.fault() {
-            return Err(PlmError::Hardware { fault, status: condition.hardware.0 });
+        match condition.hardware.fault() {
+            Some(fault) => Err(PlmError::Hardware { fault, status: condition.hardware.0 }),
+            None => Ok(condition),
         }
-        if !condition.is_showing() {
-            self.report.lost_pictures += 1;
-            self.event("no-picture", "the controller lost the picture, and starts again".into(), None);
-            self.controller.recover()?;
-        }
-        Ok(())
     }
 
     fn event(&mut self, kind: &'static str, text: String, error: Option<ErrorData>) {
@@ -304,6 +309,10 @@ impl Watch {
     }
 
     fn finish(mut self) -> (ControllerReport, Track) {
+        if self.controller.state() == State::Running {
+            // Aborts of the last second count, too. An error repeats in the next commands.
+            let _ = self.read_condition();
+        }
         match self.controller.sleep() {
             Ok(()) => self.report.asleep = true,
             Err(error) => {

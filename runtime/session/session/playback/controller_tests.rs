@@ -43,7 +43,7 @@ fn aborts_and_lost_pictures_are_counted_and_noted_once() {
     assert!(watch.step(&mut goes_on));
     let (report, _) = watch.finish();
     assert_eq!(kinds(&report), ["running", "abort", "abort", "abort", "no-picture", "error", "running"]);
-    assert_eq!((report.checks, report.aborts, report.lost_pictures, report.errors), (4, 3, 1, 1));
+    assert_eq!((report.checks, report.aborts, report.lost_pictures, report.errors), (5, 3, 1, 1));
     assert!(report.exposure_us == Some(694) && report.asleep && simulated.receiver() == 0);
     let error = report.events[5].error.as_ref().expect("an error");
     assert_eq!(error.code, "no-source");
