@@ -62,6 +62,7 @@
 //! | `vulkan` | the Vulkan engine and encoder |
 //! | `window` | [`present`] and [`session`], windows over monitors, playback, refinement for the tracked pupil |
 //! | `direct-display` | displays that no desktop drives |
+//! | `plm` | USB access to the controllers of phase light modulators |
 //! | `trackers` | HID eye trackers and Pupil Core |
 //! | `preview` | [`preview`], a window with the image that an eye sees |
 //! | `image-formats` | images in PNG, JPEG, OpenEXR, TIFF, BMP and PPM |

@@ -1,6 +1,7 @@
 //! Defines displays, which come from presets and TOML files.
 
 use super::color::Color;
+use super::device::Device;
 use super::encoding::Encoding;
 use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
@@ -58,6 +59,9 @@ pub struct Wavelength {
 ///
 /// [viewing]                      # how bright and how fine it is seen: docs/displays.md
 /// luminance_cd_m2 = 200
+///
+/// [device]                       # the controller that eyebox starts: docs/plm.md
+/// kind = "dlpc900"
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
@@ -99,6 +103,8 @@ pub struct Display {
     pub prescription: Option<Prescription>,
     /// The luminance and the angular resolution of the picture.
     pub viewing: Viewing,
+    /// The controller that eyebox sets up and starts, if there is one.
+    pub device: Option<Device>,
     /// The file of the display, or none for a preset.
     pub file: Option<FileRecord>,
 }
@@ -164,6 +170,9 @@ struct File {
     /// Luminance and angular resolution for JOD, see below.
     #[serde(default, skip_serializing_if = "Viewing::is_default")]
     viewing: Viewing,
+    /// Controller that eyebox sets up and starts, see below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    device: Option<Device>,
 }
 
 /// The number with the fewest digits that, times `unit`, gives this length in meters to within rounding.
@@ -240,6 +249,7 @@ impl Display {
             picture: read.picture,
             prescription: read.prescription,
             viewing: read.viewing,
+            device: read.device,
             file: None,
         };
         display.check_mask().map_err(|reason| wrong(reason.within("[mask]")))?;
@@ -290,6 +300,7 @@ impl Display {
             picture: self.picture,
             prescription: self.prescription.clone(),
             viewing: self.viewing,
+            device: self.device,
         };
         toml::to_string(&file).expect("TOML can express every display")
     }

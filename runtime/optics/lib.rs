@@ -5,6 +5,7 @@
 //! Alternatively the SLM is in the pupil plane itself ([`Geometry::FarField`]).
 
 mod color;
+mod device;
 mod dispersion;
 mod display;
 mod encoding;
@@ -13,6 +14,7 @@ mod fewer_modes;
 mod focus;
 mod geometry;
 mod joint_color;
+mod level_order;
 mod light;
 mod limits;
 pub mod linear;
@@ -43,6 +45,7 @@ mod window;
 mod zernike;
 
 pub use color::Color;
+pub use device::{Device, DeviceKind, VideoLink};
 pub use display::{Display, Wavelength};
 pub use encoding::{
     ActiveArea, Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi,
@@ -53,6 +56,7 @@ pub use focus::{Depth, depth_in_words, depth_of_dioptres, depths_in_words, diopt
 pub use geometry::{Geometry, Optics, frequency_bin};
 pub use joint_color::{JointColor, Laser, drive_of, drives_into, drives_of, phase_of};
 pub use joint_color::{powers_in_sequence, reference_of, with_mean_of_one};
+pub use level_order::LevelOrder;
 pub use light::SourceSampling;
 pub use limits::{
     check_usual_aperture, check_usual_depth, check_usual_depths, check_usual_diameters, check_usual_view_pitch,

@@ -1,6 +1,7 @@
 //! Provides the built-in displays by name, as models and as files of makers' SLMs with sources.
 
 use super::Packing::{self, Fields, Grey8, Planes8, Planes24};
+use super::device::without_device;
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
 use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
@@ -125,7 +126,7 @@ impl Display {
             reason: e.to_string().into(),
         })?;
         let mut display = Self::from_toml(&text, name)?;
-        display.file = Some(FileRecord::of_text(Path::new(name), &text));
+        display.file = Some(FileRecord::of_text(Path::new(name), &without_device(&text)));
         Ok(display)
     }
 
@@ -157,6 +158,7 @@ impl Display {
             picture: Default::default(),
             prescription: None,
             viewing: Default::default(),
+            device: None,
             file: None,
         })
     }

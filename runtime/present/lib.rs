@@ -14,6 +14,8 @@
 //! of a desktop on levels and light, and `x_observer` reads them. `clock` is real or simulated, and `rate` is an exact
 //! frequency.
 //!
+//! [`plm`] sets up the controllers of phase light modulators.
+//!
 //! Every name of a time has its unit and its meaning.
 
 mod clock;
@@ -29,6 +31,7 @@ mod interference;
 mod modes;
 mod monitor;
 mod offscreen;
+pub mod plm;
 mod presenter;
 mod rate;
 mod recreate;

@@ -25,6 +25,7 @@ FILES = [
             ("[picture.COLOR]", "optics/picture.rs", "PictureWarp"),
             ("[prescription]", "optics/prescription.rs", "Prescription"),
             ("[viewing]", "optics/viewing.rs", "Viewing"),
+            ("[device]", "optics/device.rs", "Device"),
         ],
     ),
     (

@@ -35,6 +35,7 @@
 //! | `latency` | measures every set that was shown, from the sample to the light |
 //! | `ticks` | hands video frames to a program with a display and a loop of its own, through a [`TickedSession`] |
 //! | `on_screen` | stores which version of a hologram is on the screen, for the camera of the [`BenchFollower`] |
+//! | `controller` | starts the controller of the display, checks it, and puts it to sleep |
 //! | `marks` | makes the sync picture and the corner mark |
 //! | `record`, `trace`, `notes` | write pictures, traces and notes |
 //!
@@ -102,6 +103,8 @@ pub use frame_log::notes::SessionEvent;
 pub use handle::Session;
 pub use options::{About, Content, Ended, FrameObserver, SessionOptions, Status};
 pub use playback::bench_follower::{BenchFollower, FollowEvent};
+pub use playback::connection::ControllerConnection;
+pub use playback::controller::{ControllerEvent, ControllerReport, leds_of_planes};
 pub use playback::output::{Output, SinkFile};
 pub use playback::pattern_output::PatternOutput;
 pub use playback::player::{Command, PresentedFrame};

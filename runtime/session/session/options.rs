@@ -3,6 +3,7 @@
 use crate::gpu::Gpu;
 use crate::mailbox::Mailbox;
 use crate::present::Rate;
+use crate::present::plm::Controller;
 use crate::session::feeds::following::LiveStatus;
 use crate::session::feeds::live::Live;
 use crate::session::feeds::play::Play;
@@ -60,6 +61,9 @@ pub struct SessionOptions {
     pub trace: Option<PathBuf>,
     /// The function that receives every video frame.
     pub observer: Option<FrameObserver>,
+    /// The controller of the display. If it is `None` and the display has a `[device]`, windows and direct displays
+    /// open it on this machine. Other outputs open only a simulated one.
+    pub controller: Option<Controller>,
 }
 
 /// The description of the output of a session, and its rates.

@@ -1,6 +1,7 @@
 //! Runs the present thread, which owns the display and waits only for the display.
 
 use crate::gpu::{Gpu, Messages};
+use crate::present::plm::SOURCE_TIME;
 use crate::present::{Interference, SECOND_NS};
 use crate::session::feeds::following::HandedOver;
 use crate::session::feeds::statistics::{Ending, Statistics};
@@ -8,6 +9,7 @@ use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::trace::{Trace, Written};
 use crate::session::options::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
+use crate::session::playback::controller::{ControllerThread, PreparedController};
 use crate::session::playback::output::{OpenDisplay, Output};
 use crate::session::playback::player::{Flow, Player, PresentedFrame};
 use crate::session::playback::record::Recording;
@@ -17,6 +19,7 @@ use crate::session::refinement::set_timing::as_ns;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 pub(super) struct PresentThread {
     shared: Arc<Shared>,
@@ -32,6 +35,7 @@ pub(super) struct PresentThread {
     content_since_ns: Option<i64>,
     messages: Vec<Messages>,
     interference: Vec<Interference>,
+    controller: Option<ControllerThread>,
     // The display is the last field, so that objects on its desktop or its device are dropped before it.
     display: OpenDisplay,
 }
@@ -50,7 +54,18 @@ impl PresentThread {
             Content::Live(live) => (live.encoder.frames(), None, None),
         };
         let size = [frames.height, frames.width, frames.channels];
-        let mut display = output.open(size, options.display_rate, options.gpu.as_ref())?;
+        let together = match &content {
+            Content::Play(play) => play.sequence.about().metadata.joint_color.is_some(),
+            Content::Live(live) => live.colors.iter().any(|color| color.laser.is_some()),
+        };
+        let encoder = match &content {
+            Content::Play(play) => &play.encoder,
+            Content::Live(live) => &live.encoder,
+        };
+        // The monitor of a controller may appear only when its receiver is on.
+        let controller = PreparedController::of(encoder, together, output, options.controller)?;
+        let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
+        let mut display = output.open_within(patience, size, options.display_rate, options.gpu.as_ref())?;
         let notes = shared.notes.clone();
         let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
         let other_gpu = encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other)));
@@ -62,6 +77,11 @@ impl PresentThread {
                 live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace.clone())?
             }
         };
+        let mode_rate = display.mode_rate.unwrap_or(display.rate);
+        let watch = |controller: PreparedController| {
+            controller.watch(mode_rate, shared.notes.clone(), trace.track("controller"))
+        };
+        let controller = controller.map(watch).transpose()?;
         let ContentSetup { running, schedule, idle, sub_frames } = setup;
         let simulated = display.clock.is_simulated();
         let recording =
@@ -83,6 +103,7 @@ impl PresentThread {
             content_since_ns: None,
             messages,
             interference: Vec::new(),
+            controller,
             display,
         })
     }
@@ -195,6 +216,16 @@ impl PresentThread {
                 result = result.and(kept);
                 statistics.live = Some(live);
                 tracks.extend(more);
+            }
+        }
+        // The idle picture is on the display. The thread is stopped here, so that its report is complete.
+        if let Some(controller) = self.controller.map(ControllerThread::stop) {
+            match controller {
+                Ok((report, track)) => {
+                    statistics.controller = Some(report);
+                    tracks.push(track);
+                }
+                Err(error) => result = result.and(Err(error)),
             }
         }
         drop(tracks);

@@ -87,7 +87,8 @@ impl Encoder {
     /// Returns [`EncodeError::File`] if a file cannot be written.
     pub fn save(&self, frames: &VideoFrames, of: Option<&Hologram>, folder: &Path) -> Result<(), EncodeError> {
         let draft = FolderDraft::new(folder, holds_only_frames)?;
-        let mut display = self.display().clone();
+        // The controller belongs to a bench and not to the frames.
+        let mut display = Display { device: None, ..self.display().clone() };
         let encoding = &mut display.encoding;
         for (color, file) in &mut encoding.look_up {
             *file = keep(&draft, file, &format!("{}{color}", CALIBRATION[0]))?;

@@ -361,6 +361,7 @@ impl Hologram {
             picture: self.metadata.picture,
             prescription: self.metadata.prescription.clone(),
             viewing: self.metadata.viewing,
+            device: None,
             file: self.metadata.display_file.clone(),
         })
     }

@@ -2,6 +2,7 @@
 
 use crate::Failure;
 use crate::common;
+use crate::show::args::{OutputTo, output};
 use crate::talk::print_report;
 use clap::Args;
 use eyebox::low_level::calibrate::ModelAge;
@@ -16,6 +17,10 @@ pub struct Check {
     /// Accept a display that looks like a mistake
     #[arg(help_heading = "Display", long)]
     pub force: bool,
+    /// Output of test pictures for the display's controller (window, window:MONITOR, direct, direct:DISPLAY or
+    /// offscreen)
+    #[arg(help_heading = "Display", long, value_name = "OUTPUT", value_parser = output)]
+    pub output: Option<OutputTo>,
     /// One JSON object on standard output
     #[arg(help_heading = "Output", long)]
     pub json: bool,
@@ -23,7 +28,10 @@ pub struct Check {
 
 /// Checks a display and prints its reach.
 pub fn run(args: &Check) -> Result<(), Failure> {
-    check(&args.display, args.force, args.json)
+    match &args.output {
+        Some(to) => super::plm::check(&common::display_of_size(&args.display, None, args.force)?, to, args.json),
+        None => check(&args.display, args.force, args.json),
+    }
 }
 
 /// Reads a display, checks it, and prints its reach, such as eyebox and field of view.

@@ -2,8 +2,10 @@
 
 mod calibrate;
 mod check;
+mod connect;
 mod monitors;
 pub mod patterns;
+mod plm;
 mod presets;
 
 pub use check::check;
@@ -24,11 +26,18 @@ pub enum Display {
     #[command(after_help = "Example:\n  eyebox display new holoeye-pluto-2.1 -o bench.toml")]
     New(presets::New),
     /// Check a display, and print what it can show
-    #[command(after_help = "Example:\n  eyebox display check bench.toml")]
+    #[command(
+        after_help = "Examples:\n  eyebox display check bench.toml\n  eyebox display check bench.toml --output window\n\nWith --output and a display file with [device], eyebox starts the controller and shows its planes and levels one after\nthe other. It reads an answer for each picture from standard input (docs/plm.md)."
+    )]
     Check(check::Check),
     /// List the monitors that a window can cover, and the displays that no desktop drives
     #[command(after_help = "Example:\n  eyebox display monitors --json")]
     Monitors(monitors::Monitors),
+    /// Set the controller of a display up and run it, for pictures of other programs
+    #[command(
+        after_help = "Examples:\n  eyebox display connect bench.toml\n  eyebox display connect plm --duration 60 --json\n\nWithout [device] in its file, the display has a DLPC900 on DisplayPort (docs/plm.md). The controller sleeps again on ctrl-C\nand after --duration. Ends with 3 if the controller is lost."
+    )]
+    Connect(connect::Connect),
     /// Fit a model of the display to pictures of it
     #[command(
         after_help = "Examples:\n  eyebox display calibrate bench.toml --camera 'python3 my_camera.py' -o calibrated.toml\n  \
@@ -46,6 +55,7 @@ pub fn run(display: &Display) -> Result<(), Failure> {
         Display::Show(args) => presets::show(args),
         Display::New(args) => presets::new(args),
         Display::Check(args) => check::run(args),
+        Display::Connect(args) => connect::run(args),
         Display::Monitors(args) => monitors::monitors(args),
         Display::Calibrate(args) => calibrate::run(args),
     }

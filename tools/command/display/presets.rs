@@ -57,7 +57,7 @@ pub fn new(New { preset, out }: &New) -> Result<(), Failure> {
         return Err(Failure::Arguments(reason!("exists", "{}: the file exists, and is left alone", out.display())));
     }
     files::write_file(out, |to| to.write_all(text.as_bytes()))?;
-    eprintln!("wrote {}: give it as --display {}", out.display(), out.display());
+    eprintln!("wrote {}. Give it as --display {}", out.display(), out.display());
     let display = Display::load(&out.to_string_lossy())?;
     let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
     progress::catch_interrupt();

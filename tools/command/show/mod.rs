@@ -8,6 +8,7 @@ pub mod tracked;
 mod tracking;
 mod viewing;
 
+pub use session::controller_line;
 pub use tracked::Stage;
 
 use crate::Failure;

@@ -7,7 +7,9 @@ use eyebox::low_level::error::Reason;
 use eyebox::low_level::files;
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::reason;
-use eyebox::low_level::session::{Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status};
+use eyebox::low_level::session::{
+    ControllerReport, Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status,
+};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -92,6 +94,9 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
             print_report(all);
         }
     }
+    if let Some(controller) = &statistics.controller {
+        eprintln!("{}", controller_line(controller));
+    }
     if statistics.pictures_left_out > 0 {
         let count = statistics.pictures_left_out;
         eprintln!("note: {count} pictures were not kept, because the disk was slower than the display");
@@ -103,6 +108,19 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
         0 => Ok(()),
         count => Err(Failure::Arguments(reason!("validation", "the validation layer found {count} faults, above"))),
     }
+}
+
+/// Returns the statistics of a display's controller in words.
+pub fn controller_line(report: &ControllerReport) -> String {
+    let planes = report
+        .exposure_us
+        .map_or_else(|| "its patterns never ran".into(), |us| format!("planes of {us} us at {:.3} Hz", report.rate_hz));
+    let ControllerReport { checks, aborts, lost_pictures, errors, .. } = report;
+    let asleep = if report.asleep { "asleep" } else { "not asleep" };
+    format!(
+        "controller {}, {planes}, {aborts} aborts in {checks} checks, {lost_pictures} lost pictures, {errors} errors, {asleep}",
+        report.identity.firmware
+    )
 }
 
 /// Keeps the powers of the lasers of colors that share their sub-frames with what is recorded.

@@ -38,6 +38,7 @@ mod own_scene;
 mod phases;
 mod plan;
 mod play;
+mod plm;
 #[cfg(target_os = "linux")]
 mod preview;
 mod refine;

@@ -18,7 +18,8 @@ version rises when a key goes or changes its meaning. New keys do not change it.
 show the keys of one example, and other calls may have more.
 
 `tracker watch` and `tracker record` print one object per sample instead ([trackers](trackers.md)), and `display calibrate` prints its
-report as [calibration](calibrate.md) describes it. An error is one object on standard error with `code`, `message` and `fields`.
+report as [calibration](calibrate.md) describes it. [Phase light modulators](plm.md) has the report of `display connect`. An error is
+one object on standard error with `code`, `message` and `fields`.
 ";
 
 /// The reports of the page, with a heading and the words of a command that prints one.

@@ -4,6 +4,7 @@ use crate::present::Interference;
 use crate::session::feeds::showing::ContentReport;
 use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::latency::Latency;
+use crate::session::playback::controller::ControllerReport;
 use crate::session::playback::report::Report;
 use crate::session::refinement::live_refiner::Policy;
 use crate::session::refinement::pupil_tracker::TrackerCounts;
@@ -64,6 +65,8 @@ pub struct Statistics {
     /// The events that changed or blanked the picture of the display, in the order of their beginning, as far as the
     /// system reports them.
     pub interference: Vec<Interference>,
+    /// The statistics of the display's controller, if it has one.
+    pub controller: Option<ControllerReport>,
     /// The messages of the validation layer.
     pub validation: Vec<String>,
     /// The statistics of a live hologram, if the session showed one.
@@ -135,6 +138,9 @@ impl Statistics {
         all["video_frames_per_set"] = json!(self.set_frames);
         all["margin_ms"] = json!(self.margin_ms);
         all["interference"] = json!(self.interference);
+        if let Some(controller) = &self.controller {
+            all["controller"] = controller.to_json();
+        }
         all
     }
 }

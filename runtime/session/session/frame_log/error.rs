@@ -7,6 +7,7 @@ use crate::files::FileError;
 use crate::gaze::GazeError;
 use crate::hologram::HologramError;
 use crate::present::PresentError;
+use crate::present::plm::PlmError;
 use crate::solve::SolveError;
 use crate::trackers::TrackerError;
 use eyebox_base::error::Reason;
@@ -19,6 +20,8 @@ use eyebox_base::error::Reason;
 pub enum SessionError {
     /// The display refused to open or was lost.
     Present(#[from] PresentError),
+    /// The controller of the display failed.
+    Plm(#[from] PlmError),
     /// The holograms caused an error.
     Hologram(#[from] HologramError),
     /// The encoding caused an error.

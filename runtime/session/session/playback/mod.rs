@@ -1,6 +1,8 @@
 //! Shows multiplex sets on time, and decides on the content frame, the next video frame and the time to wake.
 
 pub(crate) mod bench_follower;
+pub(crate) mod connection;
+pub(crate) mod controller;
 pub(crate) mod marks;
 pub(crate) mod on_screen;
 pub(crate) mod output;

@@ -9,7 +9,7 @@ use crate::session::playback::ticks::TickedOutput;
 use eyebox_base::reason;
 use std::path::PathBuf;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The output of video frames.
 #[derive(Debug, Clone)]
@@ -71,6 +71,8 @@ pub(crate) struct OpenDisplay {
     /// The same clock if it is the clock of the system.
     pub real_clock: Option<RealClock>,
     pub rate: Rate,
+    /// The rate of the video mode, if the system states it. A user may have requested another one.
+    pub mode_rate: Option<Rate>,
 }
 
 enum Kind {
@@ -79,6 +81,31 @@ enum Kind {
 }
 
 impl Output {
+    /// Returns true if a display shows the video frames.
+    pub(crate) fn is_shown(&self) -> bool {
+        !matches!(self, Self::Memory { .. } | Self::Ticked(_))
+    }
+
+    /// Opens the output like [`open`](Self::open), and tries again for `patience`, because the monitor of a controller
+    /// appears late.
+    pub(crate) fn open_within(
+        &self,
+        patience: Duration,
+        size: [usize; 3],
+        rate: Option<Rate>,
+        gpu: Option<&Gpu>,
+    ) -> Result<OpenDisplay, SessionError> {
+        let begun = Instant::now();
+        loop {
+            match self.open(size, rate, gpu) {
+                Err(error) if error.is_of_display() && begun.elapsed() < patience => {
+                    std::thread::sleep(Duration::from_millis(250));
+                }
+                opened => return opened,
+            }
+        }
+    }
+
     /// Opens the output for video frames of (rows, columns, channels), at the requested `rate` or its own. A display
     /// shows from `gpu`, or from a device of its own.
     pub(crate) fn open(
@@ -94,20 +121,20 @@ impl Output {
             Some(gpu) => Ok(gpu.clone()),
             None => Gpu::open(&GpuOptions { allow_cpu: true, present: true, ..GpuOptions::default() }),
         };
-        let (kind, known) = match self {
+        let (kind, known, mode_rate) = match self {
             Self::Window { monitor } => {
                 let desktop = Desktop::open()?;
                 let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
                 let window = desktop.fullscreen(&shared()?, &monitor, real)?;
-                let known = rate.or(window.rate);
-                (Kind::Window(Box::new(window)), known)
+                let (mode_rate, known) = (window.rate, rate.or(window.rate));
+                (Kind::Window(Box::new(window)), known, mode_rate)
             }
             #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
                 let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
                 // The rate of the mode counts, which may be 59.94 Hz if 60 Hz was requested.
-                let known = display.rate.or(rate);
-                (Kind::Other(Box::new(display), None), known)
+                let (mode_rate, known) = (display.rate, display.rate.or(rate));
+                (Kind::Other(Box::new(display), None), known, mode_rate)
             }
             Self::Memory { simulated, sink } => {
                 let sink = match sink {
@@ -119,16 +146,17 @@ impl Output {
                 let clock: Rc<dyn Clock> = if *simulated { Rc::new(SimulatedClock::default()) } else { Rc::new(real) };
                 let memory = Offscreen::new(Rc::clone(&clock), rate, rows * columns * channels).with_sink(sink);
                 let (kind, real_clock) = (Kind::Other(Box::new(memory), None), (!*simulated).then_some(real));
-                return Ok(OpenDisplay { kind, clock, real_clock, rate });
+                return Ok(OpenDisplay { kind, clock, real_clock, rate, mode_rate: None });
             }
             Self::Ticked(ticked) => {
                 let rate = usual(rate)?;
                 let (clock, presenter) = ticked.open(real, rate);
-                return Ok(OpenDisplay { kind: Kind::Other(presenter, None), clock, real_clock: Some(real), rate });
+                let kind = Kind::Other(presenter, None);
+                return Ok(OpenDisplay { kind, clock, real_clock: Some(real), rate, mode_rate: None });
             }
         };
         let rate = usual(known)?;
-        Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate })
+        Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate, mode_rate })
     }
 }
 

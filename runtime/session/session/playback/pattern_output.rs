@@ -4,7 +4,11 @@ use crate::calibrate::ShowsPatterns;
 use crate::encode::{EncodeError, Encoder, PhaseSet};
 use crate::optics::{Color, Display};
 use crate::present::Event;
+use crate::present::plm::{self, Identity, PLANES, PlmError, SOURCE_TIME, VideoChannel};
 use crate::session::frame_log::error::SessionError;
+use crate::session::frame_log::notes::Notes;
+use crate::session::frame_log::trace::Trace;
+use crate::session::playback::controller::{ControllerReport, ControllerThread, PreparedController};
 use crate::session::playback::output::{OpenDisplay, Output};
 use eyebox_base::reason;
 use std::time::{Duration, Instant};
@@ -13,9 +17,12 @@ use std::time::{Duration, Instant};
 const MOST: usize = 24;
 /// After this time without feedback, a pattern is assumed to have lit up.
 const LIT: Duration = Duration::from_secs(1);
+/// The longest time from a picture on the display to running patterns of its controller.
+const CONTROLLER_STARTS: Duration = Duration::from_secs(25);
 
 /// Shows patterns in sequence. Each takes one video frame and stays until the next.
 pub struct PatternOutput {
+    controller: Option<ControllerThread>,
     display: OpenDisplay,
     encoders: Vec<(Color, Encoder)>,
     settle: Duration,
@@ -36,8 +43,101 @@ impl PatternOutput {
             return Err(reason!("no-color", "`colors` is empty, but patterns need at least one color").into());
         };
         let frames = first.frames();
-        let display = output.open([frames.height, frames.width, frames.channels], None, None)?;
-        Ok(Self { display, encoders, settle, shown: 0 })
+        let controller = PreparedController::of(first, encoders.len() > 1, output, None)?;
+        let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
+        let display = output.open_within(patience, [frames.height, frames.width, frames.channels], None, None)?;
+        let rate = display.mode_rate.unwrap_or(display.rate);
+        let watch = |c: PreparedController| c.watch(rate, Notes::default(), Trace::none().track("controller"));
+        let controller = controller.map(watch).transpose()?;
+        let dark = frames.bytes().to_vec();
+        let mut output = Self { controller, display, encoders, settle, shown: 0 };
+        if output.controller.is_some() {
+            output.put(&dark)?;
+            output.wait_for_controller()?;
+        }
+        Ok(output)
+    }
+
+    /// Waits until the controller shows the picture of the display.
+    fn wait_for_controller(&mut self) -> Result<(), SessionError> {
+        let begun = Instant::now();
+        while let Some(controller) = &self.controller
+            && !controller.is_running()
+        {
+            if controller.has_ended() || begun.elapsed() >= CONTROLLER_STARTS {
+                return Err(PlmError::NoSource { waited_ms: begun.elapsed().as_millis() as u64 }.into());
+            }
+            self.display.pump()?;
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(())
+    }
+
+    /// Returns the identity of the display's controller, if it has one.
+    pub fn controller(&self) -> Option<&Identity> {
+        self.controller.as_ref().map(|controller| &controller.identity)
+    }
+
+    /// Shows one of the 24 planes of a controller on all cells, and darkness in the others.
+    ///
+    /// # Errors
+    /// Returns [`SessionError`], and [`SessionError::Setting`] for a plane or a display that does not exist.
+    pub fn show_plane(&mut self, number: usize) -> Result<(), SessionError> {
+        let mut frames = match self.encoders.first() {
+            Some((_, encoder)) if encoder.frames().channels == 3 && number < PLANES => encoder.frames(),
+            _ => {
+                return Err(reason!(
+                    "plane",
+                    "plane {number} is impossible, because an RGB video frame has the planes 0 to 23"
+                )
+                .into());
+            }
+        };
+        let (channel, bit) = plm::channel(number);
+        let at = match channel {
+            VideoChannel::Red => 0,
+            VideoChannel::Green => 1,
+            VideoChannel::Blue => 2,
+        };
+        for pixel in frames.bytes_mut().chunks_exact_mut(3) {
+            pixel[at] = 1 << bit;
+        }
+        self.put(frames.frame(0))
+    }
+
+    /// Shows a level on the left half of the modulator, and level 0 on the right half.
+    ///
+    /// # Errors
+    /// Returns [`SessionError`], and [`SessionError::Setting`] for a level that the display does not have.
+    pub fn show_level(&mut self, level: usize) -> Result<(), SessionError> {
+        let Some((_, encoder)) = self.encoders.first() else { return Ok(()) };
+        let display = encoder.display();
+        let levels = display.levels as usize;
+        if level >= levels {
+            return Err(reason!(
+                "level",
+                "level {level} is impossible, because the display has the levels 0 to {}",
+                levels - 1
+            )
+            .into());
+        }
+        let turns =
+            |level: usize| display.encoding.phases_turns.get(level).copied().unwrap_or(level as f64 / levels as f64);
+        let [zero, own] = [0, level].map(|level| (turns(level) * std::f64::consts::TAU) as f32);
+        let [height, width] = encoder.hologram_size();
+        let row = |column: usize| if column < width / 2 { own } else { zero };
+        let phases: Vec<f32> = (0..height * width).map(|pixel| row(pixel % width)).collect();
+        let frame = encode_repeated(encoder, &phases)?;
+        self.put(&frame)
+    }
+
+    /// Closes the output, and puts the controller to sleep. Returns its report.
+    ///
+    /// # Errors
+    /// Returns [`SessionError::Thread`] if the controller's thread failed.
+    pub fn finish(mut self) -> Result<Option<ControllerReport>, SessionError> {
+        let stopped = self.controller.take().map(ControllerThread::stop).transpose()?;
+        Ok(stopped.map(|(report, _)| report))
     }
 
     /// Shows a video frame and waits until it is stable.
@@ -80,12 +180,16 @@ impl ShowsPatterns for PatternOutput {
         let Some((_, encoder)) = self.encoders.iter_mut().find(|(c, _)| *c == color) else {
             return Err(format!("the output was opened without the color {color}").into());
         };
-        let [height, width] = encoder.hologram_size();
-        // A set with fewer sub-frames is repeated until the video frame is full.
-        let all = phases.repeat(encoder.plan().sub_frames * height * width / phases.len().max(1));
-        let frame = encoder.encode(&PhaseSet::new(&[&all], [height, width])?)?.frame(0).to_vec();
+        let frame = encode_repeated(encoder, phases)?;
         Ok(self.put(&frame)?)
     }
+}
+
+/// Encodes a video frame. A set with fewer sub-frames is repeated until the video frame is full.
+fn encode_repeated(encoder: &Encoder, phases: &[f32]) -> Result<Vec<u8>, SessionError> {
+    let [height, width] = encoder.hologram_size();
+    let all = phases.repeat(encoder.plan().sub_frames * height * width / phases.len().max(1));
+    Ok(encoder.encode(&PhaseSet::new(&[&all], [height, width])?)?.frame(0).to_vec())
 }
 
 /// Creates the encoder for one color alone, whose video frame holds a whole set.

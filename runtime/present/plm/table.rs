@@ -1,0 +1,79 @@
+//! Computes the 24 patterns that show the planes of a video frame.
+
+use super::error::PlmError;
+use super::values::{Leds, Pattern};
+
+/// Bit planes of a video frame. The controller numbers them G0 to G7, R0 to R7, B0 to B7.
+pub const PLANES: usize = 24;
+
+/// Share of a video frame that patterns leave free, because the clocks of the video source and of the controller
+/// differ. Two crystals of 50 ppm each differ by this at most.
+const CLOCK_TOLERANCE: f64 = 100e-6;
+
+/// The channel of a video frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum VideoChannel {
+    Red,
+    Green,
+    Blue,
+}
+
+/// Returns the number of the plane that shows this bit (0 to 7) of a channel.
+pub fn plane(channel: VideoChannel, bit: u8) -> usize {
+    let first = match channel {
+        VideoChannel::Green => 0,
+        VideoChannel::Red => 8,
+        VideoChannel::Blue => 16,
+    };
+    first + usize::from(bit % 8)
+}
+
+/// Returns the channel and the bit that a plane shows.
+pub fn channel(plane: usize) -> (VideoChannel, u8) {
+    let channel = match plane / 8 % 3 {
+        0 => VideoChannel::Green,
+        1 => VideoChannel::Red,
+        _ => VideoChannel::Blue,
+    };
+    (channel, (plane % 8) as u8)
+}
+
+/// The outputs for light sources of a hologram with three colors of eight planes in the order green, red, blue.
+pub fn usual_leds() -> [Leds; PLANES] {
+    std::array::from_fn(|plane| [Leds::GREEN, Leds::RED, Leds::BLUE][plane / 8])
+}
+
+/// Returns the exposure of each plane (us) at a rate. The sum of all exposures and dark times must fit a video frame,
+/// otherwise the controller aborts it.
+///
+/// # Errors
+/// [`PlmError::Rate`] if it is not 1 to 1000 Hz.
+pub fn exposure_us(rate_hz: f64) -> Result<u32, PlmError> {
+    if !(1.0..=1000.0).contains(&rate_hz) {
+        return Err(PlmError::Rate { rate_hz });
+    }
+    let frame_us = 1e6 / rate_hz * (1.0 - CLOCK_TOLERANCE);
+    Ok((frame_us / PLANES as f64).floor() as u32)
+}
+
+/// Returns the definitions of the patterns. The first one waits for the video frame.
+pub(super) fn patterns(exposure_us: u32, leds: &[Leds; PLANES]) -> [Pattern; PLANES] {
+    std::array::from_fn(|plane| Pattern {
+        index: plane as u16,
+        exposure_us,
+        dark_us: 0,
+        clears: false,
+        depth: 1,
+        leds: leds[plane],
+        waits: plane == 0,
+        trigger_out_2: true,
+        plane: plane as u8,
+    })
+}
+
+/// Returns the data that sets the number of patterns and repeats them for ever.
+pub(super) fn count(patterns: u16) -> [u8; 6] {
+    let [low, high] = patterns.to_le_bytes();
+    [low, high, 0, 0, 0, 0]
+}
