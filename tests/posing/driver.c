@@ -1,9 +1,9 @@
 // A Vulkan driver that poses as a discrete GPU, for tests on machines without one.
 //
-// It forwards every call to lavapipe, and changes the properties in which a discrete GPU differs from software: the
-// kind of device, the kinds of memory, the alignment of buffers, and the content of new memory. It is a driver and not
-// a layer, because the loader puts layers of the environment above the validation layer that a program requests. The
-// validation layer would then check the calls against lavapipe's limits, and not against the limits of the GPU.
+// It forwards every call to lavapipe, and changes the properties in which a discrete GPU differs from software. These
+// are the kind of device, the kinds of memory, the alignment of buffers, and the content of new memory. It is a driver
+// and not a layer, because the loader puts layers of the environment above the validation layer that a program
+// requests. The validation layer would then check against lavapipe's limits, and not against the limits of the GPU.
 //
 // EYEBOX_POSING_LIMITS sets limits, for example "maxComputeSharedMemorySize=16384 maxComputeWorkGroupCount[1]=64".
 // The names are Vulkan's, and the names of `heaps` below. tools/posing.sh compiles and installs the driver.
@@ -47,7 +47,7 @@ static const char *const heaps[] = {"deviceHeap", "hostHeap", "windowHeap"};
 // Finds "name=number" in EYEBOX_POSING_LIMITS.
 static int setting(const char *name, uint64_t *value) {
     const char *text = getenv("EYEBOX_POSING_LIMITS");
-    for (size_t length = strlen(name); text && *text; text += strcspn(text, " "), text += strspn(text, " ")) {
+    for (size_t length = strlen(name); text && *text; text += strcspn(text, " \n"), text += strspn(text, " \n")) {
         if (!strncmp(text, name, length) && text[length] == '=') {
             *value = strtoull(text + length + 1, NULL, 0);
             return 1;
@@ -61,7 +61,7 @@ static int unknown_settings(void) {
     const char *text = getenv("EYEBOX_POSING_LIMITS");
     int given = 0, known = 0;
     uint64_t value;
-    for (; text && *text; text += strcspn(text, " "), text += strspn(text, " ")) given++;
+    for (; text && *text; text += strcspn(text, " \n"), text += strspn(text, " \n")) given++;
     for (size_t i = 0; i < COUNT(limits); i++) known += setting(limits[i].name, &value);
     for (size_t i = 0; i < COUNT(heaps); i++) known += setting(heaps[i], &value);
     return given - known - setting(ALLOCATION, &value);
@@ -112,8 +112,8 @@ static VKAPI_ATTR void VKAPI_CALL my_vkGetPhysicalDeviceProperties2(VkPhysicalDe
     }
 }
 
-// Memory. The types are those of NVIDIA's driver in their order: no property, the device's alone, the host's without
-// and with cache, and a window of the device's memory that the host maps.
+// Memory. NVIDIA's driver has these types in this order. The first has no property. The next are the device's alone,
+// the host's without and with cache, and a window of the device's memory that the host maps.
 
 #define HOST (VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)
 static const VkMemoryType types[] = {

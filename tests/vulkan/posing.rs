@@ -1,4 +1,4 @@
-//! The device of `tools/posing.sh` poses as a discrete GPU. Without these tests, its other runs could use lavapipe itself.
+//! The device of `tools/posing.sh` poses as a discrete GPU. These tests fail if its other runs use lavapipe itself.
 
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::engine::{Buffer, Engine, Kernel, Purpose};
