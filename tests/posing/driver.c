@@ -194,6 +194,7 @@ static VKAPI_ATTR VkResult VKAPI_CALL my_vkAllocateMemory(VkDevice device, const
     uint64_t most = info->allocationSize;
     setting(ALLOCATION, &most);
     struct allocation *made = malloc(sizeof *made);
+    if (!made) return VK_ERROR_OUT_OF_HOST_MEMORY;
     *made = (struct allocation){.size = info->allocationSize, .type = info->memoryTypeIndex};
     pthread_mutex_lock(&lock);
     int fits = made->size <= most && made->size <= sizes[heap] - used[heap];
