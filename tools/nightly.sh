@@ -40,6 +40,18 @@ for width in 128 512; do
     LP_NATIVE_VECTOR_WIDTH=$width cargo test --release --workspace --test vulkan -- fft::
 done
 
+stage "tests of the Vulkan engine on a device that poses as a discrete GPU"
+tools/posing.sh cargo test --release --workspace --test vulkan -- --include-ignored
+
+# These are the least limits that eyebox accepts, fewer workgroups than every GPU has, and a small window of its memory.
+stage "the same device with small limits"
+EYEBOX_POSING_LIMITS="maxComputeSharedMemorySize=16384 maxComputeWorkGroupInvocations=128
+    maxComputeWorkGroupSize[0]=128 maxComputeWorkGroupSize[1]=128 maxPerStageDescriptorStorageBuffers=7
+    maxComputeWorkGroupCount[0]=2048 maxComputeWorkGroupCount[1]=64 maxComputeWorkGroupCount[2]=64
+    maxMemoryAllocationSize=134217728 windowHeap=33554432" \
+    tools/posing.sh cargo test --release --workspace --test vulkan -- --include-ignored --skip every_subgroup_size \
+    posing:: kernels:: shared:: views:: flight:: fused:: steps::
+
 stage "what a compiler for real devices makes of every pipeline"
 cargo test --release --workspace --lib -- --include-ignored --nocapture nothing_spills
 

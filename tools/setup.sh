@@ -90,6 +90,8 @@ else
         [[ $libraries == *"$library"* ]] || missing+=("$library, for windows")
     done
     command -v cc >/dev/null || missing+=("a C linker (cc), which Rust links with")
+    headers() { echo '#include <vulkan/vk_icd.h>' | cc -E - >/dev/null 2>&1; }
+    headers || missing+=("the headers of Vulkan (vulkan/vk_icd.h), for tools/posing.sh")
 fi
 ((${#missing[@]})) || exit 0
 say "this system has no apt-get; please install:"

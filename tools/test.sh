@@ -57,6 +57,14 @@ if [[ ${failed:-} ]]; then
     exit "$failed"
 fi
 
+# Memory that nobody wrote, staging and fused lists have no effect on lavapipe itself. `kernels` shows reads of unwritten
+# memory, kernel by kernel. `shared` and `views` use the kinds of memory, and the others take whole steps with fused
+# lists. Long tests of large sizes are left to tools/nightly.sh, which runs all of tests/vulkan there.
+stage "tests of the Vulkan engine on a device that poses as a discrete GPU"
+tools/posing.sh cargo test --workspace --test vulkan -- --include-ignored \
+    posing:: kernels:: shared:: views:: source:: steps::both_engines \
+    --skip with_halves --skip every_method --skip every_subgroup_size --skip large --skip window_forward --skip window_inverse
+
 stage "the Python package"
 tools/python.sh
 

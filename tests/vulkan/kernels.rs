@@ -4,7 +4,7 @@
 
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
-use eyebox::low_level::engine::{Buffer, Engine, EngineError, Kernel, Purpose, Shape, Storage};
+use eyebox::low_level::engine::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Storage};
 use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox::low_level::optics::Prescription;
 use eyebox::low_level::plan::{EyeTables, ModelTables};
@@ -51,8 +51,9 @@ fn stored_bound(kernel: Kernel) -> f64 {
         Kernel::CrosstalkRows | Kernel::CrosstalkColumns | Kernel::CrosstalkColumnsBack | Kernel::CrosstalkRowsBack => {
             6e-3 * half_roundings(1)
         }
-        // A power is accurate to a few float32 roundings only. In proportion, more values are near a tie.
-        Kernel::DivideByOverlap => 6e-3 * half_roundings(1),
+        // A power is accurate to a few float32 roundings only. In proportion, more values are near a tie. Some compilers
+        // fuse the products and sums of the drive (LLVM 22 of Mesa 26.2, with a difference of 4e-3).
+        Kernel::DivideByOverlap | Kernel::DriveAdjoint => 6e-3 * half_roundings(1),
         _ => 2e-3 * half_roundings(1),
     }
 }
@@ -298,8 +299,16 @@ fn too_much_is_refused_and_less_still_works() {
     let mut engine = vulkan();
     let case = Case::new(16, 24, 0, 0.0, 2);
     let good = case.planner.shape(Purpose::Project);
-    let error = engine.load(&Shape { frames: 1 << 40, ..good }, None).expect_err("it loaded");
-    assert!(matches!(&error, EngineError::OutOfMemory { what, .. } if what.contains("1099511627776")), "{error}");
+    let frames = 1 << 40;
+    let error = engine.load(&Shape { frames, ..good }, None).expect_err("it loaded");
+    let EngineError::OutOfMemory { what, wanted: Some(wanted), .. } = &error else { panic!("{error}") };
+    match engine.memory() {
+        // The host's memory is checked for all buffers at once. A device refuses the first one, which has the phases.
+        Memory::Device => {
+            assert!(what.starts_with("phases") && *wanted == (4 * good.pixels() * frames) as u64, "{error}")
+        }
+        _ => assert!(what.contains(&frames.to_string()), "{error}"),
+    }
     case.load(&mut engine, Purpose::Project);
     engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
     assert_silent(engine);

@@ -12,6 +12,7 @@ mod joint;
 mod kernels;
 mod mask;
 mod one_device;
+mod posing;
 mod shared;
 mod source;
 mod steps;

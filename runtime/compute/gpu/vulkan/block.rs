@@ -52,12 +52,16 @@ impl Block {
     /// Allocates `size` bytes. `what` is their name in errors.
     pub fn new(device: &Arc<Device>, size: u64, location: MemoryLocation, what: &str) -> Result<Self, EngineError> {
         let size = size.max(256);
-        let out =
-            || EngineError::OutOfMemory { device: device.report.name.clone(), what: what.into(), wanted: Some(size) };
-        let limits = &device.report.limits;
-        if size > limits.allocation {
-            return Err(out());
+        let out = |what: String| {
+            let device = device.report.name.clone();
+            EngineError::OutOfMemory { device, what, wanted: Some(size) }
+        };
+        // A card with more free memory refuses this as well, so the error has the limit.
+        let limit = device.report.limits.allocation;
+        if size > limit {
+            return Err(out(format!("{what} (one allocation has at most {} MiB)", limit >> 20)));
         }
+        let out = || out(what.into());
         use vk::BufferUsageFlags as Usage;
         let usage = Usage::STORAGE_BUFFER | Usage::INDIRECT_BUFFER | Usage::TRANSFER_SRC | Usage::TRANSFER_DST;
         let families = device.families();
