@@ -27,11 +27,24 @@ environment() {
     fi
 }
 
+# Packages without which tests are skipped: optional NAME PACKAGES
+optional() {
+    local at=$place/$1 package
+    shift
+    for package; do
+        if ! "$at/bin/python" -m pip show --quiet "$package" 2>/dev/null &&
+            ! "$at/bin/python" -m pip install --quiet --disable-pip-version-check "$package"; then
+            echo "$package cannot be installed: its tests are skipped" >&2
+        fi
+    done
+}
+
 case $what in
 module)
     # Of the whole workspace, whose tests have built all but this: by itself it would want its dependencies otherwise.
     cargo build --quiet --workspace
     environment tests numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py pylsl
+    optional tests slmsuite pandas xarray mypy pyright
     rm -rf "$place/site"
     mkdir -p "$place/site"
     cp -rL tools/python/eyebox "$place/site/eyebox"
@@ -44,6 +57,7 @@ wheel)
     # PyTorch, JAX and the client of Pupil Labs are large, so they are only here.
     environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py torch jax \
         pylsl pupil-labs-realtime-api
+    optional wheel slmsuite pandas xarray mypy pyright
     python=$place/wheel/bin/python
     rm -f dist/eyebox-*.whl
     PATH=$place/wheel/bin:$PATH maturin build --profile "${2:-release}" --zig --compatibility manylinux_2_28 --out dist

@@ -29,8 +29,14 @@ Request = namedtuple(
 Frame = namedtuple("Frame", "kind sample transfer view_rows view_columns pitch_mm dioptres")
 
 
-class LiveError(Exception):
-    """An error of live input, with a message of one line."""
+try:
+    from ._eyebox import EyeboxError as _Base
+except ImportError: # The file is alone, without the package eyebox.
+    _Base = Exception
+
+
+class LiveError(_Base):
+    """An error of live input, with a message of one line. In the package eyebox it is an EyeboxError."""
 
 
 class Gone(LiveError):

@@ -46,7 +46,7 @@ pub(crate) fn calibrate(
 
 /// Calls the callback. If the caller is gone, it unwinds the stack, because the fit itself has no check for an early
 /// end.
-fn tell(caller: &Caller, told: Option<Arc<Py<PyAny>>>, event: Event) {
+pub(crate) fn tell(caller: &Caller, told: Option<Arc<Py<PyAny>>>, event: Event) {
     let (line, share) = match event {
         Event::At(what, share) => (what.to_string(), Some(share)),
         Event::Said(line) => (line.to_string(), None),

@@ -39,6 +39,18 @@ fn lay_over(base: &mut Table, over: Table) {
     }
 }
 
+/// Removes a key, whose tables and own name dots separate. A key that does not exist is no error.
+fn remove(table: &mut Table, key: &str) {
+    match key.split_once('.') {
+        None => drop(table.remove(key)),
+        Some((first, rest)) => {
+            if let Some(Value::Table(inner)) = table.get_mut(first) {
+                remove(inner, rest);
+            }
+        }
+    }
+}
+
 #[pymethods]
 impl Display {
     /// Reads the display `name`, a preset or a file, and replaces the keys that the TOML text `fields` has. Without a
@@ -72,6 +84,20 @@ impl Display {
         let display = eyebox::optics::Display::from_toml(text, "Display").map_err(Failure::from)?;
         let file = file.map(serde_json::from_str).transpose().map_err(|e| Failure::Argument(e.to_string()))?;
         Ok(Self(eyebox::optics::Display { file, ..display }))
+    }
+
+    /// Returns the same display with the keys of the TOML text `fields` instead of its own, and without the keys
+    /// `without`, whose tables dots separate.
+    fn replace(&self, py: Python<'_>, fields: &str, without: Vec<String>) -> PyResult<Self> {
+        let make = || -> Answer<Self> {
+            let refused = |e: toml::de::Error| Failure::Argument(e.message().into());
+            let mut table: Table = self.0.to_toml().parse().map_err(refused)?;
+            without.iter().for_each(|key| remove(&mut table, key));
+            lay_over(&mut table, fields.parse().map_err(refused)?);
+            let display = eyebox::optics::Display::from_toml(&table.to_string(), "Display")?;
+            Ok(Self(eyebox::optics::Display { file: self.0.file.clone(), ..display }))
+        };
+        Ok(py.detach(make)?)
     }
 
     /// The record of the file of the display as JSON, or `None` for a preset.

@@ -10,6 +10,7 @@
 mod arrays;
 mod calibrate;
 mod call;
+mod camera;
 mod display;
 mod engine;
 mod failure;
@@ -22,6 +23,7 @@ mod pupil;
 mod quantity;
 mod refiner;
 mod scene;
+mod scene_state;
 mod sequence;
 mod session;
 mod solve;
@@ -39,6 +41,8 @@ mod _eyebox {
     use crate::calibrate::calibrate;
     #[pymodule_export]
     use crate::call::leave;
+    #[pymodule_export]
+    use crate::camera::camera_steps;
     #[pymodule_export]
     use crate::display::{Display, presets};
     #[pymodule_export]
@@ -60,6 +64,8 @@ mod _eyebox {
     use crate::refiner::Refiner;
     #[pymodule_export]
     use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::scene_state::{scene_of_state, scene_state};
     #[pymodule_export]
     use crate::sequence::Sequence;
     #[pymodule_export]

@@ -24,15 +24,15 @@ pub(crate) struct Scene {
     /// The record that identifies the scene.
     pub(crate) record: SceneRecord,
     /// The options with which the scene was read. Holograms of the scene store them.
-    asked: SceneOptions,
+    pub(crate) asked: SceneOptions,
 }
 
 /// The views per axis, their pitch in meters, a depth map, the depths of its ends in meters, the name of its near
 /// values, and the order of the views.
 type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>);
 
-#[derive(Default)]
-struct SceneOptions {
+#[derive(Clone, Default, serde::Serialize, serde::Deserialize)]
+pub(crate) struct SceneOptions {
     view_pitch: Option<f64>,
     views: Option<usize>,
     depth_map: Option<PathBuf>,

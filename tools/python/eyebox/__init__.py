@@ -34,12 +34,14 @@ from ._eyebox import (
     SolveError,
     __version__,
 )
-from ._hologram import Hologram, Score
+from ._hologram import Hologram
 from ._interrupted import Interrupted
 from ._refiner import Refiner
 from ._scene import Scene, photograph
 from ._show import Frame, Session, Shows, show
+from ._settings import SolveSettings
 from ._solve import Step, solve
+from ._tables import Score, Scores
 
 __all__ = [
     "CalibrateError",
@@ -59,11 +61,13 @@ __all__ = [
     "Scene",
     "SceneError",
     "Score",
+    "Scores",
     "Session",
     "SessionError",
     "Shot",
     "Shows",
     "SolveError",
+    "SolveSettings",
     "Step",
     "__version__",
     "calibrate",

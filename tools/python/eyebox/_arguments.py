@@ -7,6 +7,7 @@ import math
 import operator
 import os
 import warnings
+from collections.abc import Mapping
 from typing import Any, Callable, NamedTuple
 
 import numpy as np
@@ -39,6 +40,13 @@ def warn() -> None:
         warnings.warn(text, stacklevel=3)
 
 
+def wrong(kind: type[Exception], argument: str, text: str) -> Any:
+    """Returns an exception whose message begins with the argument, and whose ``argument`` is its name."""
+    error: Any = kind(f"{argument} {text}")
+    error.argument = argument
+    return error
+
+
 def number(value: Any, what: str) -> float:
     """Returns a real number as a float. It may be in an array without axes, but not in a text."""
     try:
@@ -46,23 +54,24 @@ def number(value: Any, what: str) -> float:
             raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{what} is {_short(value)}: it must be a number") from None
+        raise wrong(TypeError, what, f"is {_short(value)}: it must be a number") from None
 
 
 def finite(value: Any, what: str) -> float:
     """Returns a real number that is neither infinite nor NaN."""
     finite = number(value, what)
     if not math.isfinite(finite):
-        raise ValueError(f"{what} is {finite}: it must be finite")
+        raise wrong(ValueError, what, f"is {finite}: it must be finite")
     return finite
 
 
-def _of_text(read: Callable[..., Any], text: str, against: Any, what: str) -> float:
+def _of_text(read: Callable[..., float], text: str, against: Any, what: str) -> float:
     """Reads a text with a unit as a number. An error names the argument."""
     try:
         return read(text, against)
     except (TypeError, ValueError) as error:
         error.args = (f"{what}: {error}",)
+        setattr(error, "argument", what)
         raise
 
 
@@ -78,7 +87,7 @@ def finite_quantity(value: Any, unit: str, what: str) -> float:
 
 def quantities(value: Any, unit: str, what: str, right: str) -> list[float]:
     """Returns one quantity for each name in ``right``, which separates names by commas."""
-    return [quantity(one, unit, what) for one in _each(value, what, right)]
+    return [quantity(one, unit, what) for one in parts(value, what, right)]
 
 
 def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "depth") -> Any:
@@ -93,14 +102,55 @@ def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "dep
     return value if focal_length is None else metres
 
 
+#: Endings of keys of a display file, and the unit of their numbers.
+_ENDINGS = {"_um": "um", "_mm": "mm", "_nm": "nm", "_hz": "Hz"}
+
+
+def display_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns keys of a display file, with numbers in the unit of each key instead of texts such as "8um"."""
+
+    def number(value: Any, unit: str, what: str) -> Any:
+        if isinstance(value, str):
+            return quantity(value, unit, what)
+        if isinstance(value, Mapping):
+            return {key: number(one, unit, f"{what}[{key!r}]") for key, one in value.items()}
+        return value
+
+    def plainly(key: str, value: Any) -> Any:
+        unit = next((unit for ending, unit in _ENDINGS.items() if key.endswith(ending)), None)
+        return value if unit is None else number(value, unit, key)
+
+    return {key: plainly(key, value) for key, value in fields.items()}
+
+
+def seed(value: Any, rng: Any) -> Any:
+    """Returns a seed from ``seed``, or from the next number of a generator of NumPy. None leaves the default."""
+    if rng is None:
+        return value
+    if value is not None:
+        raise wrong(TypeError, "rng", "and seed are both given: give one")
+    if isinstance(rng, (np.random.Generator, np.random.RandomState)):
+        draw = rng.integers if isinstance(rng, np.random.Generator) else rng.randint
+        return int(draw(0, 1 << 32, dtype=np.uint64))
+    try:
+        return operator.index(rng)
+    except TypeError:
+        right = "a numpy.random.Generator or a whole number"
+        raise wrong(TypeError, "rng", f"is {_short(rng)}: it must be {right}") from None
+
+
 def size(value: Any) -> list[int]:
     """Returns rows and columns from a pair, or from a text such as "1080p"."""
     if isinstance(value, str):
-        return _eyebox.size(value)
+        try:
+            return _eyebox.size(value)
+        except ValueError as error:
+            setattr(error, "argument", "size")
+            raise
     try:
         rows, columns = value
     except (TypeError, ValueError):
-        raise TypeError(f"size is {value!r}: it must be (rows, columns)") from None
+        raise wrong(TypeError, "size", f"is {value!r}: it must be (rows, columns)") from None
     most = 65536
     return [count(rows, "size[0]", most), count(columns, "size[1]", most)]
 
@@ -110,35 +160,36 @@ def whole(value: Any, what: str) -> int:
     try:
         return operator.index(value)
     except TypeError:
-        raise TypeError(f"{what} is {_short(value)}: it must be a whole number") from None
+        raise wrong(TypeError, what, f"is {_short(value)}: it must be a whole number") from None
 
 
 def count(value: Any, what: str, most: int = 1_000_000, *, least: int = 1) -> int:
     """Returns a whole number from ``least`` to ``most``."""
     number = whole(value, what)
     if not least <= number <= most:
-        raise ValueError(f"{what} is {number}: it must be {least} to {most}")
+        raise wrong(ValueError, what, f"is {number}: it must be {least} to {most}")
     return number
 
 
-def _each(value: Any, what: str, right: str) -> list[Any]:
+def parts(value: Any, what: str, right: str) -> list[Any]:
+    """Returns one value for each name in ``right``, which separates names by commas, without conversion."""
     try:
         each = list(value)
     except TypeError:
-        raise TypeError(f"{what} is {_short(value)}: it must be ({right})") from None
+        raise wrong(TypeError, what, f"is {_short(value)}: it must be ({right})") from None
     if len(each) != len(right.split(",")) or isinstance(value, (str, bytes)):
-        raise ValueError(f"{what} is {_short(value)}: it must be ({right})")
+        raise wrong(ValueError, what, f"is {_short(value)}: it must be ({right})")
     return each
 
 
 def ends(value: Any, what: str) -> list[Any]:
     """Returns both ends of a range without conversion."""
-    return _each(value, what, "one end, the other")
+    return parts(value, what, "one end, the other")
 
 
 def numbers(value: Any, what: str, right: str) -> list[float]:
     """Returns one number for each name in ``right``, which separates names by commas."""
-    return [number(one, what) for one in _each(value, what, right)]
+    return [number(one, what) for one in parts(value, what, right)]
 
 
 def pupil(x: Any, y: Any, diameter: Any, focus: Any, focal_length: Callable[[], float] | None) -> tuple[float, float, float, float]:
@@ -152,10 +203,11 @@ def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[f
     try:
         each = [tuple(one) for one in value]
     except TypeError:
-        raise TypeError(f"pupils is {_short(value)}: it must be a sequence of (x, y, diameter, depth)") from None
+        right = "a sequence of (x, y, diameter, depth)"
+        raise wrong(TypeError, "pupils", f"is {_short(value)}: it must be {right}") from None
     if not each or any(len(one) != 4 for one in each):
-        raise ValueError(f"pupils is {_short(value)}: it must be one or more of (x, y, diameter, depth)")
-    return [pupil(*one, focal_length) for one in each]
+        raise wrong(ValueError, "pupils", f"is {_short(value)}: it must be one or more of (x, y, diameter, depth)")
+    return [pupil(x, y, diameter, focus, focal_length) for x, y, diameter, focus in each]
 
 
 def path(value: Any, what: str) -> str:
@@ -163,13 +215,13 @@ def path(value: Any, what: str) -> str:
     try:
         return os.fsdecode(value)
     except TypeError:
-        raise TypeError(f"{what} is {_short(value)}: it must be a path") from None
+        raise wrong(TypeError, what, f"is {_short(value)}: it must be a path") from None
 
 
 def name(value: Any, what: str) -> str | None:
     """Returns one name or None."""
     if value is not None and not isinstance(value, str):
-        raise TypeError(f"{what} is {_short(value)}: it must be a name")
+        raise wrong(TypeError, what, f"is {_short(value)}: it must be a name")
     return value
 
 
@@ -193,7 +245,7 @@ def colors(value: Any, has: list[str]) -> list[str]:
     except TypeError:
         names = [names]
     if not names or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"color is {_short(value)}: it must be one or more of {', '.join(has)}")
+        raise wrong(TypeError, "color", f"is {_short(value)}: it must be one or more of {', '.join(has)}")
     return names
 
 
@@ -211,9 +263,10 @@ def array(value: Any, what: str, right: str) -> np.ndarray:
         else:
             plain = np.asarray(value)
     except Exception as error:  # A foreign library may raise any exception.
-        raise TypeError(f"{what} is {_short(value)}, of which NumPy makes no array ({error}): it must be {right}") from error
+        text = f"is {_short(value)}, of which NumPy makes no array ({error}): it must be {right}"
+        raise wrong(TypeError, what, text) from error
     if plain.size == 0 or plain.ndim == 0:
-        raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+        raise wrong(ValueError, what, f"has the shape {plain.shape}: it must be {right}")
     return plain
 
 
@@ -228,9 +281,9 @@ def radians(value: Any, what: str) -> np.ndarray:
     right = "(sub-frame, row, column) or (row, column) of floating-point radians"
     plain = array(value, what, right)
     if plain.dtype.kind != "f":
-        raise TypeError(f"{what} has the dtype {plain.dtype}: it must be {right}")
+        raise wrong(TypeError, what, f"has the dtype {plain.dtype}: it must be {right}")
     if plain.ndim not in (2, 3):
-        raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+        raise wrong(ValueError, what, f"has the shape {plain.shape}: it must be {right}")
     return _float32(plain if plain.ndim == 3 else plain[None])
 
 
@@ -245,13 +298,13 @@ def light_field(value: Any, what: str) -> tuple[list[np.ndarray], int]:
     )
     plain = array(value, what, right)
     if plain.dtype.kind not in "fb" and plain.dtype not in (np.uint8, np.uint16):
-        raise TypeError(f"{what} has the dtype {plain.dtype}: it must be {right}")
+        raise wrong(TypeError, what, f"has the dtype {plain.dtype}: it must be {right}")
     if plain.ndim in (3, 5) and plain.shape[-1] in (1, 3):
         planes = [plain[..., color] for color in range(plain.shape[-1])]
     elif plain.ndim in (2, 4):
         planes = [plain]
     else:
-        raise ValueError(f"{what} has the shape {plain.shape}: it must be {right}")
+        raise wrong(ValueError, what, f"has the shape {plain.shape}: it must be {right}")
     if plain.dtype == np.uint16:
         _check_full_scale(plain, what)
     if plain.dtype.kind == "u":
@@ -322,7 +375,7 @@ def _value(name: str, value: Any) -> str:
         return "[" + ", ".join(_value(name, one) for one in value) + "]"
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{_key(key)} = {_value(f'{name}.{key}', one)}" for key, one in value.items()) + " }"
-    raise TypeError(f"{name} is {_short(value)}: it must be a number, a text, a bool, or a list or dict of them")
+    raise wrong(TypeError, name, f"is {_short(value)}: it must be a number, a text, a bool, or a list or dict of them")
 
 
 def _short(value: Any) -> str:

@@ -10,12 +10,22 @@ import sys
 import tempfile
 import threading
 from multiprocessing.connection import Connection, Listener
-from typing import Any, Callable, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _arguments, _eyebox
-from ._display import Display, display_of
+from ._display import Display, display_of, engine_of
+from ._hologram import Hologram
+from ._interrupted import interrupted
+from ._scene import Scene
+from ._tables import frame
+
+if TYPE_CHECKING:
+    import pandas
+
+    from ._types import DisplayLike, Path, Whole
 
 
 class Shot(NamedTuple):
@@ -40,7 +50,7 @@ class Shot(NamedTuple):
         Number of pictures to add.
     """
 
-    show: np.ndarray | None
+    show: NDArray[Any] | None
     color: str | None
     wavelength: float | None
     iris: tuple[float, float, float]
@@ -64,16 +74,20 @@ class Calibration(NamedTuple):
     display: Display
     report: dict[str, Any]
 
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Returns the fitted numbers with their standard errors as a table of pandas."""
+        return frame(list(self.report["parameters"]))
+
 
 def calibrate(
-    display: Any,
+    display: DisplayLike,
     camera: Callable[[Shot], Any] | None = None,
     color: str | None = None,
     *,
     hello: dict[str, Any] | None = None,
     full_scale: float | None = None,
-    captures: Any = None,
-    most: int = 40,
+    captures: Path | None = None,
+    most: Whole = 40,
     quick: bool = False,
     iris: tuple[float, float, float] | None = None,
     callback: Callable[[str, float | None], Any] | None = None,
@@ -90,10 +104,11 @@ def calibrate(
         KeyboardInterrupt and SystemExit end the calibration. Without a camera, ``captures`` has the pictures.
     color : str, optional
         Color to calibrate. The default is green, or the first color of a display without green.
-    hello : dict
+    hello : dict, optional
         Description of the bench, like the answer of a camera's command (docs/calibrate.md). It has ``camera`` with
         ``resolution`` and ``bits``, and the values of ``slm``, ``iris`` and ``focus_mm`` that differ from the defaults.
-        The display gives ``protocol``, ``colors`` and ``slm.resolution``.
+        The display gives ``protocol``, ``colors`` and ``slm.resolution``. The default is the attribute ``hello`` of the
+        camera, which :class:`eyebox.slmsuite.Bench` has.
     full_scale : float, optional
         Value at which a picture saturates. The default is 2 to the power of ``bits``, less 1.
     captures : path, optional
@@ -103,7 +118,8 @@ def calibrate(
     quick : bool
         Take only four pictures, to find drift.
     iris : (float, float, float), optional
-        Position and diameter of an iris that does not move (x, y, diameter), in meters.
+        Position and diameter of an iris that does not move (x, y, diameter), in meters. The default is the attribute
+        ``iris`` of the camera, if it has one.
     callback : callable, optional
         Function that gets each activity with the share of all work that is done, and each line of the bench with None.
         An exception of the callback ends the calibration at once, as ctrl-C does. ``captures`` keeps the pictures.
@@ -117,15 +133,14 @@ def calibrate(
     if color is None:
         color = "green" if "green" in display.wavelengths else next(iter(display.wavelengths))
     folder = None if captures is None else _arguments.path(captures, "captures")
-    still = None if iris is None else [1e3 * one for one in _arguments.quantities(iris, "m", "iris", "x, y, diameter")]
+    still = _still(iris, camera)
     if callback is not None and not callable(callback):
-        raise TypeError(f"callback is {callback!r}: it must be callable with a text and a share or None")
+        right = "callable with a text and a share or None"
+        raise _arguments.wrong(TypeError, "callback", f"is {callback!r}: it must be {right}")
     how = (_arguments.count(most, "most", 1000), bool(quick), still)
     if camera is None:
         native, report = _eyebox.calibrate(display._native, color, (None, folder), how, callback)
         return Calibration(Display._of(native), json.loads(report))
-    if not callable(camera):
-        raise TypeError(f"camera is {camera!r}: it must be callable with a Shot")
     with _Bench(display, camera, hello, full_scale) as bench:
         try:
             native, report = _eyebox.calibrate(display._native, color, (bench.command, folder), how, bench.told(callback))
@@ -136,16 +151,57 @@ def calibrate(
     return Calibration(Display._of(native), json.loads(report))
 
 
+class CameraSteps:
+    """The steps of a solve with a camera. Their arguments are checked before the solve."""
+
+    def __init__(self, display: Display, camera: Any, steps: Any, hello: Any, captures: Any) -> None:
+        self.display = display
+        self.folder = None if captures is None else _arguments.path(captures, "captures")
+        self.count = _arguments.count(steps, "camera_steps", 65535)
+        self.bench = _Bench(display, camera, hello, None)
+        self.iris = _still(None, camera)
+
+    def take(self, hologram: Hologram, scene: Scene, engine: Any) -> Hologram:
+        """Takes the steps of a solved hologram. An error that ends them early has the best ``hologram``."""
+        subject, own = (hologram._native, scene._native, self.display._native), engine_of(engine)
+        with self.bench as bench:
+            try:
+                of = (bench.command, self.folder, self.iris)
+                native, _, trouble = _eyebox.camera_steps(subject, own, of, self.count, bench.told(None))
+            except KeyboardInterrupt as error:
+                raise interrupted(error, lambda: hologram) from None
+            finally:
+                bench.ended = True
+                if isinstance(bench.raised, KeyboardInterrupt):
+                    raise interrupted(bench.raised, lambda: hologram) from None
+                if bench.raised is not None:
+                    raise bench.raised
+        best = Hologram._of(native, scene, hologram.stopped)
+        if trouble is not None:
+            setattr(trouble, "hologram", best)
+            raise trouble
+        return best
+
+
+def _still(iris: Any, camera: Any) -> list[float] | None:
+    """Returns the iris that does not move in millimeters, from the argument or from the camera."""
+    iris = getattr(camera, "iris", None) if iris is None else iris
+    return None if iris is None else [1e3 * one for one in _arguments.quantities(iris, "m", "iris", "x, y, diameter")]
+
+
 class _Bench:
     """Answers the requests of the library, which runs eyebox/_camera.py as the command of a camera."""
 
     def __init__(self, display: Display, camera: Any, hello: Any, full_scale: Any) -> None:
+        if not callable(camera):
+            raise _arguments.wrong(TypeError, "camera", f"is {camera!r}: it must be callable with a Shot")
+        hello = getattr(camera, "hello", None) if hello is None else hello
         try:
             said = _arguments.plain(dict(hello or {}))
             bits = _arguments.whole(said["camera"]["bits"], "bits")
         except (KeyError, TypeError, ValueError):
             right = "{'camera': {'resolution': (rows, columns), 'bits': bits}, ...}"
-            raise TypeError(f"hello is {hello!r}: it must say what the bench is, as {right}") from None
+            raise _arguments.wrong(TypeError, "hello", f"is {hello!r}: it must describe the bench, as {right}") from None
         self.full_scale = 2.0**bits - 1 if full_scale is None else _arguments.number(full_scale, "full_scale")
         colors = {color: metres * 1e9 for color, metres in display.wavelengths.items()}
         slm = {"resolution": display.resolution, **said.get("slm", {})}

@@ -5,9 +5,15 @@ from __future__ import annotations
 import functools
 import os
 import threading
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
-from . import _arguments, _eyebox
+from . import _arguments, _eyebox, _notebook
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._types import DisplayFields, Path
 
 
 def presets() -> list[str]:
@@ -28,7 +34,8 @@ class Display:
     **fields
         Keys of a display file, which replace the keys of ``name``. They include ``pitch_um``, ``focal_length_mm``,
         ``wavelengths_nm`` (a dict of colors), ``levels``, ``rate_hz``, ``geometry`` ("relay" or "far-field") and
-        ``portrait``. The keys ``encoding``, ``model``, ``picture`` and ``prescription`` are dicts.
+        ``portrait``. The keys ``encoding``, ``model``, ``picture`` and ``prescription`` are dicts. A text with any
+        unit of length replaces a number, as in ``focal_length_mm="40cm"``.
 
     Raises
     ------
@@ -49,13 +56,13 @@ class Display:
 
     __slots__ = ("_native",)
 
-    def __init__(self, name: Any = None, *, size: tuple[int, int] | str | None = None, **fields: Any) -> None:
+    def __init__(
+        self, name: Path | None = None, *, size: tuple[int, int] | str | None = None, **fields: Unpack[DisplayFields]
+    ) -> None:
         if name is None and size is None and not fields:
-            raise TypeError("Display() needs a name, or the fields of a display file")
-        name = None if name is None else _arguments.path(name, "name")
-        if size is not None:
-            fields["resolution"] = _arguments.size(size)
-        self._native = _eyebox.Display(name, _arguments.toml(fields))
+            raise _arguments.wrong(TypeError, "name", "is not given: give a name, or the fields of a display file")
+        named = None if name is None else _arguments.path(name, "name")
+        self._native = _eyebox.Display(named, _arguments.toml(_fields(fields, size)))
 
     @classmethod
     def _of(cls, native: _eyebox.Display) -> Display:
@@ -112,11 +119,56 @@ class Display:
         """Returns the text of the display file."""
         return self._native.to_toml()
 
+    def replace(self, *, size: tuple[int, int] | str | None = None, **fields: Unpack[DisplayFields]) -> Display:
+        """Returns the same display with other values of some keys.
+
+        Parameters
+        ----------
+        size : (int, int) or str, optional
+            Rows and columns of the SLM, or a text such as "1080p".
+        **fields
+            Keys of a display file, as for :class:`Display`. A dict replaces only the keys that it has. None removes a
+            key, also within a dict.
+
+        Raises
+        ------
+        DisplayError
+            If the display is not possible. The message names the key.
+
+        Examples
+        --------
+        >>> import eyebox
+        >>> small = eyebox.Display("small", size=(64, 64)).replace(levels=16, focal_length_mm="20cm")
+        >>> small.levels, small.focal_length
+        (16, 0.2)
+        """
+        given = _fields(fields, size)
+        return Display._of(self._native.replace(_arguments.toml(_without_none(given)), _removed(given)))
+
+    def _repr_html_(self) -> str:
+        rows, columns = self.resolution
+        pictures = self.picture_size
+        about = [
+            ("SLM", f"{rows} x {columns} pixels of {self.pitch * 1e6:.4g} um, {self.levels} levels"),
+            ("pictures", f"{pictures[0]} x {pictures[1]} pixels"),
+            ("geometry", self.geometry),
+            ("focal length", f"{self.focal_length * 1e3:.4g} mm"),
+            ("eyebox", f"{self.eyebox * 1e3:.4g} mm"),
+            ("wavelengths", ", ".join(f"{color} {metres * 1e9:.4g} nm" for color, metres in self.wavelengths.items())),
+        ]
+        return _notebook.table(("display", self.name), about)
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Display) and self.to_toml() == other.to_toml()
 
     def __hash__(self) -> int:
         return hash(self.to_toml())
+
+    def __copy__(self) -> Display:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Display:
+        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _display_of_toml, (self.to_toml(), self._native.file)
@@ -124,6 +176,27 @@ class Display:
     def __repr__(self) -> str:
         (rows, columns), colors = self.resolution, ", ".join(self.wavelengths)
         return f"<eyebox.Display {self.name}: {rows} x {columns}, {colors}, eyebox {self.eyebox * 1e3:.1f} mm>"
+
+
+def _fields(given: Mapping[str, Any], size: Any) -> dict[str, Any]:
+    fields = _arguments.display_fields(given)
+    return fields if size is None else {**fields, "resolution": _arguments.size(size)}
+
+
+def _without_none(fields: Mapping[str, Any]) -> dict[str, Any]:
+    inner = {key: _without_none(value) if isinstance(value, Mapping) else value for key, value in fields.items()}
+    return {key: value for key, value in inner.items() if value is not None}
+
+
+def _removed(fields: Mapping[str, Any], of: str = "") -> list[str]:
+    """Returns the keys whose value is None, with dots between tables and keys."""
+    removed = []
+    for key, value in fields.items():
+        if value is None:
+            removed.append(of + key)
+        elif isinstance(value, Mapping):
+            removed += _removed(value, f"{of}{key}.")
+    return removed
 
 
 def _display_of_toml(text: str, file: str | None = None) -> Display:
@@ -136,7 +209,8 @@ def display_of(value: Any) -> Display:
         return value
     if _arguments.is_path(value):
         return Display(value)
-    raise TypeError(f"display is {value!r}: it must be an eyebox.Display, the name of a preset or a display file")
+    right = "an eyebox.Display, the name of a preset or a display file"
+    raise _arguments.wrong(TypeError, "display", f"is {value!r}: it must be {right}")
 
 
 class Engine:
@@ -149,12 +223,29 @@ class Engine:
         device in software.
     """
 
-    __slots__ = ("_native",)
+    __slots__ = ("_choice", "_native")
 
     def __init__(self, choice: str = "auto") -> None:
         if not isinstance(choice, str):
-            raise TypeError(f"choice is {choice!r}: it must be auto, cpu or vulkan")
+            raise _arguments.wrong(TypeError, "choice", f"is {choice!r}: it must be auto, cpu or vulkan")
+        self._choice = choice
         self._native = _eyebox.Engine(choice)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Engine) and (self._choice, self.reason) == (other._choice, other.reason)
+
+    def __hash__(self) -> int:
+        return hash((self._choice, self.reason))
+
+    def __copy__(self) -> Engine:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Engine:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another process opens an engine of the same choice on its own devices.
+        return Engine, (self._choice,)
 
     @property
     def reason(self) -> str:
@@ -191,4 +282,4 @@ def engine_of(value: Any) -> _eyebox.Engine:
     if isinstance(value, str):
         with _opening:
             return _shared(value)
-    raise TypeError(f"engine is {value!r}: it must be an eyebox.Engine, auto, cpu or vulkan")
+    raise _arguments.wrong(TypeError, "engine", f"is {value!r}: it must be an eyebox.Engine, auto, cpu or vulkan")

@@ -33,6 +33,8 @@ class Arrays:
         with open(self.path, "rb") as file:
             head = file.read(128)
         self.matlab = False
+        self.read: Callable[[str], Any]
+        self.shapes: dict[str, tuple[int, ...]]
         if head.startswith(b"\x93NUMPY"):
             whole = self._numpy()
             self.shapes, self.read = {"": whole.shape}, lambda name: whole
@@ -62,8 +64,8 @@ class Arrays:
 
     def _npz(self) -> None:
         stored = self._numpy()
-        self.read: Callable[[str], Any] = stored.__getitem__
-        self.shapes: dict[str, tuple[int, ...]] = {}
+        self.read = stored.__getitem__
+        self.shapes = {}
         for name in stored.files:
             try:
                 array = stored[name]

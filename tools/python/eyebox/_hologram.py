@@ -2,41 +2,43 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import mmap
 import os
 import tempfile
 from collections.abc import Mapping
-from typing import Any, Callable, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _arguments, _eyebox, _files
 from ._display import Display, display_of, engine_of
 from ._interrupted import interrupted
 from ._scene import Scene, scene_of
+from ._tables import Score, Scores
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
-class Score(NamedTuple):
-    """The quality of a reconstruction through a pupil, compared with its target image.
+    from ._settings import RefineFields
+    from ._types import (
+        ArrayLike,
+        Colors,
+        DisplayLike,
+        EngineLike,
+        Obstruction,
+        Path,
+        PupilLike,
+        Pupils,
+        Quantity,
+        SceneLike,
+        Whole,
+    )
 
-    Attributes
-    ----------
-    psnr : float or None
-        PSNR over all colors in dB, or None if the target is black.
-    ceiling : float or None
-        Highest PSNR that any hologram can have there in dB, or None if it is unknown.
-    ssim : float or None
-        Mean SSIM over the colors, or None if the picture is smaller than the window of SSIM.
-    against_clear : float or None
-        PSNR in dB of the image past an obstruction, compared with the image of the same hologram through a clear
-        pupil. It is None for a clear pupil.
-    """
-
-    psnr: float | None
-    ceiling: float | None
-    ssim: float | None
-    against_clear: float | None = None
+#: Keys of the metadata that depend on the place of files and on the speed of the machine, and not on the hologram.
+_OF_PLACE = ("scenes", "display_file", "seconds")
 
 
 class Hologram:
@@ -46,7 +48,13 @@ class Hologram:
     as an eye at the center of the eyebox sees it.
     """
 
-    __slots__ = ("_native", "_png", "_scene", "_stopped", "_views")
+    __slots__ = ("_digest", "_native", "_png", "_scene", "_stopped", "_views")
+    _digest: bytes | None
+    _native: _eyebox.Hologram
+    _png: bytes | None
+    _scene: Scene | None
+    _stopped: str | None
+    _views: dict[str, Any] | None
 
     def __init__(self) -> None:
         raise TypeError("a Hologram is made by eyebox.solve, Hologram.load or Hologram.from_phases")
@@ -55,11 +63,11 @@ class Hologram:
     def _of(cls, native: _eyebox.Hologram, scene: Scene | None, stopped: str | None) -> Hologram:
         made = object.__new__(cls)
         made._native, made._scene, made._stopped = native, scene, stopped
-        made._png, made._views = None, None
+        made._png, made._views, made._digest = None, None, None
         return made
 
     @classmethod
-    def load(cls, path: Any, at: int | None = None) -> Hologram:
+    def load(cls, path: Path, at: Whole | None = None) -> Hologram:
         """Opens a .zarr folder that :meth:`save` or the command made, or hologram ``at`` of a sequence.
 
         Raises
@@ -74,14 +82,14 @@ class Hologram:
     @classmethod
     def from_phases(
         cls,
-        phases: Any,
-        display: Any,
-        color: Any = None,
+        phases: ArrayLike | Path | Mapping[str, ArrayLike],
+        display: DisplayLike,
+        color: Colors | None = None,
         *,
-        scene: Any = None,
+        scene: SceneLike | None = None,
         exposure: float | None = None,
         variable: str | None = None,
-        engine: Any = "auto",
+        engine: EngineLike = "auto",
     ) -> Hologram:
         """Makes a hologram from your own phases, to render, score, refine, encode and save it.
 
@@ -109,26 +117,26 @@ class Hologram:
         if _arguments.is_path(phases):
             phases = _files.phases(phases, variable, display.resolution)
         elif variable is not None:
-            raise TypeError("variable names an array in a file: phases is none")
+            raise _arguments.wrong(TypeError, "variable", "names an array in a file: phases is none")
         if isinstance(phases, Mapping):
             if color is not None or not phases:
-                raise TypeError("color says which colour one array is for: a dict of phases has its own, one or more")
+                raise _arguments.wrong(TypeError, "color", "is for one array: a dict of phases has its own colors")
             names = _arguments.colors(list(phases), list(display.wavelengths))
             arrays = [_arguments.radians(value, f"phases[{name!r}]") for name, value in phases.items()]
         else:
             arrays = [_arguments.radians(phases, "phases")]
             names = _arguments.colors(color, list(display.wavelengths))
             if len(names) != 1:
-                raise ValueError(f"phases are of one colour: color must say which of {', '.join(names)}")
+                raise _arguments.wrong(ValueError, "color", f"is not given: one array is of one of {', '.join(names)}")
         if scene is not None and exposure is not None:
-            raise TypeError("exposure is what the scene decides: give one or the other")
+            raise _arguments.wrong(TypeError, "exposure", "and scene are both given: the scene decides the exposure")
         scene = None if scene is None else scene_of(scene, display, names)
         exposure = None if exposure is None else _arguments.number(exposure, "exposure")
         shown = None if scene is None else scene._native
         native = _eyebox.Hologram.of_phases(display._native, names, arrays, shown, exposure, engine_of(engine))
         return cls._of(native, scene, None)
 
-    def save(self, path: Any) -> None:
+    def save(self, path: Path) -> None:
         """Saves the hologram in the format of the file extension.
 
         A .zarr folder has all of it, and a .npy file only its phases. An existing hologram is replaced, but nothing
@@ -137,12 +145,12 @@ class Hologram:
         self._native.save(_arguments.path(path, "path"))
 
     @property
-    def phases(self) -> dict[str, np.ndarray]:
+    def phases(self) -> dict[str, NDArray[np.float32]]:
         """Phases of each color (sub-frame, row, column), in radians in [-pi, pi). They are copies that you own."""
         return {color: self._native.phases(index) for index, color in enumerate(self.colors)}
 
     @property
-    def phases_view(self) -> dict[str, np.ndarray]:
+    def phases_view(self) -> dict[str, NDArray[np.float32]]:
         """Phases as in :attr:`phases`, but read-only and without a copy per use, to read large arrays often.
 
         The first use makes one copy for all views. Each array is a private mapping of this copy. If a library writes
@@ -165,7 +173,8 @@ class Hologram:
     @property
     def shape(self) -> tuple[int, int, int]:
         """Numbers of sub-frames, rows and columns."""
-        return tuple(self._native.shape)
+        frames, rows, columns = self._native.shape
+        return frames, rows, columns
 
     @property
     def frames(self) -> int:
@@ -191,7 +200,8 @@ class Hologram:
     @property
     def metadata(self) -> dict[str, Any]:
         """Metadata of the hologram, with the keys of its file (docs/hologram-format.md)."""
-        return json.loads(self._native.metadata)
+        metadata: dict[str, Any] = json.loads(self._native.metadata)
+        return metadata
 
     @property
     def stopped(self) -> str | None:
@@ -203,14 +213,14 @@ class Hologram:
 
     def view(
         self,
-        x: float = 0.0,
-        y: float = 0.0,
-        diameter: float = 4e-3,
-        depth: float = 0.0,
+        x: Quantity = 0.0,
+        y: Quantity = 0.0,
+        diameter: Quantity = 4e-3,
+        depth: Quantity = 0.0,
         *,
-        engine: Any = "auto",
-        obstructed: str | None = None,
-    ) -> np.ndarray:
+        engine: EngineLike = "auto",
+        obstructed: Obstruction | None = None,
+    ) -> NDArray[np.float32]:
         """Computes the image that an eye sees through a pupil.
 
         Parameters
@@ -236,13 +246,13 @@ class Hologram:
 
     def score(
         self,
-        scene: Any = None,
-        pupils: Any = None,
+        scene: SceneLike | None = None,
+        pupils: Pupils | None = None,
         *,
-        engine: Any = "auto",
+        engine: EngineLike = "auto",
         other_scene: bool = False,
-        obstructed: str | None = None,
-    ) -> list[Score]:
+        obstructed: Obstruction | None = None,
+    ) -> Scores:
         """Compares reconstructions through pupils with the target images. All pupils share one exposure per color.
 
         Parameters
@@ -259,9 +269,14 @@ class Hologram:
         obstructed : str, optional
             Opaque marks in each pupil, either "lashes", "floaters", "opacity" or "scratches".
 
+        Returns
+        -------
+        list of Score
+            One score per pupil. ``to_dataframe()`` and ``to_xarray()`` return them as tables.
+
         Raises
         ------
-        HologramError
+        SceneError
             If the scene is another one, has changed or is not found.
         DisplayError
             If the obstruction is unknown.
@@ -273,19 +288,20 @@ class Hologram:
             pupils = [(x * side, y * side, wide, 0.0) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
         at = _arguments.pupils(pupils, self._focal_length)
         scores = self._native.score(scene._native, at, marks, engine_of(engine), bool(other_scene))
-        return [Score(*score) for score in scores]
+        return Scores([Score(*score) for score in scores], at)
 
     def refine(
         self,
-        pupil: Any,
-        steps: int = 16,
+        pupil: PupilLike,
+        steps: Whole = 16,
         *,
-        scene: Any = None,
-        spread: float = 0.0,
-        engine: Any = "auto",
+        scene: SceneLike | None = None,
+        spread: Quantity = 0.0,
+        engine: EngineLike = "auto",
         callback: Callable[[int, float], Any] | None = None,
         other_scene: bool = False,
-        **steering: Any,
+        rng: np.random.Generator | Whole | None = None,
+        **steering: Unpack[RefineFields],
     ) -> Hologram:
         """Refines the hologram for a pupil. Returns a new hologram in the best state that the steps reached.
 
@@ -295,12 +311,12 @@ class Hologram:
             Pupil in meters. ``spread`` is the standard deviation of its center along each axis, in meters.
         steps : int
             Highest number of steps.
-        scene, engine, callback, other_scene, **steering
+        scene, engine, callback, other_scene, rng, **steering
             Arguments of :class:`eyebox.Refiner` and of its ``step``.
         """
         from ._refiner import Refiner
 
-        refiner = Refiner(self, scene, engine=engine, other_scene=other_scene, **steering)
+        refiner = Refiner(self, scene, engine=engine, other_scene=other_scene, rng=rng, **steering)
         [where] = _arguments.pupils([pupil], self._focal_length)
         refiner.aim(*where, spread=spread)
         best = lambda: Hologram._of(refiner._native.best(), refiner._kept_scene, None)  # noqa: E731
@@ -310,7 +326,7 @@ class Hologram:
             raise interrupted(error, best) from None
         return best()
 
-    def encode(self, display: Any = None) -> np.ndarray:
+    def encode(self, display: DisplayLike | None = None) -> NDArray[np.uint8]:
         """Encodes the hologram as the video frames that a display receives.
 
         Parameters
@@ -324,6 +340,58 @@ class Hologram:
             (frame, row, column, channel), uint8, in the order in which they are shown, with 1 channel (gray) or 3.
         """
         return self._native.encode(self._shown_on(display)._native)
+
+    def to_xarray(self) -> Any:
+        """Returns the phases as a data set of xarray, with the metadata of the hologram as attributes."""
+        try:
+            import xarray
+        except ImportError:
+            raise ImportError("to_xarray needs xarray: pip install xarray") from None
+        phases = np.stack(list(self.phases.values()))
+        known = self.exposures
+        variables: dict[str, Any] = {"phases": (("color", "sub_frame", "row", "column"), phases, {"units": "rad"})}
+        if known is not None:
+            variables["exposure"] = (("color",), np.array(list(known.values())), {})
+        about = {"scene": self.scene, "display": self.display.to_toml(), "metadata": json.dumps(self.metadata)}
+        return xarray.Dataset(variables, {"color": self.colors}, about)
+
+    def _content(self) -> bytes:
+        """Returns a digest of all that decides what the hologram shows."""
+        if self._digest is None:
+            about = {key: value for key, value in self.metadata.items() if key not in _OF_PLACE}
+            digest = hashlib.sha256(json.dumps([self.shape, self.colors, self.exposures, self.scene, about]).encode())
+            digest.update(self.display.to_toml().encode())
+            for array in self.phases.values():
+                digest.update(array.tobytes())
+            self._digest = digest.digest()
+        return self._digest
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Hologram):
+            return False
+        return self is other or (self.shape == other.shape and self._content() == other._content())
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __copy__(self) -> Hologram:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Hologram:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        with tempfile.TemporaryDirectory(prefix="eyebox-") as folder:
+            root = os.path.join(folder, "hologram.zarr")
+            self.save(root)
+            files = {}
+            for at, _, names in os.walk(root):
+                for name in names:
+                    with open(os.path.join(at, name), "rb") as file:
+                        files[os.path.relpath(os.path.join(at, name), root).replace(os.sep, "/")] = file.read()
+        # A scene of a file or of a name is found again. A scene of an array is not.
+        scene = self._scene if self._scene is not None and self._scene._is_of_array() else None
+        return _hologram_of_files, (files, scene, self._stopped)
 
     def _focal_length(self) -> float:
         return self.display.focal_length
@@ -366,6 +434,17 @@ class Hologram:
         frames, rows, columns = self.shape
         of = f" of {self.scene}" if self.scene else ""
         return f"<eyebox.Hologram{of}: {frames} sub-frames of {rows} x {columns}, {', '.join(self.colors)}>"
+
+
+def _hologram_of_files(files: dict[str, bytes], scene: Scene | None, stopped: str | None) -> Hologram:
+    with tempfile.TemporaryDirectory(prefix="eyebox-") as folder:
+        root = os.path.join(folder, "hologram.zarr")
+        for name, data in files.items():
+            path = os.path.join(root, *name.split("/"))
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "wb") as file:
+                file.write(data)
+        return Hologram._of(_eyebox.Hologram.load(root, None), scene, stopped)
 
 
 def _stored(array: np.ndarray) -> Any:

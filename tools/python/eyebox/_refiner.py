@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable
+from typing import TYPE_CHECKING, Any, Callable
+
+import numpy as np
 
 from . import _arguments, _eyebox
 from ._display import engine_of
 from ._hologram import Hologram
 from ._interrupted import interrupted
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._settings import RefineFields
+    from ._types import EngineLike, Quantity, SceneLike, Whole
 
 
 class Refiner:
@@ -23,6 +31,8 @@ class Refiner:
         Engine that computes. The refiner makes its own instances of it.
     other_scene : bool
         Accept another scene than the scene of the solve.
+    rng : numpy.random.Generator or int, optional
+        Generator that draws the ``seed``, or the seed itself.
     **steering
         Fields of the library's ``solve::RefineSettings``, such as ``pupils``, ``elsewhere``, ``strategy`` (a dict) and
         ``seed``.
@@ -44,23 +54,30 @@ class Refiner:
     def __init__(
         self,
         hologram: Hologram,
-        scene: Any = None,
+        scene: SceneLike | None = None,
         *,
-        engine: Any = "auto",
+        engine: EngineLike = "auto",
         other_scene: bool = False,
-        **steering: Any,
+        rng: np.random.Generator | Whole | None = None,
+        **steering: Unpack[RefineFields],
     ) -> None:
         if not isinstance(hologram, Hologram):
-            raise TypeError(f"hologram is {hologram!r}: it must be an eyebox.Hologram")
+            raise _arguments.wrong(TypeError, "hologram", f"is {hologram!r}: it must be an eyebox.Hologram")
         self._scene = hologram._scene_of(scene, other_scene)
         # A result with another scene still names the scene of the solve.
         self._kept_scene = None if other_scene else self._scene
-        text = _arguments.toml(steering)
-        native, engine = self._scene._native, engine_of(engine)
-        self._native = _eyebox.Refiner(hologram._native, native, text, engine, bool(other_scene))
+        text = _arguments.toml({**steering, "seed": _arguments.seed(steering.get("seed"), rng)})
+        native, own = self._scene._native, engine_of(engine)
+        self._native = _eyebox.Refiner(hologram._native, native, text, own, bool(other_scene))
 
     def aim(
-        self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, spread: float = 0.0
+        self,
+        x: Quantity = 0.0,
+        y: Quantity = 0.0,
+        diameter: Quantity = 4e-3,
+        depth: Quantity = 0.0,
+        *,
+        spread: Quantity = 0.0,
     ) -> None:
         """Sets the pupil of the next steps.
 
@@ -78,7 +95,7 @@ class Refiner:
         pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._scene.display.focal_length)
         self._native.aim(pupil, _arguments.quantity(spread, "m", "spread"))
 
-    def step(self, steps: int = 1, callback: Callable[[int, float], Any] | None = None) -> float:
+    def step(self, steps: Whole = 1, callback: Callable[[int, float], Any] | None = None) -> float:
         """Takes steps of every color.
 
         A callback (steps taken, loss) ends the steps early by a false answer other than None. Ctrl-C raises
@@ -91,7 +108,8 @@ class Refiner:
         """
         count = _arguments.count(steps, "steps")
         if callback is not None and not callable(callback):
-            raise TypeError(f"callback is {callback!r}: it must be callable with the steps taken and the loss")
+            right = "callable with the steps taken and the loss"
+            raise _arguments.wrong(TypeError, "callback", f"is {callback!r}: it must be {right}")
         try:
             return self._native.step(count, callback)[0]
         except KeyboardInterrupt as error:

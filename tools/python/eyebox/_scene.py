@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from . import _arguments, _eyebox, _files
+from . import _arguments, _eyebox, _files, _notebook
 from ._display import Display, display_of, engine_of
+
+if TYPE_CHECKING:
+    from ._types import ArrayLike, Colors, DisplayLike, EngineLike, Path, Quantity, Range, SceneLike, Whole
 
 
 class Scene:
@@ -56,29 +62,30 @@ class Scene:
         If the scene cannot be read or shown. The message names the file, or the place in the array.
     """
 
-    __slots__ = ("_display", "_native")
+    __slots__ = ("_digest", "_display", "_native")
 
     def __init__(
         self,
-        source: Any,
-        display: Any = "paper",
-        color: Any = None,
+        source: Path | ArrayLike,
+        display: DisplayLike = "paper",
+        color: Colors | None = None,
         *,
-        views: int | None = None,
-        view_pitch: float | None = None,
-        depth_map: Any = None,
-        depth: tuple[float, float] | None = None,
-        near: str | None = None,
+        views: Whole | None = None,
+        view_pitch: Quantity | None = None,
+        depth_map: Path | None = None,
+        depth: Range | None = None,
+        near: Literal["small", "large", "bright", "dark"] | None = None,
         order: str | None = None,
         name: str = "",
         variable: str | None = None,
     ) -> None:
+        self._digest: bytes | None = None
         self._display = display_of(display)
         native = self._display._native
         names = _arguments.colors(color, list(self._display.wavelengths))
         pitch = None if view_pitch is None else _arguments.quantity(view_pitch, "m", "view_pitch")
         if variable is not None and not _files.is_arrays(source):
-            raise TypeError(f"variable names an array in a file of arrays: scene is {source!r}")
+            raise _arguments.wrong(TypeError, "variable", f"names an array in a file: scene is {source!r}")
         # The library reads NumPy files too, and finds the views in them by itself.
         if _files.is_arrays(source) and not (os.fsdecode(source).lower().endswith((".npy", ".npz")) and variable is None):
             # A hologram finds the scene again by this name.
@@ -97,10 +104,10 @@ class Scene:
             _arguments.warn()
             return
         if not _arguments.is_array(source):
-            raise TypeError(f"scene is {source!r}: it must be an eyebox.Scene, a name, a path or an array of views")
+            raise _arguments.wrong(TypeError, "scene", f"is {source!r}: it must be an eyebox.Scene, a name, a path or an array of views")
         for what, given in (("views", views), ("depth_map", depth_map), ("depth", depth), ("near", near)):
             if given is not None:
-                raise TypeError(f"{what} belongs to scenes that are loaded: an array of views has its own")
+                raise _arguments.wrong(TypeError, what, "belongs to scenes that are loaded: an array of views has its own")
         planes, has = _arguments.light_field(source, "scene")
         if has == 3:
             known = dict(zip(("red", "green", "blue"), planes))
@@ -108,14 +115,14 @@ class Scene:
         elif has == 1:
             planes = planes * len(names)
         if not isinstance(name, str):
-            raise TypeError(f"name is {name!r}: it must be a text")
+            raise _arguments.wrong(TypeError, "name", f"is {name!r}: it must be a text")
         self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch, order)
         _arguments.warn()
 
     @classmethod
     def _of(cls, native: _eyebox.Scene, display: Display) -> Scene:
         made = object.__new__(cls)
-        made._native, made._display = native, display
+        made._native, made._display, made._digest = native, display, None
         return made
 
     @property
@@ -140,7 +147,7 @@ class Scene:
         return rows, columns, height, width, len(self.colors)
 
     @property
-    def views(self) -> np.ndarray:
+    def views(self) -> NDArray[np.float32]:
         """Copy of all views (view row, view column, row, column, color), in linear light."""
         planes = [self._native.views(color).reshape(self.shape[:4]) for color in range(len(self.colors))]
         return np.stack(planes, axis=-1)
@@ -154,11 +161,17 @@ class Scene:
     def depth_range(self) -> tuple[float, float] | None:
         """Farthest and nearest depth in meters, or None if they are unknown."""
         known = self._native.depth_range(self._display._native)
-        return None if known is None else tuple(known)
+        return None if known is None else (known[0], known[1])
 
     def photograph(
-        self, x: float = 0.0, y: float = 0.0, diameter: float = 4e-3, depth: float = 0.0, *, engine: Any = "auto"
-    ) -> np.ndarray:
+        self,
+        x: Quantity = 0.0,
+        y: Quantity = 0.0,
+        diameter: Quantity = 4e-3,
+        depth: Quantity = 0.0,
+        *,
+        engine: EngineLike = "auto",
+    ) -> NDArray[np.float32]:
         """Computes the target image of the scene through a pupil, as :func:`photograph` does.
 
         Parameters
@@ -171,10 +184,73 @@ class Scene:
         pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._display.focal_length)
         return self._native.photograph(self._display._native, pupil, engine_of(engine))
 
+    def to_xarray(self) -> Any:
+        """Returns the views as a DataArray of xarray, with the positions of the views (m) as coordinates."""
+        try:
+            import xarray
+        except ImportError:
+            raise ImportError("to_xarray needs xarray: pip install xarray") from None
+        rows, columns, *_ = self.shape
+        place = lambda count: (np.arange(count) - (count - 1) / 2) * self.view_pitch  # noqa: E731
+        where = {"y": place(rows), "x": place(columns), "color": self.colors}
+        return xarray.DataArray(self.views, where, ("y", "x", "row", "column", "color"), name=self.source or "views")
+
+    def _content(self) -> bytes:
+        """Returns a digest of the views, of their origin and of the display."""
+        if self._digest is None:
+            digest = hashlib.sha256(f"{_eyebox.scene_state(self._native)}\n{self._display.to_toml()}".encode())
+            for color in range(len(self.colors)):
+                digest.update(self._native.views(color).tobytes())
+            self._digest = digest.digest()
+        return self._digest
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Scene):
+            return False
+        return self is other or (self.shape == other.shape and self._content() == other._content())
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __copy__(self) -> Scene:
+        return self
+
+    def __deepcopy__(self, _: Any) -> Scene:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        views = [self._native.views(color).reshape(self.shape[:4]) for color in range(len(self.colors))]
+        return _scene_of_state, (_eyebox.scene_state(self._native), views, self._display)
+
+    def _is_of_array(self) -> bool:
+        """Returns whether the scene was an array, which no file and no name gives again."""
+        return bool(json.loads(_eyebox.scene_state(self._native))["record"].get("views"))
+
+    def _repr_html_(self) -> str:
+        rows, columns, height, width, _ = self.shape
+        depths = self.depth_range
+        about = [
+            ("views", f"{rows} x {columns}, {self.view_pitch * 1e3:.4g} mm apart"),
+            ("pixels", f"{height} x {width}"),
+            ("colors", ", ".join(self.colors)),
+            ("depths", "-" if depths is None else f"{depths[0] * 1e3:.4g} to {depths[1] * 1e3:.4g} mm"),
+            ("display", self._display.name),
+        ]
+        light = np.zeros((height, width, 3))
+        for color, name in enumerate(self.colors):
+            views = self._native.views(color).reshape(self.shape[:4])
+            light[..., ("red", "green", "blue").index(name)] = views[(rows - 1) // 2, (columns - 1) // 2]
+        return _notebook.picture(light, "central view") + _notebook.table(("scene", self.source or "array"), about)
+
     def __repr__(self) -> str:
         rows, columns, height, width, _ = self.shape
         what = self.source or "of an array"
         return f"<eyebox.Scene {what}: {rows} x {columns} views of {height} x {width}, {', '.join(self.colors)}>"
+
+
+def _scene_of_state(state: str, views: list[np.ndarray], display: Display) -> Scene:
+    planes = [np.ascontiguousarray(one, np.float32) for one in views]
+    return Scene._of(_eyebox.scene_of_state(state, planes), display)
 
 
 def scene_of(value: Any, display: Display, color: Any = None, **options: Any) -> Scene:
@@ -182,23 +258,25 @@ def scene_of(value: Any, display: Display, color: Any = None, **options: Any) ->
     if not isinstance(value, Scene):
         return Scene(value, display, color, **options)
     if color is not None and _arguments.colors(color, value.colors) != value.colors:
-        raise ValueError(f"color is {color!r}: the scene has {', '.join(value.colors)}; give it when the scene is made")
+        has = ", ".join(value.colors)
+        raise _arguments.wrong(ValueError, "color", f"is {color!r}: the scene has {has}. Give it when the scene is made")
     if any(option is not None for option in options.values()):
-        raise TypeError(f"{', '.join(options)} belong to a scene that is loaded here: give them when the scene is made")
+        given = [name for name, option in options.items() if option is not None]
+        raise _arguments.wrong(TypeError, given[0], "belongs to a scene that is loaded here: give it when the scene is made")
     return value
 
 
 def photograph(
-    scene: Any,
-    x: float = 0.0,
-    y: float = 0.0,
-    diameter: float = 4e-3,
-    depth: float = 0.0,
+    scene: SceneLike,
+    x: Quantity = 0.0,
+    y: Quantity = 0.0,
+    diameter: Quantity = 4e-3,
+    depth: Quantity = 0.0,
     *,
-    display: Any = "paper",
-    color: Any = None,
-    engine: Any = "auto",
-) -> np.ndarray:
+    display: DisplayLike = "paper",
+    color: Colors | None = None,
+    engine: EngineLike = "auto",
+) -> NDArray[np.float32]:
     """Computes the target image, which is the image that an eye should see of a scene through a pupil.
 
     Parameters

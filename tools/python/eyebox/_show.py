@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any, Iterator, NamedTuple
+from typing import TYPE_CHECKING, Any, Iterator, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _arguments, _eyebox
 from ._display import Display, display_of, engine_of
 from ._hologram import Hologram
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._settings import RefineFields
+    from ._types import Colors, DisplayLike, EngineLike, Path, Quantity, SceneLike, Whole
 
 
 class Frame(NamedTuple):
@@ -35,7 +42,7 @@ class Frame(NamedTuple):
         Cause if there is no newer frame although one was due.
     """
 
-    pixels: np.ndarray
+    pixels: NDArray[np.uint8]
     number: int
     seconds: float
     hologram: int | None
@@ -73,6 +80,9 @@ class Session:
     """
 
     __slots__ = ("_native", "_notes", "_statistics")
+    _native: _eyebox.Session
+    _notes: list[str]
+    _statistics: dict[str, Any] | None
 
     def __init__(self) -> None:
         raise TypeError("sessions are made by eyebox.show")
@@ -95,7 +105,7 @@ class Session:
         while (frame := self.frame()) is not None:
             yield frame
 
-    def frame(self, timeout: float | None = None) -> Frame | None:
+    def frame(self, timeout: Quantity | None = None) -> Frame | None:
         """Takes the oldest video frame that was not taken yet.
 
         Parameters
@@ -114,12 +124,12 @@ class Session:
 
     def look(
         self,
-        x: float,
-        y: float = 0.0,
-        diameter: float | None = None,
+        x: Quantity,
+        y: Quantity = 0.0,
+        diameter: Quantity | None = None,
         *,
         velocity: tuple[float, float] | None = None,
-        age: float = 0.0,
+        age: Quantity = 0.0,
     ) -> None:
         """Adds a sample of the pupil from your own tracker (``eye="own"``).
 
@@ -135,7 +145,10 @@ class Session:
             Age of the sample in seconds.
         """
         wide = None if diameter is None else _arguments.quantity(diameter, "m", "diameter")
-        moves = None if velocity is None else tuple(_arguments.numbers(velocity, "velocity", "x, y"))
+        moves = None
+        if velocity is not None:
+            along, down = _arguments.numbers(velocity, "velocity", "x, y")
+            moves = along, down
         at = (_arguments.quantity(x, "m", "x"), _arguments.quantity(y, "m", "y"))
         self._native.look(*at, wide, moves, _arguments.quantity(age, "s", "age"))
 
@@ -147,7 +160,7 @@ class Session:
         """Pauses or resumes the content."""
         self._native.pause(bool(paused))
 
-    def seek(self, holograms: int) -> None:
+    def seek(self, holograms: Whole) -> None:
         """Moves the content by a number of holograms from the one that is shown. A negative number moves back."""
         most = 1 << 40
         self._native.seek(_arguments.count(holograms, "holograms", most, least=-most))
@@ -220,33 +233,33 @@ class Session:
 
 
 def show(
-    what: Any,
-    display: Any = None,
+    what: Hologram | Path,
+    display: DisplayLike | None = None,
     *,
-    eye: str | None = None,
-    scene: Any = None,
-    output: str = "offscreen",
-    monitor: str | None = None,
-    rate: float | None = None,
-    seconds: float | None = None,
-    clock: str = "real",
-    step_time: float | None = None,
-    encode_time: float = 1e-3,
-    queue: int = 4,
+    eye: Path | None = None,
+    scene: SceneLike | None = None,
+    output: Literal["offscreen", "window"] = "offscreen",
+    monitor: str | int | None = None,
+    rate: Quantity | None = None,
+    seconds: Quantity | None = None,
+    clock: Literal["real", "simulated"] = "real",
+    step_time: Quantity | None = None,
+    encode_time: Quantity = 1e-3,
+    queue: Whole = 4,
     loop: bool = False,
     speed: float = 1.0,
-    focus: float = 0.0,
-    latency: float = 0.0,
+    focus: Quantity = 0.0,
+    latency: Quantity = 0.0,
     whole_sets: bool = False,
     moments: bool = True,
     restart: float = 0.5,
-    color: Any = None,
-    frames: int = 8,
-    ask: str = "views",
-    views: int = 5,
-    engine: Any = "auto",
+    color: Colors | None = None,
+    frames: Whole = 8,
+    ask: Literal["views", "depth", "layers"] = "views",
+    views: Whole = 5,
+    engine: EngineLike = "auto",
     other_scene: bool = False,
-    **steering: Any,
+    **steering: Unpack[RefineFields],
 ) -> Session:
     """Shows a hologram, a sequence, or content of another process. The session is a context manager.
 
@@ -321,15 +334,16 @@ def show(
     >>> first.pixels.shape
     (32, 32, 1)
     """
-    application = isinstance(what, str) and what.startswith("live:")
+    named = what[5:] if isinstance(what, str) and what.startswith("live:") else None
+    application = named is not None
     display = _display_of(what, display, application)
     for name, value, known in (("output", output, ("offscreen", "window")), ("clock", clock, ("real", "simulated"))):
         if value not in known:
-            raise ValueError(f"{name} is {value!r}: it must be {' or '.join(known)}")
+            raise _arguments.wrong(ValueError, name, f"is {value!r}: it must be {' or '.join(known)}")
     if output == "window" and clock == "simulated":
-        raise ValueError('clock is "simulated": a window has the system\'s')
+        raise _arguments.wrong(ValueError, "clock", 'is "simulated": a window has the clock of the system')
     if eye is not None and not _arguments.is_path(eye):
-        raise TypeError(f"eye is {eye!r}: it must be own, simulated or another tracker's name")
+        raise _arguments.wrong(TypeError, "eye", f"is {eye!r}: it must be own, simulated or another tracker's name")
     eye = None if eye is None else _arguments.path(eye, "eye")
     where = {
         "rate": None if rate is None else _arguments.finite_quantity(rate, "Hz", "rate"),
@@ -348,16 +362,16 @@ def show(
         "whole_sets": bool(whole_sets),
         "moments": bool(moments),
         "restart": _arguments.number(restart, "restart"),
-        "steering": _arguments.toml(steering),
+        "steering": _arguments.toml(dict(steering)),
     }
     if eye is None and not application and (steering or scene is not None or step_time is not None):
-        raise TypeError("scene, step_time and steering are for what is refined: give eye")
-    if application:
+        raise _arguments.wrong(TypeError, "eye", "is None: a scene, step_time and a refinement need a tracker")
+    if named is not None:
         if not hasattr(_eyebox.Session, "live"):
             raise NotImplementedError("live content exists on Linux alone")
         names = _arguments.colors(color, list(display.wavelengths))
         content = (names, _arguments.count(frames, "frames", 64), str(ask), _arguments.count(views, "views", 64))
-        native = _eyebox.Session.live(what[5:], display._native, content, engine_of(engine), following, where)
+        native = _eyebox.Session.live(named, display._native, content, engine_of(engine), following, where)
     elif eye is not None:
         hologram = what if isinstance(what, Hologram) else Hologram.load(what)
         scene = hologram._scene_of(scene, other_scene)

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple
+
+import numpy as np
 
 from . import _arguments, _eyebox
+from ._calibrate import CameraSteps, Shot
 from ._display import display_of, engine_of
 from ._hologram import Hologram
 from ._interrupted import interrupted
 from ._scene import Scene, scene_of
+from ._settings import SolveSettings
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._settings import SolveFields
+    from ._types import Colors, DisplayLike, EngineLike, Path, Quantity, SceneLike, Whole
 
 
 class Step(NamedTuple):
@@ -41,20 +51,26 @@ class Step(NamedTuple):
 
 
 def solve(
-    scene: Any,
-    display: Any = None,
-    color: Any = None,
+    scene: SceneLike,
+    display: DisplayLike | None = None,
+    color: Colors | None = None,
     *,
-    frames: int | None = None,
-    steps: int | None = None,
-    pupils: int | None = None,
-    seed: int | None = None,
-    engine: Any = "auto",
+    frames: Whole | None = None,
+    steps: Whole | None = None,
+    pupils: Whole | None = None,
+    seed: Whole | None = None,
+    rng: np.random.Generator | Whole | None = None,
+    engine: EngineLike = "auto",
     callback: Callable[[Step], Any] | None = None,
-    progress: Any = None,
-    views: int | None = None,
-    view_pitch: float | None = None,
-    **settings: Any,
+    progress: bool | Callable[..., Any] | None = None,
+    views: Whole | None = None,
+    view_pitch: Quantity | None = None,
+    camera: Callable[[Shot], Any] | None = None,
+    camera_steps: Whole = 20,
+    hello: dict[str, Any] | None = None,
+    captures: Path | None = None,
+    settings: SolveSettings | None = None,
+    **fields: Unpack[SolveFields],
 ) -> Hologram:
     """Solves a scene for a display.
 
@@ -75,6 +91,8 @@ def solve(
     seed : int, optional
         Seed of the first phases and the pupils. The default is 0. The same seed gives the phases of the command, bit
         for bit on the CPU.
+    rng : numpy.random.Generator or int, optional
+        Generator that draws the seed, or the seed itself.
     engine : Engine or str
         Engine that computes the solve.
     callback : callable, optional
@@ -84,7 +102,16 @@ def solve(
         ``True`` for a bar of tqdm, or a callable that makes bars as tqdm does.
     views, view_pitch
         Arguments of :class:`Scene`.
-    **settings
+    camera : callable, optional
+        Function that shows patterns and takes pictures, as in :func:`eyebox.calibrate`. It takes part in steps after
+        the solve, which correct faults that no model describes (docs/calibrate.md).
+    camera_steps : int
+        Number of steps of each color with the camera.
+    hello, captures
+        Arguments of :func:`eyebox.calibrate` for the camera.
+    settings : SolveSettings, optional
+        Settings as one object. Arguments replace its values.
+    **fields
         Other fields of the library's ``solve::Settings``, with lengths in meters. They include ``seconds``, ``psnr``
         (dB), ``efficiency``, ``depth`` and ``diameter`` (pairs), ``method``, ``optimizer``, ``storage``, ``padding``
         and ``first_phases`` ("table" or "random"). The settings ``quality`` ("fast", "balanced", "accurate"),
@@ -101,6 +128,8 @@ def solve(
         After ctrl-C. It is a KeyboardInterrupt whose ``hologram`` is the best result.
     SolveError, SceneError, DisplayError
         If the arguments are not possible. The message comes from the library.
+    CalibrateError
+        If the camera or its pictures fail. If the solve is finished, the error has the best result as ``hologram``.
 
     Examples
     --------
@@ -113,10 +142,14 @@ def solve(
         display = scene.display if isinstance(scene, Scene) else "paper"
     display = display_of(display)
     scene = scene_of(scene, display, color, views=views, view_pitch=view_pitch)
-    named = {"frames": frames, "steps": steps, "pupils": pupils, "seed": seed}
-    text = _arguments.toml({**named, **settings})
+    if settings is not None and not isinstance(settings, SolveSettings):
+        raise _arguments.wrong(TypeError, "settings", f"is {settings!r}: it must be an eyebox.SolveSettings")
+    base = {} if settings is None else settings.given()
+    named = {"frames": frames, "steps": steps, "pupils": pupils, "seed": _arguments.seed(seed, rng), **fields}
+    text = _arguments.toml({**base, **{name: value for name, value in named.items() if value is not None}})
+    after = None if camera is None else CameraSteps(display, camera, camera_steps, hello, captures)
     if callback is not None and not callable(callback):
-        raise TypeError(f"callback is {callback!r}: it must be callable with a Step")
+        raise _arguments.wrong(TypeError, "callback", f"is {callback!r}: it must be callable with a Step")
     bars = _Bars.of(progress)
     told = None
     if callback is not None or bars is not None:
@@ -134,7 +167,8 @@ def solve(
             bars.close()
     if unfinished is None:
         native, stopped = solved
-        return Hologram._of(native, scene, stopped)
+        made = Hologram._of(native, scene, stopped)
+        return made if after is None or stopped == "callback" else after.take(made, scene, engine)
 
     def best() -> Hologram | None:
         try:
@@ -166,7 +200,7 @@ class _Bars:
             except ImportError:
                 raise ImportError("progress=True needs tqdm: pip install tqdm, or give what makes bars as tqdm does") from None
         if not callable(progress):
-            raise TypeError(f"progress is {progress!r}: it must be True, or callable as tqdm is")
+            raise _arguments.wrong(TypeError, "progress", f"is {progress!r}: it must be True, or callable as tqdm is")
         return cls(progress)
 
     def step(self, step: Step) -> None:

@@ -23,27 +23,34 @@ import os
 import shutil
 import signal
 import time
-from typing import Any, Callable, Iterator
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Mapping
 
 from . import _arguments, _eyebox
 from ._display import Display, display_of, engine_of
 from ._hologram import Hologram
 from ._solve import solve
+from ._tables import Rows
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._settings import FarFieldFields, JobFields
+    from ._types import Colors, DisplayLike, Path, Pupils, Quantity, Whole
 
 __all__ = ["evaluate", "solve_far_field", "solve_sequence", "tradeoff"]
 
 
 def solve_sequence(
-    scenes: Any,
-    out: Any,
-    display: Any = "paper",
-    color: Any = None,
+    scenes: Iterable[Path],
+    out: Path,
+    display: DisplayLike = "paper",
+    color: Colors | None = None,
     *,
     client: Any = None,
-    workers: int = 2,
-    rate: Any = 30,
+    workers: Whole = 2,
+    rate: Quantity | fractions.Fraction = 30,
     engine: str = "auto",
-    **settings: Any,
+    **settings: Unpack[JobFields],
 ) -> int:
     """Solves a sequence of scenes on the workers of a Dask cluster.
 
@@ -84,11 +91,13 @@ def solve_sequence(
     try:
         shown = fractions.Fraction(rate if isinstance(rate, numbers.Rational) else _arguments.number(rate, "rate"))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise TypeError(f"rate is {rate!r}: it must be a number of holograms a second, or a Fraction") from None
+        right = "a number of holograms per second, or a Fraction"
+        raise _arguments.wrong(TypeError, "rate", f"is {rate!r}: it must be {right}") from None
     if not 0 < shown <= 100_000 or max(shown.as_integer_ratio()) >= 1 << 32:
-        raise ValueError(f"rate is {rate!r}: it must be above 0, at most 100000, as a fraction of whole numbers")
+        right = "above 0, at most 100000, as a fraction of whole numbers"
+        raise _arguments.wrong(ValueError, "rate", f"is {rate!r}: it must be {right}")
     colors = _arguments.colors(color, list(display.wavelengths))
-    job = (tuple(names), _text(display), tuple(colors), _arguments.toml(settings), shown.as_integer_ratio(), out, engine)
+    job = (tuple(names), _text(display), tuple(colors), _arguments.toml(dict(settings)), shown.as_integer_ratio(), out, engine)
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
     with _cluster(client, workers) as there:
         # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
@@ -100,19 +109,19 @@ def solve_sequence(
 
 
 def solve_far_field(
-    scene: Any,
-    out: Any,
-    display: Any = "far-field",
-    color: Any = None,
+    scene: Path,
+    out: Path,
+    display: DisplayLike = "far-field",
+    color: Colors | None = None,
     *,
-    steps: int = 8,
-    passes: int = 3,
-    memory: int | str = 4 << 30,
-    picture: int = 1024,
+    steps: Whole = 8,
+    passes: Whole = 3,
+    memory: Whole | str = 4 << 30,
+    picture: Whole = 1024,
     client: Any = None,
-    workers: int = 2,
+    workers: Whole = 2,
     engine: str = "auto",
-    **settings: Any,
+    **settings: Unpack[FarFieldFields],
 ) -> int:
     """Solves a far field larger than memory, region by region, on the workers of a Dask cluster.
 
@@ -153,7 +162,8 @@ def solve_far_field(
     colors = _arguments.colors(color, list(display.wavelengths))
     for setting in ("levels", "method", "psnr", "pupils", "quality", "seconds", "storage"):
         if setting in settings:
-            raise ValueError(f"{setting} is not for a far field that is solved region by region: leave it out")
+            text = "is not for a far field that is solved region by region: leave it out"
+            raise _arguments.wrong(ValueError, setting, text)
     text = _arguments.toml({"steps": _arguments.count(steps, "steps", 1024), **settings})
     most = 1 << 50
     memory = int(_arguments.quantity(memory, "B", "memory")) if isinstance(memory, str) else memory
@@ -171,16 +181,16 @@ def solve_far_field(
 
 
 def evaluate(
-    holograms: Any,
-    out: Any,
-    pupils: Any = None,
+    holograms: Iterable[Path],
+    out: Path,
+    pupils: Pupils | None = None,
     *,
-    scene: Any = None,
+    scene: Path | None = None,
     client: Any = None,
-    workers: int = 2,
+    workers: Whole = 2,
     engine: str = "auto",
     keep_pieces: bool = False,
-) -> list[dict[str, Any]]:
+) -> Rows:
     """Scores holograms on the workers of a Dask cluster, each hologram on one worker.
 
     Parameters
@@ -201,8 +211,10 @@ def evaluate(
     Returns
     -------
     list of dict
-        One dict per hologram. ``hologram`` is its path, ``at`` its number in a sequence (from 0), and ``scores`` has
-        ``psnr`` and ``ceiling`` (dB) and ``ssim`` for each pupil.
+        One dict per hologram. ``hologram`` is its path, and ``at`` is its number in a sequence (from 0). ``scores`` has
+        one dict per pupil, with the fields of :class:`eyebox.Score`. These are ``psnr`` and ``ceiling`` (dB), ``ssim``,
+        and ``against_clear`` (dB), which is None because the pupils are clear. ``to_dataframe()`` and ``to_xarray()``
+        return the results as tables.
     """
     files = _paths(holograms, "holograms")
     scene = None if scene is None else _arguments.path(scene, "scene")
@@ -213,18 +225,18 @@ def evaluate(
 
 
 def tradeoff(
-    scene: Any,
-    out: Any,
-    grid: Any,
-    display: Any = "paper",
-    color: Any = None,
+    scene: Path,
+    out: Path,
+    grid: Iterable[Mapping[str, Any]],
+    display: DisplayLike = "paper",
+    color: Colors | None = None,
     *,
-    pupils: Any = None,
+    pupils: Pupils | None = None,
     client: Any = None,
-    workers: int = 2,
+    workers: Whole = 2,
     engine: str = "auto",
     keep_pieces: bool = False,
-) -> list[dict[str, Any]]:
+) -> Rows:
     """Solves a scene with each of several settings on the workers of a Dask cluster, and scores the results.
 
     Parameters
@@ -254,7 +266,7 @@ def tradeoff(
     try:
         settings = [_arguments.plain(dict(one)) for one in grid]
     except (TypeError, ValueError):
-        raise TypeError(f"grid is {grid!r}: it must be a sequence of dicts of settings") from None
+        raise _arguments.wrong(TypeError, "grid", f"is {grid!r}: it must be a sequence of dicts of settings") from None
     for one in settings:
         _arguments.toml(one)
     at = None if pupils is None else _arguments.pupils(pupils, lambda: display.focal_length)
@@ -271,36 +283,36 @@ def _store(out: Any) -> str:
     """Returns the absolute path of a hologram."""
     out = os.path.abspath(_arguments.path(out, "out"))
     if not out.endswith(".zarr"):
-        raise ValueError(f"out is {out!r}: it must end in .zarr")
+        raise _arguments.wrong(ValueError, "out", f"is {out!r}: it must end in .zarr")
     return out
 
 
 def _paths(values: Any, what: str) -> list[str]:
     """Returns several names or paths as texts."""
     if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
-        raise TypeError(f"{what} is {values!r}: it must be a sequence of names or paths")
+        raise _arguments.wrong(TypeError, what, f"is {values!r}: it must be a sequence of names or paths")
     paths = [_arguments.path(value, what) for value in values]
     if not paths:
-        raise ValueError(f"{what} is empty: it must have one or more")
+        raise _arguments.wrong(ValueError, what, "is empty: it must have one or more")
     return paths
 
 
 def _pieces(
-    make: Callable[..., Any], jobs: list[Any], out: Any, client: Any, workers: int, keep: bool
-) -> list[dict[str, Any]]:
+    make: Callable[..., Any], jobs: list[Any], out: Any, client: Any, workers: Any, keep: bool
+) -> Rows:
     """Computes independent pieces. Each result has its own file until all are in one file."""
     out = os.path.abspath(_arguments.path(out, "out"))
     if not out.endswith(".json"):
-        raise ValueError(f"out is {out!r}: it must end in .json")
+        raise _arguments.wrong(ValueError, "out", f"is {out!r}: it must end in .json")
     if not jobs:
-        raise ValueError("grid is empty: it must have one or more")
+        raise _arguments.wrong(ValueError, "grid", "is empty: it must have one or more")
     folder = out + ".pieces"
     os.makedirs(folder, exist_ok=True)
     _same_job(os.path.join(folder, "job.txt"), repr(jobs))
     paths = [os.path.join(folder, f"{index:06}.json") for index in range(len(jobs))]
     with _cluster(client, workers) as there:
         there.gather([there.submit(_result, make, job, path, pure=False) for job, path in zip(jobs, paths)])
-    results = []
+    results = Rows()
     for path in paths:
         with open(path, encoding="utf-8") as file:
             results.append(json.load(file))
@@ -407,7 +419,7 @@ def _visit(begun: tuple[Any, ...], visit: int, _after: Any) -> None:
 
 
 @contextlib.contextmanager
-def _cluster(client: Any, workers: int) -> Iterator[Any]:
+def _cluster(client: Any, workers: Any) -> Iterator[Any]:
     if client is not None:
         yield client
         return

@@ -6,6 +6,7 @@ import pathlib
 
 import eyebox
 import eyebox.cluster
+import eyebox.slmsuite
 import pytest
 from eyebox import _eyebox
 
@@ -16,7 +17,7 @@ OWN = "eyebox"
 def public():
     """Returns every public function, class and method of the package by its name."""
     found = {}
-    for module in (eyebox, eyebox.cluster):
+    for module in (eyebox, eyebox.cluster, eyebox.slmsuite):
         for name in module.__all__:
             value = getattr(module, name)
             if inspect.isfunction(value) or inspect.isclass(value):

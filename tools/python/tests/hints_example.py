@@ -1,0 +1,107 @@
+"""Uses and misuses of the package, which test_checkers.py gives to mypy and pyright.
+
+A type checker finds an error in each line with the comment "misuse" at its end, and in no other line. Nothing runs this file.
+"""
+
+from __future__ import annotations
+
+import copy
+import pathlib
+import pickle
+
+import eyebox
+import eyebox.cluster
+import eyebox.slmsuite
+import numpy as np
+from eyebox import Display, Engine, Hologram, Pupil, Refiner, Scene, SolveSettings
+
+
+def displays(path: pathlib.Path) -> Display:
+    Display("paper")
+    Display(path)
+    Display("planes8", size=(256, 256))
+    Display("planes8", size="1080p", rate_hz="60Hz")
+    Display(size=(64, 64), pitch_um=8, focal_length_mm="40cm", wavelengths_nm={"green": 520.0})
+    made = Display("small").replace(levels=16, encoding={"two_pi_level": 14}, model=None)
+    copy.deepcopy(made), pickle.dumps(made), {made: made.name}
+    Display(3)  # misuse
+    Display("small", size=256)  # misuse
+    Display("small", pich_um=8.0)  # misuse
+    Display("small", geometry="far")  # misuse
+    made.replace(levels="16 levels", size=(4, 4, 4))  # misuse
+    made.name = "another"  # misuse
+    made.resolutoin  # misuse
+    return made
+
+
+def scenes(display: Display, path: pathlib.Path, light: np.ndarray) -> Scene:
+    Scene("builtin:plane", display, "green")
+    Scene(path, display, ["red", "green"], views=5, view_pitch="2mm", depth=("-1mm", "0.5D"))
+    Scene(light, display, name="mine")
+    Scene([[0.0, 1.0], [1.0, 0.0]], display)
+    eyebox.photograph("builtin:plane", "1mm", 0, "4mm", "0.5D", display=display).shape
+    Scene(7, display)  # misuse
+    Scene("builtin:plane", near="close")  # misuse
+    Scene("builtin:plane", display, colour="green")  # misuse
+    eyebox.photograph("builtin:plane", [1, 2])  # misuse
+    return Scene("builtin:plane", display)
+
+
+def solves(scene: Scene, display: Display, rng: np.random.Generator) -> Hologram:
+    settings = SolveSettings(steps=20, diameter=("2mm", "6mm"), optimizer="adam")
+    eyebox.solve(scene, settings=settings.replace(frames=4), rng=rng)
+    eyebox.solve("builtin:plane", "small", steps=np.int64(4), seconds="10s", engine=Engine("cpu"), progress=True)
+    eyebox.solve(scene, display, quality="fast", levels=16, callback=lambda step: step.step < 10)
+    eyebox.solve(scene, display, optimizer={"kind": "adam", "rate": [0.1, 0.01]}, padding="need")
+    eyebox.solve(scene, display, stpes=3)  # misuse
+    eyebox.solve(scene, display, quality="good")  # misuse
+    eyebox.solve(scene, display, steps="many")  # misuse
+    eyebox.solve(scene, display, engine=3)  # misuse
+    eyebox.solve(scene, display, callback=lambda: True)  # misuse
+    eyebox.solve(display=display)  # misuse
+    SolveSettings(quality="best")  # misuse
+    SolveSettings(20)  # misuse
+    settings.steps = 3  # misuse
+    settings.replace(step=3)  # misuse
+    return eyebox.solve(scene, display, seed=3)
+
+
+def holograms(hologram: Hologram, phases: np.ndarray, display: Display) -> None:
+    mean: float = float(hologram.view(x="2mm", diameter=4e-3, depth="0.5D").mean())
+    scores = hologram.score(pupils=[(0, 0, "4mm", 0), Pupil(x=1e-3)])
+    best: float | None = max(score.psnr or mean for score in scores)
+    scores.to_dataframe()
+    refined = hologram.refine((4e-3, 0, 4e-3, 1e-3), steps=16, elsewhere=0.5, rng=np.random.default_rng(best is None))
+    refined.encode(display).astype(np.float32)
+    Hologram.from_phases({"green": phases}, display, exposure=1.0).save("one.zarr")
+    Hologram.load("one.zarr", at=3).phases["green"][0]
+    refiner = Refiner(hologram, strategy="adam")
+    refiner.aim(x="1mm", spread=1e-4)
+    hologram.view(aperture=4e-3)  # misuse
+    hologram.view(obstructed="glasses")  # misuse
+    hologram.score()[0].snr  # misuse
+    hologram.refine((4e-3, 0, 4e-3))  # misuse
+    hologram.phases = {}  # misuse
+    hologram.exposures["green"]  # misuse
+    Hologram.from_phases(phases)  # misuse
+    Refiner("one.zarr")  # misuse
+    refiner.step(2, callback=lambda loss: loss < 1)  # misuse
+
+
+def shows(hologram: Hologram, display: Display) -> None:
+    with eyebox.show(hologram, display, eye="own", clock="simulated", seconds="1s") as session:
+        for frame in session:
+            session.look("1mm", age="2ms")
+            frame.pixels.shape[0] + frame.number
+        session.frame(timeout="100ms")
+    eyebox.show(hologram, display, output="screen")  # misuse
+    eyebox.show(hologram, display, eye=3)  # misuse
+    session.look()  # misuse
+    frame.pixel  # misuse
+    eyebox.slmsuite.play([hologram], object(), rate="60Hz", callback=lambda shown: shown.sub_frame < 8)
+    eyebox.slmsuite.levels(hologram, object(), color=3)  # misuse
+    eyebox.cluster.evaluate(["one.zarr"], "scores.json", [(0, 0, 4e-3, 0)]).to_dataframe()
+    eyebox.cluster.solve_sequence(["builtin:plane"], "film.zarr", display, steps=3, seed=1, quality="fast")
+    eyebox.cluster.solve_sequence(["builtin:plane"], "film.zarr", display, stesp=3)  # misuse
+    eyebox.calibrate(display, lambda shot: np.zeros((4, 4)), hello={}).report["parameters"]
+    eyebox.calibrate(display, lambda: np.zeros((4, 4)), hello={})  # misuse
