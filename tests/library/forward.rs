@@ -56,7 +56,7 @@ fn others() -> Vec<(&'static str, Display, Color)> {
     let text = faulty().to_toml() + "\n[source.green]\nimage_mm = 1\nshape = \"square\"\nsamples = 2\n";
     let source = Display::from_toml(&text, "lit").unwrap();
     let source = Display { picture, prescription: Some(Prescription::new(-0.1, 0.05, 35.0)), ..source };
-    let far = Display { height: 20, width: 24, ..Display::preset("far-field").unwrap() };
+    let far = Display { height: 20, width: 24, pitch: 200e-6, ..Display::preset("far-field").unwrap() };
     let dir = tempfile::tempdir().unwrap();
     let turns: Vec<f32> = noise(48 * 40, 77).iter().map(|x| 3.0 * *x as f32).collect();
     write_npy(&dir.path().join("mask.npy"), &[40, 48], &turns).unwrap();
@@ -72,7 +72,7 @@ fn pupils() -> [Pupil; 2] {
 
 /// Returns pupils that cover some pixels of an SLM in the pupil plane.
 fn near_axis() -> [Pupil; 2] {
-    [Pupil::from_mm([0.02, -0.01, 0.1, 4.0]), Pupil::from_mm([-0.03, 0.02, 0.07, -1.0])]
+    [Pupil::from_mm([0.5, -0.3, 2.0, 4.0]), Pupil::from_mm([-0.8, 0.4, 1.5, -1.0])]
 }
 
 /// Returns the derivatives of the mean squared difference of exposed images from targets, with respect to the images.
