@@ -1,17 +1,21 @@
 //! The forward model for optimizers of other programs. Its images equal the images of a hologram, and its gradients are
 //! the derivatives of a loss in float64.
 
-use crate::model::{Bench, optics};
-use eyebox::low_level::engine::cpu::CpuEngine;
-use eyebox::low_level::evaluate::{crop, crop_adjoint};
+use crate::model::{Bench, optics, seen_on};
+use eyebox::low_level::engine::{Engine, cpu::CpuEngine};
+use eyebox::low_level::evaluate::{crop, crop_adjoint, photographs};
 use eyebox::low_level::files::write_npy;
 use eyebox::low_level::hologram::{ColorHologram, Hologram};
 use eyebox::low_level::optics::{
     Color, Display, Geometry, Level, ModelTerms, Optics, Padding, Picture, PictureWarp, Prescription, Pupil,
     WindowFactor,
 };
-use eyebox::low_level::plan::Planner;
+use eyebox::low_level::plan::{Planner, Purpose};
 use eyebox::low_level::reconstruction::{ForwardModel, ReconstructionError};
+use eyebox::low_level::scene;
+use eyebox::low_level::solve::{
+    self, FirstPhases, Flow, Optimizer, Problem, PupilRange, Sampler, Settings, cosine, random_phases,
+};
 use eyebox_tests::both::every_fault;
 use eyebox_tests::gradient::{assert_derivative, intensity_loss, random_targets, unwrapped_phases};
 use eyebox_tests::{Oracle, error_power, noise};
@@ -52,7 +56,7 @@ fn others() -> Vec<(&'static str, Display, Color)> {
     let text = faulty().to_toml() + "\n[source.green]\nimage_mm = 1\nshape = \"square\"\nsamples = 2\n";
     let source = Display::from_toml(&text, "lit").unwrap();
     let source = Display { picture, prescription: Some(Prescription::new(-0.1, 0.05, 35.0)), ..source };
-    let far = Display { height: 20, width: 24, ..Display::preset("far-field").unwrap() };
+    let far = Display { height: 20, width: 24, pitch: 200e-6, ..Display::preset("far-field").unwrap() };
     let dir = tempfile::tempdir().unwrap();
     let turns: Vec<f32> = noise(48 * 40, 77).iter().map(|x| 3.0 * *x as f32).collect();
     write_npy(&dir.path().join("mask.npy"), &[40, 48], &turns).unwrap();
@@ -68,7 +72,7 @@ fn pupils() -> [Pupil; 2] {
 
 /// Returns pupils that cover some pixels of an SLM in the pupil plane.
 fn near_axis() -> [Pupil; 2] {
-    [Pupil::from_mm([0.02, -0.01, 0.1, 4.0]), Pupil::from_mm([-0.03, 0.02, 0.07, -1.0])]
+    [Pupil::from_mm([0.5, -0.3, 2.0, 4.0]), Pupil::from_mm([-0.8, 0.4, 1.5, -1.0])]
 }
 
 /// Returns the derivatives of the mean squared difference of exposed images from targets, with respect to the images.
@@ -146,6 +150,56 @@ fn each_part_of_the_model_is_in_the_images_and_in_the_gradient() {
         eprintln!("{name}: {:.1e}", closed / numeric - 1.0);
         assert!((closed / numeric - 1.0).abs() < 1e-4, "{name}: {closed}, not {numeric}");
     }
+}
+
+/// Adam in a few lines over the model, from the same phases with the same pupils, takes the steps of a solve by Adam.
+#[test]
+fn a_loop_of_adam_over_the_model_is_a_solve_by_adam() {
+    let display = Display { height: 48, width: 48, ..Display::preset("small").unwrap() };
+    let field = scene::load("builtin:still-life", &scene::Request::new(&display, &[Color::Green])).unwrap();
+    let problem = Problem::new(&field, Color::Green, &display, Padding::default()).unwrap();
+    let rate = [0.2, 0.01];
+    let settings = Settings {
+        steps: 12,
+        pupils: 4,
+        optimizer: Optimizer::Adam { rate, amplitude: false },
+        window: WindowFactor::Full,
+        diameter: [4e-3, 12e-3],
+        depth: [0.0, 2e-3],
+        first_phases: FirstPhases::Random,
+        ..Settings::default()
+    };
+    let mut engine = CpuEngine::new();
+    let solution = solve::solve(&problem, &settings, &mut engine, &mut |_| Flow::Continue).unwrap();
+
+    let count = settings.frames * 48 * 48;
+    let mut phases = random_phases(count, settings.seed);
+    let (mut first, mut second) = (vec![0.0f64; count], vec![0.0f64; count]);
+    let Settings { diameter, depth, diameters, .. } = settings;
+    let range = PupilRange { eyebox: problem.eyebox, diameter, depth, diameters };
+    let mut pupils = Sampler::new(range, settings.sequence, settings.seed);
+    let (model, mut targets_engine) =
+        (ForwardModel::new(&display, Color::Green, settings.frames).unwrap(), CpuEngine::new());
+    let planner = problem.planner(settings.frames, WindowFactor::Full);
+    targets_engine.load(&planner.shape(Purpose::View), Some(problem.pyramid.clone())).unwrap();
+    for step in 0..settings.steps {
+        let drawn: Vec<Pupil> = (0..settings.pupils).map(|_| pupils.draw()).collect();
+        let targets = photographs(&mut targets_engine, &planner, &drawn).unwrap();
+        let images = model.images(&phases, &drawn, &mut engine).unwrap();
+        let gradients = derivative(&images, &targets, solution.exposure as f32);
+        let gradient = model.adjoint(&phases, &drawn, &gradients, &mut engine).unwrap();
+        let (rate, t) = (cosine(rate, step as f64 / settings.steps as f64), step as i32 + 1);
+        for (((phase, g), m), v) in phases.iter_mut().zip(&gradient).zip(&mut first).zip(&mut second) {
+            let g = f64::from(*g);
+            (*m, *v) = (0.9 * *m + 0.1 * g, 0.999 * *v + 0.001 * g * g);
+            let (m, v) = (*m / (1.0 - 0.9f64.powi(t)), *v / (1.0 - 0.999f64.powi(t)));
+            *phase -= (rate * m / (v.sqrt() + 1e-11)) as f32;
+        }
+    }
+    let [own, solved] = [&phases, &solution.phases].map(|phases| seen_on(&problem, phases));
+    let same = phases.iter().zip(&solution.phases).map(|(a, b)| f64::from(a - b).cos()).sum::<f64>() / count as f64;
+    eprintln!("own loop {own:.3} dB, solve {solved:.3} dB, mean cosine of the difference {same:.6}");
+    assert!((own - solved).abs() < 0.05 && same > 0.999, "{own} dB, not {solved} dB, {same}");
 }
 
 /// The sum of gradient times cropped image equals the sum of the adjoint times the image.

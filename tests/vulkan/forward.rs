@@ -20,17 +20,17 @@ fn both_engines_give_the_same_images_and_gradients() {
     let relay = Display { height: 40, width: 64, ..Display::preset("small").unwrap() };
     let text = relay.to_toml();
     let with = |more: &str| Display::from_toml(&format!("{text}\n{more}"), "bench").unwrap();
-    let far = Display { height: 40, width: 64, ..Display::preset("far-field").unwrap() };
+    let far = Display { height: 40, width: 64, pitch: 100e-6, ..Display::preset("far-field").unwrap() };
     let displays =
         [("ideal", relay), ("bench", with(BENCH)), ("modes", with(&format!("{BENCH}{SOURCE}"))), ("far", far)];
     for plan_as in [DeviceKind::Cpu, DeviceKind::Discrete] {
         let options = Options { plan_as: Some(plan_as), ..watched() };
         let mut engine = VulkanEngine::new(&Gpu::open(&options).unwrap()).unwrap();
         for (name, display) in &displays {
-            let shrink = if *name == "far" { 0.01 } else { 1.0 };
+            let shrink = if *name == "far" { 0.2 } else { 1.0 };
             let pupil =
-                |mm: [f64; 3], depth: f64| Pupil::from_mm([mm[0] * shrink, mm[1] * shrink, mm[2] * shrink, depth]);
-            let pupils = [pupil([3.0, -2.0, 9.0], 4.0), pupil([-5.0, 1.0, 5.0], -1.0)];
+                |[x, y, diameter]: [f64; 3], depth| Pupil::from_mm([x * shrink, y * shrink, diameter * shrink, depth]);
+            let pupils = [pupil([3.0, -2.0, 9.0], 4.0), pupil([-5.0, 1.0, 6.0], -1.0)];
             let model = ForwardModel::new(display, Color::Green, 2).unwrap();
             let mut noise = Noise::new(3);
             let phases = noise.between(2 * 40 * 64, -3.1, 3.1);

@@ -161,18 +161,20 @@ def test_what_makes_no_sense_is_named(call, says):
 
 
 def test_a_loop_of_adam_is_as_good_as_a_solve():
-    """The same rates, exposure and distribution of pupils as in the solve. Phases and pupils are other random ones."""
-    display, frames, steps, pupils = eyebox.Display("small", size=(128, 128)), 4, 60, 8
+    """The same rates, exposure and distribution of pupils as in the solve. Phases and pupils are other random ones, which
+    scatters the result by 0.03 dB."""
+    display, frames, steps, pupils = eyebox.Display("small", size=(128, 128)), 4, 40, 8
     scene = eyebox.Scene("builtin:still-life", display, "green")
-    settings = dict(diameter=(4e-3, 12e-3), depth=(-2e-3, 2e-3), diameters="uniform", window="full", first_phases="random")
+    settings = dict(diameter=(10e-3, 16e-3), depth=(0, 2e-3), diameters="uniform", window="full", first_phases="random")
     solved = eyebox.solve(scene, frames=frames, steps=steps, pupils=pupils, optimizer="adam", engine="cpu", **settings)
-    points = torch.quasirandom.SobolEngine(4, scramble=True, seed=1)
+    # Points of one sequence avoid each other, so the scores have pupils of another sequence.
+    points, others = (torch.quasirandom.SobolEngine(4, scramble=True, seed=seed) for seed in (1, 99))
 
-    def draw(count):
+    def draw(points, count):
         for d, x, y, z in points.draw(count).tolist():
-            diameter = 4e-3 + 8e-3 * d
+            diameter = 10e-3 + 6e-3 * d
             reach = (display.eyebox - diameter) / 2
-            yield reach * (2 * x - 1), reach * (2 * y - 1), diameter, 4e-3 * z - 2e-3
+            yield reach * (2 * x - 1), reach * (2 * y - 1), diameter, 2e-3 * z
 
     model = eyebox.torch.ForwardModel(display, "green", frames, exposure=solved.exposures["green"], engine="cpu")
     generator = torch.Generator().manual_seed(1)
@@ -180,14 +182,14 @@ def test_a_loop_of_adam_is_as_good_as_a_solve():
     adam = torch.optim.Adam([phases], lr=0.2, eps=1e-11)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps, eta_min=0.01)
     for _ in range(steps):
-        at = list(draw(pupils))
+        at = list(draw(points, pupils))
         targets = torch.from_numpy(np.stack([scene.photograph(*pupil, engine="cpu")[..., 0] for pupil in at]))
         adam.zero_grad()
         (model(phases, at) - targets).square().mean().backward()
         adam.step()
         schedule.step()
     own = eyebox.Hologram.from_phases(phases.detach(), display, "green", scene=scene, engine="cpu")
-    at = list(draw(32))
+    at = list(draw(others, 32))
     mean = [np.mean([score.psnr for score in one.score(scene, at, engine="cpu")]) for one in (own, solved)]
     print(f"Adam of PyTorch {mean[0]:.2f} dB, Adam of the engine {mean[1]:.2f} dB")
-    assert mean[0] > mean[1] - 0.1, mean
+    assert abs(mean[0] - mean[1]) < 0.1, mean
