@@ -126,7 +126,7 @@ map = [
     // The SLM is a part of its video frame.
     let area = |more: &str| format!("active_area = {{ video_size = [40, 49], offset = [3, 5], fill = 90 }}\n{more}");
     cases.extend([grating, "packing = \"fields\"\nflip_video = \"both\""].map(|more| (256, area(more))));
-    cases.push((8, area("packing = \"planes8\"\ncells = [[2], [0]]\nflip_video = \"vertical\"")));
+    cases.push((4, area("packing = \"planes8\"\ncells = [[1], [0]]\nflip_video = \"vertical\"")));
     // Four neighboring pixels are also neighbors in the hologram.
     cases.push((256, format!("flip = \"vertical\"\noffset_px = [3, -8]\n{grating}")));
     cases.extend(turns.map(|turn| (256, format!("{turn}\noffset_px = [3, -5]\n{grating}"))));
