@@ -112,7 +112,7 @@ pub mod files {
 pub mod optics {
     pub use eyebox_optics::{Color, Depth, Display, DisplayModel, Encoding, Geometry, JointColor, Obstruction, Optics};
     pub use eyebox_optics::{OpticsError, PRESETS, Packing, Padding, Prescription, Pupil, PupilDistribution, Sources};
-    pub use eyebox_optics::{Viewing, Wavelength, WindowFactor, depth_of_dioptres, dioptres, wrap_phase};
+    pub use eyebox_optics::{Viewing, Wavelength, WindowFactor, dioptres, wrap_phase};
 }
 
 /// Light fields from files and built-in scenes, with depth and disparity.

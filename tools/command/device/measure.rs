@@ -1,6 +1,6 @@
 //! Measures the steps of a device for `eyebox device test --measure`.
 
-use super::test::{Solve, solve};
+use super::small_solve::{Solve, solve};
 use crate::common::Engines;
 use crate::{Failure, progress};
 use eyebox::low_level::engine::Storage;

@@ -2,6 +2,7 @@
 
 mod list;
 mod measure;
+mod small_solve;
 mod test;
 
 use crate::Failure;

@@ -1,6 +1,7 @@
 //! `eyebox device test` compares the same solve on a device and on the CPU, and measures steps with `--measure`.
 
 use super::measure::{self, Row};
+use super::small_solve::{Solve, solve};
 use crate::common::{self, Engines};
 use crate::groups::{DeviceArgs, EngineArgs, EngineName};
 use crate::talk::print_report;
@@ -8,12 +9,8 @@ use crate::{Failure, progress};
 use clap::Args;
 use eyebox::low_level::engine::{Engine, Storage, cpu::CpuEngine};
 use eyebox::low_level::gpu::Options;
-use eyebox::low_level::optics::{Color, Display};
-use eyebox::low_level::produce::solve_colors;
-use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
-use eyebox::low_level::scene::{self, Request};
-use eyebox::low_level::solve::{Flow, Levels, Settings, Solution};
+use eyebox::low_level::solve::Solution;
 use serde_json::json;
 use std::f32::consts::PI;
 
@@ -30,8 +27,6 @@ pub struct Test {
     pub json: bool,
 }
 
-/// The scene of the test.
-const SCENE: &str = "builtin:still-life";
 /// Steps of the comparison. After many steps rounding alone makes phases differ.
 const STEPS: usize = 3;
 /// The solve of the comparison.
@@ -88,33 +83,6 @@ pub fn run(args: &Test) -> Result<(), Failure> {
         "{}: its phases are {rms:.1e} rad off those of the CPU. Update its driver, or use --engine cpu",
         engine.describe()
     )))
-}
-
-/// The size of a solve.
-#[derive(Clone, Copy)]
-pub struct Solve {
-    /// Rows and columns of the display.
-    pub size: [usize; 2],
-    pub pupils: usize,
-    pub steps: usize,
-}
-
-/// Solves the scene of the test in green.
-pub fn solve(engine: &mut dyn Engine, of: Solve, storage: Storage) -> Result<Solution, Failure> {
-    let mut display = Display::load("paper")?;
-    [display.height, display.width] = of.size;
-    let field = scene::load(SCENE, &Request::new(&display, &[Color::Green]))?;
-    let depth = field.depths(&display, None)?;
-    let diameter = common::diameters(None, &display, false)?;
-    let (steps, pupils) = (of.steps, of.pupils);
-    let settings = Settings { steps, pupils, storage, depth, diameter, ..Settings::default() };
-    let levels = Levels::of(&display);
-    let job = ColorJob { field: &field, color: Color::Green, display: &display, base: settings.clone(), levels };
-    let solved = solve_colors(&job, &[Color::Green], &settings, engine, &mut |_| {
-        if progress::interrupted() { Flow::Stop } else { Flow::Continue }
-    })?;
-    let solution = solved.into_iter().next().map(|(_, solution)| solution);
-    solution.ok_or_else(|| Failure::Arguments(reason!("nothing-solved", "no color was solved")))
 }
 
 /// Returns the root mean square of the differences of phases, radians. A full turn is no difference.

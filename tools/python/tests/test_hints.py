@@ -10,6 +10,14 @@ import eyebox.slmsuite
 import pytest
 from eyebox import _eyebox
 
+MODULES = [eyebox, eyebox.cluster, eyebox.slmsuite]
+try:
+    import eyebox.torch
+except ImportError:
+    pass  # PyTorch is not installed.
+else:
+    MODULES.append(eyebox.torch)
+
 #: Prefix of modules of the package. Named tuples and exceptions also have methods of Python.
 OWN = "eyebox"
 
@@ -17,7 +25,7 @@ OWN = "eyebox"
 def public():
     """Returns every public function, class and method of the package by its name."""
     found = {}
-    for module in (eyebox, eyebox.cluster, eyebox.slmsuite):
+    for module in MODULES:
         for name in module.__all__:
             value = getattr(module, name)
             if inspect.isfunction(value) or inspect.isclass(value):

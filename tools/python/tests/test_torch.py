@@ -146,7 +146,7 @@ def test_parts_of_a_program():
         (lambda m: m(torch.zeros(40, 48), PUPILS), "phases 40 48 3"),
         (lambda m: m(torch.zeros(2, 40, 48, dtype=torch.int64), PUPILS), "phases int64"),
         (lambda m: m(np.zeros((2, 40, 48)), PUPILS), "phases ndarray"),
-        (lambda m: m(torch.full((2, 40, 48), torch.nan), PUPILS), "phases NaN 0"),
+        (lambda m: m(torch.full((2, 40, 48), torch.nan), PUPILS), "phase NaN 0"),
         (lambda m: m(torch.zeros(2, 40, 48), [(0, 0, 4e-3)]), "pupils"),
         (lambda m: m(torch.zeros(2, 40, 48), [(1, 0, 4e-3, 0)]), "pupil"),
         (lambda m: eyebox.torch.ForwardModel(m.display), "color red green blue"),

@@ -127,7 +127,8 @@ fn an_slm_of_fewer_columns_than_its_monitor_is_encoded_corrected_and_shown() {
     std::fs::write(at.join("bench.toml"), format!("{preset}{correction}")).unwrap();
     ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 1024, 1272], &vec![0.0; 1024 * 1272]).unwrap();
     for engine in ["cpu", "vulkan"] {
-        let encode = ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "--engine", engine, "-o", engine];
+        let encode =
+            ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "--engine", engine, "-o", engine];
         let report = json(at, &[&encode[..], &["--json"]].concat());
         assert_eq!((&report["height"], &report["width"]), (&1024.into(), &1280.into()));
         let frame = image::open(at.join(engine).join("frame-00000.png")).unwrap().into_luma8();
@@ -142,7 +143,10 @@ fn an_slm_of_fewer_columns_than_its_monitor_is_encoded_corrected_and_shown() {
     let shown = std::fs::read_dir(at.join("shown")).unwrap().map(|e| e.unwrap().path());
     let shown: Vec<_> = shown.filter(|file| file.extension().is_some_and(|e| e == "png")).collect();
     let frame = image::open(at.join("cpu/frame-00000.png")).unwrap().into_luma8();
-    assert!(!shown.is_empty() && shown.iter().all(|file| image::open(file).unwrap().into_luma8() == frame), "{shown:?}");
+    assert!(
+        !shown.is_empty() && shown.iter().all(|file| image::open(file).unwrap().into_luma8() == frame),
+        "{shown:?}"
+    );
     // The size of the video frame is not the size of a correction.
     image::GrayImage::new(1280, 1024).save(at.join("flat.bmp")).unwrap();
     let encode = ["encode", "p.npy", "--display", "bench.toml", "--color", "green", "-o", "x"];
