@@ -2,12 +2,12 @@
 
 use super::measure::{self, Row};
 use super::small_solve::{Solve, solve};
-use crate::common::{self, Engines};
+use crate::common::Engines;
 use crate::groups::{DeviceArgs, EngineArgs, EngineName};
 use crate::talk::print_report;
 use crate::{Failure, progress};
 use clap::Args;
-use eyebox::low_level::engine::{Engine, Storage, cpu::CpuEngine};
+use eyebox::low_level::engine::{Storage, cpu::CpuEngine};
 use eyebox::low_level::gpu::Options;
 use eyebox::low_level::reason;
 use eyebox::low_level::solve::Solution;
