@@ -47,8 +47,8 @@ fn faulty() -> Display {
     })
 }
 
-/// Returns displays with further parts of the model: a source of several modes with an eye and a distorted picture, a
-/// far field whose picture is smaller than the field of view, and a mask at a distance.
+/// Returns displays with further parts of the model. One has a source of several modes, an eye and a distorted picture.
+/// Another is a far field whose picture is smaller than the field of view. The last has a mask at a distance.
 fn others() -> Vec<(&'static str, Display, Color)> {
     let mut picture = Picture::default();
     let homography = [0.9, 0.03, 0.02, -0.03, 0.906, -0.05, 0.02, -0.01];
@@ -115,7 +115,7 @@ fn seen(display: &Display, color: Color, phases: &[f32], pupils: &[Pupil]) -> Ve
     pupils.iter().flat_map(one).collect()
 }
 
-/// The images equal those of a hologram bit for bit, also for phases with whole turns. The gradient is the derivative
+/// The images equal the images of a hologram bit for bit, also for phases with whole turns. The gradient is the derivative
 /// of the sum of the images times random weights. Float32 images limit the differences.
 #[test]
 fn each_part_of_the_model_is_in_the_images_and_in_the_gradient() {

@@ -5,7 +5,7 @@
 
 VIEWS is a folder of n x n pictures of a light field, whose names sort row by row. The program propagates every pupil at
 full resolution, differentiates with autograd and descends with Adam. The display is the preset `paper` in green. The
-equations are those of docs/optics. It prints the time of an iteration and the PSNR of 16 random pupils, which no
+equations are in docs/optics. It prints the time of an iteration and the PSNR of 16 random pupils, which no
 iteration used. `--save` writes phases in radians as (sub-frame, row, column), which `eyebox eval score` reads.
 """
 

@@ -20,7 +20,7 @@ type Gain = (String, usize, usize, usize, Vec<f64>, Vec<f64>);
 
 /// Takes steps of every color of a hologram of a scene on a display, with the command of a camera.
 ///
-/// Its pictures stay in the folder of `bench` if there is one. `told` receives activities and lines as for a
+/// The pictures stay in the folder of `bench` if there is one. `told` receives activities and lines as for a
 /// calibration. Returns the hologram with the phases that are better in pictures that no step uses, the gain of each
 /// color, and the error that ended the steps early.
 #[pyfunction]

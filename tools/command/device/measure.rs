@@ -17,7 +17,7 @@ const SOLVES: [Solve; 5] = [
     Solve { size: [1080, 1920], pupils: 16, steps: 20 },
 ];
 
-/// A measured solve.
+/// A solve of the measurement, with its result.
 pub struct Row {
     solve: Solve,
     storage: Storage,

@@ -1,6 +1,6 @@
 """The forward model of a display as a module of PyTorch, for methods of your own that train through a calibrated bench.
 
-The images and the gradients are those of eyebox's engine. The rest of the program can be any PyTorch.
+The engine of eyebox computes the images and the gradients. The rest of the program can be any PyTorch.
 
 >>> import torch, eyebox, eyebox.torch
 >>> model = eyebox.torch.ForwardModel(eyebox.Display("small", size=(32, 32)), color="green", frames=2)
