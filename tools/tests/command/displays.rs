@@ -91,8 +91,9 @@ fn a_preset_puts_the_bits_of_a_level_where_its_slm_reads_them() {
     // R7 to R5, G7 to G5, B7 to B4 in the maker's guide, and red and the lowest two bits of blue.
     let santec = |p: [u8; 3]| u32::from(p[0] >> 5) << 7 | u32::from(p[1] >> 5) << 4 | u32::from(p[2] >> 4);
     let meadowlark = |p: [u8; 3]| u32::from(p[0]) << 2 | u32::from(p[1]) << 10 | u32::from(p[2]);
-    let links: [(&str, f64, &dyn Fn([u8; 3]) -> u32); 2] =
-        [("santec-slm-200", 1023.0, &santec), ("meadowlark-hdmi-10bit", 1024.0, &meadowlark)];
+    // The preset, the levels of a full turn, and the level of a pixel.
+    type Link<'a> = (&'a str, f64, &'a dyn Fn([u8; 3]) -> u32);
+    let links: [Link<'_>; 2] = [("santec-slm-200", 1023.0, &santec), ("meadowlark-hdmi-10bit", 1024.0, &meadowlark)];
     for (preset, two_pi, read) in links {
         let phases: Vec<f32> = (0..1023).map(|n| (f64::from(n) / two_pi * std::f64::consts::TAU) as f32).collect();
         ::eyebox::low_level::files::write_npy(&at.join("p.npy"), &[1, 3, 341], &phases).unwrap();

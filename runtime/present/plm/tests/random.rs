@@ -42,10 +42,7 @@ impl Run {
             7 => self.controller.sleep(),
             _ => {
                 // The program is killed, and another one takes the device.
-                let fresh = match Controller::new(Box::new(self.device.clone())) {
-                    Ok(fresh) => fresh,
-                    Err(error) => return Err(error),
-                };
+                let fresh = Controller::new(Box::new(self.device.clone()))?;
                 std::mem::forget(std::mem::replace(&mut self.controller, fresh));
                 Ok(())
             }

@@ -10,14 +10,16 @@ fn all_levels(preset: &str, two_pi: f64) -> (Display, Vec<f32>) {
     (display, (0..1024).map(|n| (f64::from(n) / two_pi * TAU) as f32).collect())
 }
 
+/// The preset, the levels of a full turn, and the channels of a level.
+type Link<'a> = (&'a str, f64, &'a dyn Fn(u32) -> [u32; 3]);
+
 /// Each level is compared with the bytes that the description of the link states.
 #[test]
 fn ten_bits_are_where_the_link_has_them() {
     let meadowlark = |n: u32| [n >> 2, 0, n & 3];
     // R7 to R5, G7 to G5, B7 to B4, the highest bit first.
     let santec = |n: u32| [n >> 7 << 5, (n >> 4 & 7) << 5, (n & 15) << 4];
-    let links: [(&str, f64, &dyn Fn(u32) -> [u32; 3]); 2] =
-        [("meadowlark-hdmi-10bit", 1024.0, &meadowlark), ("santec-slm-200", 1023.0, &santec)];
+    let links: [Link<'_>; 2] = [("meadowlark-hdmi-10bit", 1024.0, &meadowlark), ("santec-slm-200", 1023.0, &santec)];
     for (preset, two_pi, link) in links {
         let (display, phases) = all_levels(preset, two_pi);
         let frames = encode(&display, &[Color::Green], 1, std::slice::from_ref(&phases));
