@@ -145,6 +145,7 @@ def size(value: Any) -> list[int]:
         try:
             return _eyebox.size(value)
         except ValueError as error:
+            error.args = (f"size: {error}",)
             setattr(error, "argument", "size")
             raise
     try:

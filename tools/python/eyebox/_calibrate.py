@@ -9,7 +9,7 @@ import shlex
 import sys
 import tempfile
 import threading
-from multiprocessing.connection import Connection, Listener
+from multiprocessing.connection import Client, Connection, Listener
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 
 import numpy as np
@@ -223,8 +223,9 @@ class _Bench:
         return told
 
     def __enter__(self) -> _Bench:
-        key = secrets.token_bytes(32)
+        self.key = key = secrets.token_bytes(32)
         self.listener = Listener(authkey=key)
+        self.closed = False
         self.folder = tempfile.TemporaryDirectory(prefix="eyebox-")
         # The key is in a file of this user alone, because other users can see the arguments of a command.
         secret = os.path.join(self.folder.name, "key")
@@ -234,10 +235,18 @@ class _Bench:
         address = json.dumps(self.listener.address) if family == "AF_INET" else self.listener.address
         script = os.path.join(os.path.dirname(__file__), "_camera.py")
         self.command = shlex.join([sys.executable, script, family, address, secret])
-        threading.Thread(target=self.serve, daemon=True).start()
+        self.thread = threading.Thread(target=self.serve, daemon=True)
+        self.thread.start()
         return self
 
     def __exit__(self, *_: Any) -> None:
+        # A thread that waits at a closed socket would take connections of the next socket with the same number.
+        self.closed = True
+        try:
+            Client(self.listener.address, authkey=self.key).close()
+        except OSError:
+            pass
+        self.thread.join(10)
         self.listener.close()
         for connection in self.open:
             connection.close()
@@ -247,10 +256,13 @@ class _Bench:
         while True:
             try:
                 connection = self.listener.accept()
-            except Exception:  # The listener is closed, or a client had no key.
-                if getattr(self.listener, "_listener", None) is None:
+            except Exception:  # A client had no key.
+                if self.closed:
                     return
                 continue
+            if self.closed:
+                connection.close()
+                return
             self.open.append(connection)
             threading.Thread(target=self.answer, args=(connection,), daemon=True).start()
 

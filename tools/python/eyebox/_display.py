@@ -119,11 +119,19 @@ class Display:
         """Returns the text of the display file."""
         return self._native.to_toml()
 
-    def replace(self, *, size: tuple[int, int] | str | None = None, **fields: Unpack[DisplayFields]) -> Display:
+    def replace(
+        self,
+        *,
+        name: str | None = None,
+        size: tuple[int, int] | str | None = None,
+        **fields: Unpack[DisplayFields],
+    ) -> Display:
         """Returns the same display with other values of some keys.
 
         Parameters
         ----------
+        name : str, optional
+            Name of the display.
         size : (int, int) or str, optional
             Rows and columns of the SLM, or a text such as "1080p".
         **fields
@@ -143,6 +151,8 @@ class Display:
         (16, 0.2)
         """
         given = _fields(fields, size)
+        if name is not None:
+            given["name"] = str(name)
         return Display._of(self._native.replace(_arguments.toml(_without_none(given)), _removed(given)))
 
     def _repr_html_(self) -> str:

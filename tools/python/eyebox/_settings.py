@@ -41,7 +41,6 @@ class SolveFields(TypedDict, total=False):
     padding: Literal["never", "need", "always", "exact"] | bool | None
     pixel: Literal[1, 2] | None
     all_modes: bool | None
-    motion: Mapping[str, Any] | None
     joint: Mapping[str, Any] | None
     window_bytes: Whole | None
     storage: Storage | None
@@ -112,8 +111,8 @@ class SolveSettings:
         Window of the STFT, patches of the eyebox, step between used views, and side of a solved pixel.
     levels : int, bool or sequence of float
         Phase levels of the SLM.
-    motion, joint : dict
-        Movement during a set, and simultaneous color.
+    joint : dict
+        Simultaneous color.
     all_modes, force : bool
         All modes of the source for every pupil, and acceptance of unusual displays and pupils.
     full : str or sequence of str
@@ -153,7 +152,6 @@ class SolveSettings:
     views: Whole | None = None
     pixel: Literal[1, 2] | None = None
     all_modes: bool | None = None
-    motion: Mapping[str, Any] | None = None
     joint: Mapping[str, Any] | None = None
     window_bytes: Whole | None = None
     storage: Storage | None = None

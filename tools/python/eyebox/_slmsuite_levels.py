@@ -6,11 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from . import _arguments
+from . import _arguments, _eyebox
+from ._display import Display
 from ._hologram import Hologram
 
 #: Keys of an encoding that describe video frames. The driver of slmsuite makes the frames instead.
 _OF_FRAMES = ("packing", "map", "channel", "channel_order", "codes", "cells", "flip_video")
+
+
+#: Highest number of levels that the library encodes, which are 8 bits.
+MOST_LEVELS = 256
 
 
 def slm_size(slm: Any) -> tuple[int, int]:
@@ -35,6 +40,18 @@ def plain_array(value: Any) -> np.ndarray:
     return np.asarray(value.get() if hasattr(value, "get") else value)
 
 
+def look_up(slm: Any, wavelengths: dict[str, float]) -> dict[str, Any]:
+    """Returns the look-up table of an SLM of slmsuite as keys of an encoding, for wavelengths in meters.
+
+    ``gamma`` has the waves of each level. Otherwise ``wav_design_um`` is the wavelength of which all levels are a wave.
+    """
+    gamma = getattr(slm, "gamma", None)
+    if gamma is not None:
+        return {"phases_turns": plain_array(gamma).ravel().tolist()}
+    count, design = 2 ** bit_depth(slm), float(slm.wav_design_um) * 1e-6
+    return {"two_pi_level": {color: count * wavelength / design for color, wavelength in wavelengths.items()}}
+
+
 def levels(hologram: Hologram, slm: Any, color: str | None = None, display: Any = None) -> np.ndarray:
     """Computes the gray levels that an SLM of slmsuite shows for a hologram.
 
@@ -47,8 +64,9 @@ def levels(hologram: Hologram, slm: Any, color: str | None = None, display: Any 
     color : str, optional
         Color to show. It is optional if the hologram has only one color.
     display : Display, str or path, optional
-        Display with the phases of the levels. The default is the display of the solve. Keys about video frames, such as
-        ``packing`` and ``codes``, have no effect here, because slmsuite's driver makes the frames.
+        Display with the phases of the levels. The default is the display of the solve if it is a preset or a file.
+        Otherwise the default is the look-up table of the SLM, as for :func:`display_of`. Keys about video frames, such
+        as ``packing`` and ``codes``, have no effect, because the driver of slmsuite makes the frames.
 
     Returns
     -------
@@ -64,7 +82,7 @@ def levels(hologram: Hologram, slm: Any, color: str | None = None, display: Any 
     """
     if not isinstance(hologram, Hologram):
         raise _arguments.wrong(TypeError, "hologram", f"is {hologram!r}: it must be an eyebox.Hologram")
-    shown = hologram._shown_on(display)
+    shown = _shown_on(hologram, slm, display)
     names = hologram.colors
     [name] = _one_color(color, names)
     size, count = slm_size(slm), 2 ** bit_depth(slm)
@@ -79,12 +97,50 @@ def levels(hologram: Hologram, slm: Any, color: str | None = None, display: Any 
             f"has {count} levels, but the display has {shown.levels}: give display=display.replace(levels={count}), "
             "with the phases of these levels"
         )
-    bits = list(range((count - 1).bit_length()))
-    place = {"sub_frame": 0, "channel": "rgb", "bits": bits}
+    if count > MOST_LEVELS:
+        return _nearest(hologram.phases[name], _turns(shown, slm, name, count)).astype(level_type(slm))
+    place = {"sub_frame": 0, "channel": "red", "bits": list(range((count - 1).bit_length()))}
     entries = [{**place, "color": one, "video_frame": at} for at, one in enumerate(names)]
-    words = hologram.encode(shown.replace(encoding={**dict.fromkeys(_OF_FRAMES), "packing": "map", "map": entries}))
-    own = words[names.index(name) :: len(names)].astype(np.uint32)
-    return (own[..., 0] | own[..., 1] << 8 | own[..., 2] << 16).astype(level_type(slm))
+    frames = hologram.encode(shown.replace(encoding={**dict.fromkeys(_OF_FRAMES), "packing": "map", "map": entries}))
+    return frames[names.index(name) :: len(names), ..., 0].astype(level_type(slm))
+
+
+def _turns(display: Display, slm: Any, color: str, count: int) -> np.ndarray:
+    """Returns the waves of each level of an SLM with more levels than video frames of eyebox have."""
+    table = look_up(slm, display.wavelengths)
+    plain = display.replace(encoding=None)
+    if display == plain.replace(encoding=table):
+        turns = table.get("phases_turns")
+        return np.arange(count) / table["two_pi_level"][color] if turns is None else np.array(turns)
+    if display == plain:
+        return np.arange(count) / count
+    raise _arguments.wrong(
+        ValueError,
+        "display",
+        f"has {count} levels and an encoding of its own, but eyebox encodes at most {MOST_LEVELS} levels: use "
+        "eyebox.slmsuite.display_of(slm, focal_length), whose encoding is the look-up table of the SLM",
+    )
+
+
+def _nearest(phases: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Returns the level whose phase is nearest on the circle, for each phase in radians."""
+    order = np.argsort(turns % 1, kind="stable")
+    around = (turns % 1)[order]
+    around = np.concatenate([around[-1:] - 1, around, around[:1] + 1])
+    middles = (around[1:] + around[:-1]) / 2
+    at = np.searchsorted(middles, phases.astype(np.float64) / (2 * np.pi) % 1, side="right")
+    return order[(at - 1) % len(order)]
+
+
+def _shown_on(hologram: Hologram, slm: Any, display: Any) -> Display:
+    """Returns the given display, the display of the solve, or its optics with the look-up table of the SLM."""
+    try:
+        return hologram._shown_on(display)
+    except _eyebox.DisplayError:
+        if display is not None:
+            raise
+    made = hologram.display
+    return made.replace(levels=2 ** bit_depth(slm), encoding=look_up(slm, made.wavelengths))
 
 
 def _one_color(color: Any, has: list[str]) -> list[str]:

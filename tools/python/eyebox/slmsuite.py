@@ -26,7 +26,7 @@ from . import _arguments, _eyebox
 from ._display import Display
 from ._hologram import Hologram
 from ._slmsuite_bench import Bench
-from ._slmsuite_levels import bit_depth, levels, plain_array, slm_size
+from ._slmsuite_levels import bit_depth, levels, look_up, slm_size
 
 __all__ = ["Bench", "Played", "Shown", "display_of", "levels", "play", "show"]
 
@@ -102,20 +102,16 @@ def display_of(
     wavelength = float(slm.wav_um) * 1e3
     if color is None:
         color = "blue" if wavelength < 490 else "green" if wavelength < 580 else "red"
-    count, gamma = 2 ** bit_depth(slm), getattr(slm, "gamma", None)
-    if gamma is not None:
-        encoding: dict[str, Any] = {"phases_turns": plain_array(gamma).ravel().tolist()}
-    else:
-        encoding = {"two_pi_level": count * wavelength / (float(slm.wav_design_um) * 1e3)}
+    encoding = look_up(slm, {color: wavelength * 1e-9})
     known = {
-        "name": str(getattr(slm, "name", "") or "slmsuite"),
         "pitch_um": pitch[0],
         "focal_length_mm": 1e3 * _arguments.finite_quantity(focal_length, "m", "focal_length"),
         "wavelengths_nm": {color: wavelength},
-        "levels": count,
+        "levels": 2 ** bit_depth(slm),
     }
     given = fields.pop("encoding", None)
-    return Display(size=slm_size(slm), **{**known, "encoding": {**encoding, **(given or {})}, **fields})
+    made = Display(size=slm_size(slm), **{**known, "encoding": {**encoding, **(given or {})}, **fields})
+    return made.replace(name=str(getattr(slm, "name", "") or "slmsuite"))
 
 
 def show(

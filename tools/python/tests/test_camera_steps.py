@@ -4,11 +4,15 @@ import eyebox
 import numpy as np
 import pytest
 from conftest import coded, named
-from test_calibrate import FIELDS, HELLO, bench
+from test_calibrate import FIELDS, HELLO as WIDE, bench
 
-#: The display file has no model, and the real display has other phases and a zero order.
-REAL = {"green": {"level": [[1.12] * 3] * 3, "undiffracted": [0.2, 0.1, 0, 0, 0]}}
+#: The light through the largest iris is at most 3 times that through the smallest one.
+HELLO = {**WIDE, "iris": {**WIDE["iris"], "diameter_mm": [5, 8]}}
+#: The display file has no model, and the relay of the real display has a wavefront error.
+REAL = {"green": {"wavefront": {"4": 0.3, "5": 0.2}}}
 HOW = dict(color="green", frames=1, steps=10, pupils=4, seed=2, engine="cpu")
+#: A solve whose camera steps gain 0.4 dB.
+LONGER = dict(frames=2, steps=20, pupils=8)
 
 
 def solve(camera, **more):
@@ -18,11 +22,11 @@ def solve(camera, **more):
 def test_the_camera_improves_the_hologram_on_the_real_display(tmp_path):
     real = eyebox.Display(**FIELDS, model=REAL)
     camera, shots = bench(real)
-    plain = eyebox.solve("builtin:still-life", eyebox.Display(**FIELDS), **HOW)
-    better = solve(camera, camera_steps=4, captures=tmp_path / "kept")
+    plain = eyebox.solve("builtin:still-life", eyebox.Display(**FIELDS), **{**HOW, **LONGER})
+    better = solve(camera, camera_steps=8, captures=tmp_path / "kept", **LONGER)
     [gain] = better.metadata["camera"]
-    assert gain["color"] == "green" and 0 < gain["steps"] <= 4 and gain["pictures"] == len(shots)
-    assert gain["psnr_db"][1] > gain["psnr_db"][0] + 0.3
+    assert gain["color"] == "green" and 0 < gain["steps"] <= 8 and gain["pictures"] > 8 * 6
+    assert gain["psnr_db"][1] > gain["psnr_db"][0] + 0.2
     assert better.phases["green"].tobytes() != plain.phases["green"].tobytes() and better.stopped == "steps"
     assert list((tmp_path / "kept").iterdir()), "the pictures are kept"
 
@@ -31,7 +35,7 @@ def test_the_camera_improves_the_hologram_on_the_real_display(tmp_path):
         return eyebox.Hologram.from_phases(phases, real, "green", scene="builtin:still-life").score(engine="cpu", other_scene=True)
 
     before, after = ([score.psnr for score in seen(one)] for one in (plain, better))
-    assert np.mean(after) > np.mean(before) + 0.3
+    assert np.mean(after) > np.mean(before) + 0.1
 
 
 def test_the_levels_are_those_of_the_display():

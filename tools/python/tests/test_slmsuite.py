@@ -95,7 +95,8 @@ def test_levels_have_the_bits_of_the_slm(bitdepth):
     assert display.levels == 2**bitdepth
     levels = eyebox.slmsuite.levels(grating(display, 64), slm)
     assert levels.dtype == (np.uint8 if bitdepth <= 8 else np.uint16)
-    assert (levels[0, 0] == np.rint(2**bitdepth * np.arange(COLUMNS) / 64) % 2**bitdepth).all()
+    off = (levels[0, 0] / 2**bitdepth - np.arange(COLUMNS) / 64 + 0.5) % 1 - 0.5
+    assert np.abs(off).max() <= 0.5 / 2**bitdepth + 1e-6
     slm.set_phase(levels[0])
 
 
@@ -142,7 +143,11 @@ def test_another_slm_is_refused():
     with named(ValueError, "slm", "64", "48"):
         eyebox.slmsuite.levels(hologram, SimulatedSLM((ROWS, COLUMNS)))
     with named(ValueError, "slm", "1024", "256"):
-        eyebox.slmsuite.levels(hologram, slm_of(10))
+        eyebox.slmsuite.levels(hologram, slm_of(10), display=eyebox.slmsuite.display_of(slm_of(), 0.4))
+    # More levels than 256 have no encoding but the table of the SLM.
+    with named(ValueError, "display", "1024", "256"):
+        turned = eyebox.slmsuite.display_of(slm_of(10), 0.4).replace(encoding={"flip": "horizontal"})
+        eyebox.slmsuite.levels(hologram, slm_of(10), display=turned)
     with named(TypeError, "hologram"):
         eyebox.slmsuite.levels(hologram.phases, slm_of())
 
