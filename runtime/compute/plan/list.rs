@@ -362,7 +362,6 @@ impl Shape {
     }
 
     /// Returns the bytes of a number on a device, for buffers that are not complex.
-    #[cfg(feature = "vulkan")]
     pub(crate) fn real_bytes(&self, resource: Resource) -> u64 {
         let short = self.binary_angles && resource.per_frame() == Some(PerFrame::Pixels);
         if short || self.stores_half(resource) { 2 } else { 4 }
@@ -416,7 +415,6 @@ impl Shape {
     }
 
     /// Returns the actual binding of a kernel. If the SLM has no levels, `Shown` is bound to the phases.
-    #[cfg(feature = "vulkan")]
     pub(crate) fn alias(&self, resource: Resource) -> Resource {
         if resource == Resource::Shown && !self.quantised { Resource::Phases } else { resource }
     }

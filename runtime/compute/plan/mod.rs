@@ -15,6 +15,7 @@ mod lists;
 mod mask;
 mod model;
 mod moments;
+mod moved;
 mod pass;
 mod pupil_pass;
 mod resample_tables;
@@ -35,12 +36,12 @@ pub use list::{Buffer, BufferSize, ModelParts, PerFrame, Purpose, Resource, Shap
 pub use lists::{StepLists, mean_loss};
 pub use model::ModelTables;
 pub use moments::{Moment, Moving};
+pub(crate) use moved::moved;
 pub use pass::{PupilPass, Shot};
 pub use pupil_pass::{Comparison, Planner, ViewLayout};
 pub use storage::Storage;
 #[cfg(feature = "vulkan")]
 pub(crate) use traffic::Entry;
-pub(crate) use traffic::moved;
 #[cfg(feature = "vulkan")]
 pub use traffic::{Move, Recording};
 pub use viewpoint::Viewpoint;
