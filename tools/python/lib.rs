@@ -19,6 +19,7 @@ mod forked;
 mod forward;
 mod frames;
 mod hologram;
+mod internals;
 mod pupil;
 mod quantity;
 mod refiner;

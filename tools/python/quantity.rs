@@ -1,8 +1,8 @@
 //! Texts with units as numbers.
 
 use crate::failure::Failure;
-pub(crate) use eyebox::low_level::quantity::QuantityError;
-use eyebox::low_level::quantity::{Quantity, Unit, read_size};
+pub(crate) use crate::internals::QuantityError;
+use crate::internals::{Quantity, Unit, read_size};
 use eyebox::optics::Depth;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -2,9 +2,9 @@
 
 use crate::arrays::values;
 use crate::failure::{Answer, Failure};
+use crate::internals::{LightField, MadeViews, ViewSynthesis};
 use crate::scene::{Scene, SceneOptions};
 use eyebox::hologram::SceneRecord;
-use eyebox::low_level::scene::{LightField, MadeViews, ViewSynthesis};
 use eyebox::optics::Color;
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;

@@ -87,7 +87,7 @@ def display_of(
     color : str, optional
         Name of the wavelength, "red", "green" or "blue". The default is the name that fits it best.
     **fields
-        Further keys of a display file, as for :class:`eyebox.Display`. They replace those of the SLM.
+        Further keys of a display file, as for :class:`eyebox.Display`. They replace the keys of the SLM.
 
     Raises
     ------
