@@ -18,7 +18,8 @@ fn encoding_a_set_allocates_nothing() {
     ] {
         let display = Display { height: 120, width: 300, ..Display::preset(preset).expect("a preset") };
         let encoder = Encoder::new(&display, colors, 8).expect("an encoder");
-        let phases: Vec<Vec<f32>> = (0..colors.len()).map(|c| (0..8 * 36_000).map(|i| (i * c) as f32 * 1e-3).collect()).collect();
+        let phases: Vec<Vec<f32>> =
+            (0..colors.len()).map(|c| (0..8 * 36_000).map(|i| (i * c) as f32 * 1e-3).collect()).collect();
         let slices: Vec<&[f32]> = phases.iter().map(|p| &p[..]).collect();
         let mut frames = encoder.frames();
         // One thread, so that all that is done is counted.
