@@ -1,7 +1,7 @@
 //! The state of a scene apart from its views, with which another process makes the same scene again.
 
 use crate::arrays::values;
-use crate::failure::{Answer, Failure};
+use crate::failure::Failure;
 use crate::internals::{LightField, MadeViews, ViewSynthesis};
 use crate::scene::{Scene, SceneOptions};
 use eyebox::hologram::SceneRecord;
@@ -67,7 +67,6 @@ pub(crate) fn scene_of_state(state: &str, arrays: Vec<PyReadonlyArrayDyn<'_, f32
     });
     let grid = [rows, columns];
     let field = LightField { name, grid, height, width, colors, planes, view_pitch, disparity, depth, made };
-    let checked = || -> Answer<()> { Ok(field.check()?) };
-    checked()?;
+    field.check().map_err(Failure::from)?;
     Ok(Scene { field, source, record, asked })
 }

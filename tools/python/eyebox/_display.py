@@ -60,7 +60,7 @@ class Display:
         self, name: Path | None = None, *, size: tuple[int, int] | str | None = None, **fields: Unpack[DisplayFields]
     ) -> None:
         if name is None and size is None and not fields:
-            raise _arguments.wrong(TypeError, "name", "is not given: give a name, or the fields of a display file")
+            raise _arguments.wrong(TypeError, "name", "is not given: Display() needs a name, or the fields of a display file")
         named = None if name is None else _arguments.path(name, "name")
         self._native = _eyebox.Display(named, _arguments.toml(_fields(fields, size)))
 

@@ -64,3 +64,4 @@ class DisplayFields(TypedDict, total=False):
     picture: Mapping[str, Any] | None
     prescription: Mapping[str, Any] | None
     viewing: Mapping[str, Any] | None
+    device: Mapping[str, Any] | None
