@@ -64,7 +64,7 @@ fn holograms_and_frames_do_not_depend_on_the_controller() {
         let encoded = format!("{out}.frames");
         done(at, &["encode", out, "-o", &encoded]);
         let display = std::fs::read_to_string(at.join(&encoded).join("display.toml")).unwrap();
-        (crate::common::attributes(&at.join(out))["display_file"]["digest"].clone(), display)
+        (crate::common::attributes(&at.join(out))["settings"]["display_file"]["digest"].clone(), display)
     };
     let ((with, copy), (without, plain)) = (solved("bench.toml", "a.zarr"), solved("plain.toml", "b.zarr"));
     assert!(with == without && with.is_string(), "{with} {without}");
