@@ -65,7 +65,7 @@ impl PresentThread {
         // The monitor of a controller may appear only when its receiver is on.
         let controller = PreparedController::of(encoder, together, output, options.controller)?;
         let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
-        let mut display = output.open_within(patience, size, options.display_rate, options.gpu.as_ref())?;
+        let mut display = output.open(size, options.display_rate, options.gpu.as_ref(), patience)?;
         let notes = shared.notes.clone();
         let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
         let other_gpu = encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other)));

@@ -2,7 +2,8 @@
 
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::present::{
-    Clock, Desktop, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock, SimulatedClock, Sink,
+    Clock, Desktop, DisplayPresenter, Monitor, Offscreen, PresentError, Presenter, Rate, RealClock, SimulatedClock,
+    Sink,
 };
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::ticks::TickedOutput;
@@ -86,33 +87,14 @@ impl Output {
         !matches!(self, Self::Memory { .. } | Self::Ticked(_))
     }
 
-    /// Opens the output like [`open`](Self::open), and tries again for `patience`, because the monitor of a controller
-    /// appears late.
-    pub(crate) fn open_within(
-        &self,
-        patience: Duration,
-        size: [usize; 3],
-        rate: Option<Rate>,
-        gpu: Option<&Gpu>,
-    ) -> Result<OpenDisplay, SessionError> {
-        let begun = Instant::now();
-        loop {
-            match self.open(size, rate, gpu) {
-                Err(error) if error.is_of_display() && begun.elapsed() < patience => {
-                    std::thread::sleep(Duration::from_millis(250));
-                }
-                opened => return opened,
-            }
-        }
-    }
-
     /// Opens the output for video frames of (rows, columns, channels), at the requested `rate` or its own. A display
-    /// shows from `gpu`, or from a device of its own.
+    /// shows from `gpu`, or from a device of its own. A monitor that is missing may appear within `patience`.
     pub(crate) fn open(
         &self,
         size: [usize; 3],
         rate: Option<Rate>,
         gpu: Option<&Gpu>,
+        patience: Duration,
     ) -> Result<OpenDisplay, SessionError> {
         let [rows, columns, channels] = size;
         let real = RealClock::start();
@@ -123,15 +105,18 @@ impl Output {
         };
         let (kind, known, mode_rate) = match self {
             Self::Window { monitor } => {
-                let desktop = Desktop::open()?;
-                let monitor = desktop.choose(monitor.as_deref(), [rows, columns])?;
+                let mut desktop = Desktop::open()?;
+                let monitor = choose(&mut desktop, monitor.as_deref(), [rows, columns], patience)?;
                 let window = desktop.fullscreen(&shared()?, &monitor, real)?;
                 let (mode_rate, known) = (window.rate, rate.or(window.rate));
                 (Kind::Window(Box::new(window)), known, mode_rate)
             }
             #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
-                let display = DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)?;
+                let display = retry(patience, || {
+                    DisplayPresenter::direct(&shared()?, display.as_deref(), [rows, columns], rate, real)
+                        .map_err(SessionError::from)
+                })?;
                 // The rate of the mode counts, which may be 59.94 Hz if 60 Hz was requested.
                 let (mode_rate, known) = (display.rate, display.rate.or(rate));
                 (Kind::Other(Box::new(display), None), known, mode_rate)
@@ -157,6 +142,37 @@ impl Output {
         };
         let rate = usual(known)?;
         Ok(OpenDisplay { kind, real_clock: Some(real), clock: Rc::new(real), rate, mode_rate })
+    }
+}
+
+/// The interval at which a missing monitor is searched.
+const MONITOR_INTERVAL: Duration = Duration::from_millis(250);
+
+/// Chooses a monitor, which may appear within `patience`. A program can open the desktop only once.
+fn choose(
+    desktop: &mut Desktop,
+    wanted: Option<&str>,
+    size: [usize; 2],
+    patience: Duration,
+) -> Result<Monitor, PresentError> {
+    let begun = Instant::now();
+    loop {
+        match desktop.choose(wanted, size) {
+            Err(_) if begun.elapsed() < patience => desktop.pump_for(MONITOR_INTERVAL)?,
+            chosen => return chosen,
+        }
+    }
+}
+
+/// Opens a display without a desktop, which may appear within `patience`.
+#[cfg(feature = "direct-display")]
+fn retry<T>(patience: Duration, open: impl Fn() -> Result<T, SessionError>) -> Result<T, SessionError> {
+    let begun = Instant::now();
+    loop {
+        match open() {
+            Err(error) if error.is_of_display() && begun.elapsed() < patience => std::thread::sleep(MONITOR_INTERVAL),
+            opened => return opened,
+        }
     }
 }
 

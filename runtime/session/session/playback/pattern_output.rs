@@ -45,7 +45,7 @@ impl PatternOutput {
         let frames = first.frames();
         let controller = PreparedController::of(first, encoders.len() > 1, output, None)?;
         let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
-        let display = output.open_within(patience, [frames.height, frames.width, frames.channels], None, None)?;
+        let display = output.open([frames.height, frames.width, frames.channels], None, None, patience)?;
         let rate = display.mode_rate.unwrap_or(display.rate);
         let watch = |c: PreparedController| c.watch(rate, Notes::default(), Trace::none().track("controller"));
         let controller = controller.map(watch).transpose()?;
