@@ -196,12 +196,13 @@ class Scene:
         return xarray.DataArray(self.views, where, ("y", "x", "row", "column", "color"), name=self.source or "views")
 
     def _content(self) -> bytes:
-        """Returns a digest of the views, of their origin and of the display."""
+        """Returns a digest of the scene and of the display.
+
+        The state of the scene has the digest of its file or of its array, or its name, and the options of its views.
+        """
         if self._digest is None:
-            digest = hashlib.sha256(f"{_eyebox.scene_state(self._native)}\n{self._display.to_toml()}".encode())
-            for color in range(len(self.colors)):
-                digest.update(self._native.views(color).tobytes())
-            self._digest = digest.digest()
+            text = f"{self.shape}\n{_eyebox.scene_state(self._native)}\n{self._display.to_toml()}"
+            self._digest = hashlib.sha256(text.encode()).digest()
         return self._digest
 
     def __eq__(self, other: object) -> bool:

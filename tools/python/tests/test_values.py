@@ -51,7 +51,7 @@ def test_copies_are_equal(pairs, kind, way):
     assert type(again) is type(one) and again == one and hash(again) == hash(one)
 
 
-def test_other_content_is_not_equal(display, hologram):
+def test_other_content_is_not_equal(display, hologram, tmp_path):
     light = light_field(3, 3, 2)
     other = light.copy()
     other[1, 1, 5, 5] += 1e-3
@@ -60,7 +60,13 @@ def test_other_content_is_not_equal(display, hologram):
     made = lambda phases, exposure=1.0: eyebox.Hologram.from_phases(phases, display, "green", exposure=exposure)  # noqa: E731
     moved = phases.copy()
     moved[39, 47] = 1e-3
+    file = tmp_path / "views.npy"
+    np.save(file, light)
+    before = eyebox.Scene(file, display, "green")
+    np.save(file, other)
     different = [
+        (before, eyebox.Scene(file, display, "green")),
+        (eyebox.Scene("builtin:plane", display, "green"), eyebox.Scene("builtin:plane", display, "green", views=3)),
         (display, display.replace(levels=16)),
         (scene(light), scene(other)),
         (scene(light), scene(light, view_pitch=1e-3)),
