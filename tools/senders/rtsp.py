@@ -251,8 +251,10 @@ class Stream:
     def received(self):
         """Waits for bytes and yields them as (0 for RTP or 1 for RTCP, bytes). Raises OSError after a silence."""
         tcp = self.connection.socket
-        ready, _, _ = select.select([tcp, *self.sockets], [], [], self.timeout)
-        if not ready:
+        # Frames may arrive together with an answer. They are yielded before a wait that could end with the connection.
+        pending = bool(self.connection.frames)
+        ready, _, _ = ([], [], []) if pending else select.select([tcp, *self.sockets], [], [], self.timeout)
+        if not ready and not pending:
             over = "UDP (a firewall may stop it, then TCP passes)" if self.sockets else "TCP"
             raise OSError(f"no data for {self.timeout:g} s over {over}")
         if tcp in ready:

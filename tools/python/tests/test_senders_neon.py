@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import collections
 import json
 import math
 import os
@@ -248,6 +249,20 @@ def test_a_stream_that_ends_is_requested_again():
     assert "Trying again" in said and len(said.splitlines()) == 1
     begun = times[0]
     assert [t - begun for t in times] == pytest.approx([0, 0.005, 0, 0.005, 0.01, 0.015], abs=1e-5)
+
+
+def test_frames_that_arrived_with_an_answer_are_read_before_the_end_of_the_connection():
+    ours, phone = socket.socketpair()
+    phone.close()
+    with ours:
+        stream = rtsp.Stream.__new__(rtsp.Stream)
+        stream.connection = rtsp.Connection.__new__(rtsp.Connection)
+        stream.connection.socket, stream.connection.data = ours, b""
+        stream.connection.frames = collections.deque([(0, b"sample")])
+        stream.sockets, stream.channels, stream.timeout = (), (0, 1), 1.0
+        assert list(stream.received()) == [(0, b"sample")]
+        with pytest.raises(OSError, match="closed"):
+            list(stream.received())
 
 
 def test_a_goodbye_ends_the_stream():
