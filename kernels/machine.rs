@@ -8,8 +8,8 @@ use std::time::Instant;
 
 /// Number of measurements, of which the best counts.
 const ROUNDS: usize = 5;
-/// Values of each array of the memory test. Both arrays together have 512 MiB, more than any cache holds.
-const VALUES: usize = 1 << 26;
+/// Values of each array of the memory test. Both arrays together have 128 MiB, more than the caches of one processor hold.
+const VALUES: usize = 1 << 24;
 /// Values of a piece that one thread copies at a time.
 const PIECE: usize = 1 << 16;
 /// Vectors that are under way at once. They hide the latency of a fused multiplication and addition.
@@ -26,7 +26,7 @@ pub struct MachineRates {
     pub arithmetic: f64,
 }
 
-/// Measures the limits with all threads of the current pool. It takes about a second and 512 MiB.
+/// Measures the limits with all threads of the current pool. It takes about a second and 128 MiB.
 pub fn machine_rates() -> MachineRates {
     let threads = rayon::current_num_threads() as f64;
     MachineRates { memory: memory_rate() / threads, arithmetic: arithmetic_rate() }
