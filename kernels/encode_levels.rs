@@ -99,39 +99,50 @@ fn each<L>(phases: &[f32], offsets: &[u32], out: &mut [L], level: impl Fn(u32) -
     }
 }
 
-/// Writes the levels of some phases, the lower byte of each. `offsets` belong to the same pixels, or are empty.
+/// Writes what `code` makes of the levels of some phases. `uneven` returns the nearest of a number of levels that is not a
+/// power of two.
 #[inline(always)]
-pub(crate) fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
+fn quantise_to<L>(
+    color: &Levels,
+    phases: &[f32],
+    offsets: &[u32],
+    out: &mut [L],
+    uneven: impl Fn(u32, u32) -> u32,
+    code: impl Fn(u32) -> L,
+) {
     match color {
         Levels::Even(count) if count.is_power_of_two() => {
             let nearest = nearest_power(*count);
-            each(phases, offsets, out, |t| nearest(t) as u8);
+            each(phases, offsets, out, |t| code(nearest(t)));
         }
-        Levels::Even(count) => each(phases, offsets, out, |t| nearest(t, *count) as u8),
+        Levels::Even(count) => each(phases, offsets, out, |t| code(uneven(t, *count))),
         Levels::Table(table) => {
-            // The compiler knows this length, so it checks no index.
-            let table: &[u8; TABLE] = (&**table).try_into().expect("a table has an entry for each part of a turn");
-            each(phases, offsets, out, |t| table[(t >> 16) as usize]);
+            let table = whole(table);
+            each(phases, offsets, out, |t| code(table[(t >> 16) as usize].into()));
         }
-        Levels::FineTable(table) => each(phases, offsets, out, |t| table[(t >> 16) as usize] as u8),
+        Levels::FineTable(table) => {
+            let table = whole(table);
+            each(phases, offsets, out, |t| code(table[(t >> 16) as usize].into()));
+        }
     }
+}
+
+/// Returns the table with a length that the compiler knows, so that it checks no index.
+#[inline(always)]
+fn whole<C>(table: &[C]) -> &[C; TABLE] {
+    table.try_into().expect("a table has an entry for each part of a turn")
+}
+
+/// Writes the levels of some phases, the lower byte of each. `offsets` belong to the same pixels, or are empty.
+#[inline(always)]
+pub(crate) fn quantise(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u8]) {
+    quantise_to(color, phases, offsets, out, nearest, |level| level as u8);
 }
 
 /// Writes the levels of some phases as [`quantise`] does, with two bytes per level.
 #[inline(always)]
 pub(crate) fn quantise_fine(color: &Levels, phases: &[f32], offsets: &[u32], out: &mut [u16]) {
-    match color {
-        Levels::Even(count) if count.is_power_of_two() => {
-            let nearest = nearest_power(*count);
-            each(phases, offsets, out, |t| nearest(t) as u16);
-        }
-        Levels::Even(count) => each(phases, offsets, out, |t| nearest_fine(t, *count) as u16),
-        Levels::Table(table) => each(phases, offsets, out, |t| table[(t >> 16) as usize].into()),
-        Levels::FineTable(table) => {
-            let table: &[u16; TABLE] = (&**table).try_into().expect("a table has an entry for each part of a turn");
-            each(phases, offsets, out, |t| table[(t >> 16) as usize]);
-        }
-    }
+    quantise_to(color, phases, offsets, out, nearest_fine, |level| level as u16);
 }
 
 #[cfg(test)]

@@ -18,6 +18,26 @@ pub(crate) fn linear_light(py: Python<'_>, levels: usize) -> PyResult<Bound<'_, 
     Ok(table.into_pyarray(py))
 }
 
+/// Encodes linear light (color, row, column) of red, green and blue as an 8-bit sRGB PNG.
+#[pyfunction]
+pub(crate) fn png(light: PyReadonlyArrayDyn<'_, f32>) -> PyResult<Vec<u8>> {
+    let ([_, rows, columns], light) = values::<3>(&light, "light")?;
+    let planes: Vec<&[f32]> = light.chunks_exact((rows * columns).max(1)).collect();
+    if planes.len() != 3 {
+        let count = planes.len();
+        return Err(Failure::Argument(format!("light has {count} planes, but red, green and blue are 3")).into());
+    }
+    Ok(encoded(rows, columns, &planes)?)
+}
+
+/// Encodes one or three planes of linear light as a PNG.
+pub(crate) fn encoded(rows: usize, columns: usize, planes: &[&[f32]]) -> Answer<Vec<u8>> {
+    let mut png = Vec::new();
+    let drawn = eyebox::files::encode_png(&mut png, rows, columns, planes);
+    drawn.map_err(|e| Failure::Argument(format!("the picture could not be made: {e}")))?;
+    Ok(png)
+}
+
 /// Returns the shape and the values of an array with `AXES` axes. The Python side has made it contiguous and float32.
 pub(crate) fn values<'a, const AXES: usize>(
     array: &'a PyReadonlyArrayDyn<'_, f32>,

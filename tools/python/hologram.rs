@@ -1,6 +1,6 @@
 //! Holograms with their files, phases and reconstructions.
 
-use crate::arrays::{picture, values};
+use crate::arrays::{encoded, picture, values};
 use crate::call::{Caller, run};
 use crate::display::{Display, colors};
 use crate::engine::Engine;
@@ -192,10 +192,7 @@ impl Hologram {
                 0 => vec![&seen[0].values[..]],
                 _ => vec![of(Color::Red), of(Color::Green), of(Color::Blue)],
             };
-            let mut png = Vec::new();
-            let drawn = eyebox::files::encode_png(&mut png, rows, columns, &planes);
-            drawn.map_err(|e| Failure::Argument(format!("the picture could not be made: {e}")))?;
-            Ok(png)
+            encoded(rows, columns, &planes)
         })
     }
 

@@ -37,7 +37,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _eyebox {
     #[pymodule_export]
-    use crate::arrays::linear_light;
+    use crate::arrays::{linear_light, png};
     #[pymodule_export]
     use crate::calibrate::calibrate;
     #[pymodule_export]

@@ -20,6 +20,18 @@ pub(super) const THROUGH_A_WINDOW: [Kernel; 8] = [
     Kernel::MotionBack,
 ];
 
+/// The kernels from the spectrum to the image of a pupil.
+const TO_THE_IMAGE: [Kernel; 8] = [
+    Kernel::Transfer,
+    Kernel::Relay,
+    Kernel::Eye,
+    Kernel::Taper,
+    Kernel::PassPupil,
+    Kernel::Motion,
+    Kernel::WindowInverse,
+    Kernel::Intensity,
+];
+
 /// Share of the variance of random drives that marks weak crosstalk. If crosstalk leaves this share or more, phases
 /// may wrap, because a bound would cost 0.1 dB (docs/results/solver-and-model.json).
 const WEAK_CROSSTALK: f64 = 0.9;
@@ -92,19 +104,7 @@ impl Planner {
         let all = 0..pupil_passes.len();
         let mut step = self.empty(pupil_passes);
         step.list.extend(self.to_spectrum());
-        step.over_pupil_passes(
-            all,
-            &[
-                Kernel::Transfer,
-                Kernel::Relay,
-                Kernel::Eye,
-                Kernel::Taper,
-                Kernel::PassPupil,
-                Kernel::Motion,
-                Kernel::WindowInverse,
-                Kernel::Intensity,
-            ],
-        );
+        step.over_pupil_passes(all, &TO_THE_IMAGE);
         step
     }
 
@@ -114,25 +114,14 @@ impl Planner {
     /// the derivatives with respect to the phases are `2 Im(conj(u) Change)`, with `u = exp(i phase)`. Fields are stored as
     /// float32, and the pupil passes have a [`Comparison`](super::Comparison) of intensities.
     pub fn adjoint_step(&self, pupil_passes: Vec<PupilPass>) -> Step {
-        const THERE_AND_BACK: [Kernel; 12] = [
-            Kernel::Transfer,
-            Kernel::Relay,
-            Kernel::Eye,
-            Kernel::Taper,
-            Kernel::PassPupil,
-            Kernel::Motion,
-            Kernel::WindowInverse,
-            Kernel::Intensity,
-            Kernel::ApplyFactor,
-            Kernel::WindowForward,
-            Kernel::MotionBack,
-            Kernel::PupilAdjoint,
-        ];
+        const BACK: [Kernel; 4] =
+            [Kernel::ApplyFactor, Kernel::WindowForward, Kernel::MotionBack, Kernel::PupilAdjoint];
         let mut step = self.empty(pupil_passes);
         step.list.extend(self.to_spectrum());
         step.list.push(Dispatch::whole(Kernel::Clear));
         for i in 0..step.pupil_passes.len() {
-            step.over_pupil_passes(i..i + 1, &THERE_AND_BACK);
+            step.over_pupil_passes(i..i + 1, &TO_THE_IMAGE);
+            step.over_pupil_passes(i..i + 1, &BACK);
         }
         step.list.extend(self.to_field());
         step.list.extend(self.to_phases());

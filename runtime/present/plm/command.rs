@@ -51,32 +51,6 @@ pub enum Command {
 }
 
 impl Command {
-    /// Returns the code of the command.
-    pub fn code(self) -> u16 {
-        match self {
-            Self::LastError => 0x0100,
-            Self::LastErrorText => 0x0101,
-            Self::Power => 0x0200,
-            Self::Versions => 0x0205,
-            Self::Hardware => 0x0206,
-            Self::FlipLong => 0x1008,
-            Self::FlipShort => 0x1009,
-            Self::Source => 0x1A00,
-            Self::Receiver => 0x1A01,
-            Self::Port => 0x1A03,
-            Self::HardwareStatus => 0x1A0A,
-            Self::MainStatus => 0x1A0C,
-            Self::Mode => 0x1A1B,
-            Self::Sequence => 0x1A24,
-            Self::Invert => 0x1A30,
-            Self::Table => 0x1A31,
-            Self::Definition => 0x1A34,
-            Self::Swap => 0x1A37,
-            Self::Gamma => 0x1A3B,
-            Self::LeastExposures => 0x1A42,
-        }
-    }
-
     /// All commands in the order of their codes.
     pub const ALL: [Self; 20] = [
         Self::LastError,
@@ -101,39 +75,46 @@ impl Command {
         Self::LeastExposures,
     ];
 
+    /// Returns the code and the name.
+    fn row(self) -> (u16, &'static str) {
+        match self {
+            Self::LastError => (0x0100, "last error"),
+            Self::LastErrorText => (0x0101, "text of the last error"),
+            Self::Power => (0x0200, "power"),
+            Self::Versions => (0x0205, "versions"),
+            Self::Hardware => (0x0206, "hardware"),
+            Self::FlipLong => (0x1008, "flip of the long axis"),
+            Self::FlipShort => (0x1009, "flip of the short axis"),
+            Self::Source => (0x1A00, "source"),
+            Self::Receiver => (0x1A01, "receiver"),
+            Self::Port => (0x1A03, "port"),
+            Self::HardwareStatus => (0x1A0A, "hardware status"),
+            Self::MainStatus => (0x1A0C, "main status"),
+            Self::Mode => (0x1A1B, "display mode"),
+            Self::Sequence => (0x1A24, "start and stop"),
+            Self::Invert => (0x1A30, "inversion"),
+            Self::Table => (0x1A31, "number of patterns"),
+            Self::Definition => (0x1A34, "pattern"),
+            Self::Swap => (0x1A37, "channel swap"),
+            Self::Gamma => (0x1A3B, "gamma"),
+            Self::LeastExposures => (0x1A42, "least exposures"),
+        }
+    }
+
+    /// Returns the code of the command.
+    pub fn code(self) -> u16 {
+        self.row().0
+    }
+
     /// Returns the command with this code.
     pub fn of_code(code: u16) -> Option<Self> {
         Self::ALL.into_iter().find(|command| command.code() == code)
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Self::LastError => "last error",
-            Self::LastErrorText => "text of the last error",
-            Self::Power => "power",
-            Self::Versions => "versions",
-            Self::Hardware => "hardware",
-            Self::FlipLong => "flip of the long axis",
-            Self::FlipShort => "flip of the short axis",
-            Self::Source => "source",
-            Self::Receiver => "receiver",
-            Self::Port => "port",
-            Self::HardwareStatus => "hardware status",
-            Self::MainStatus => "main status",
-            Self::Mode => "display mode",
-            Self::Sequence => "start and stop",
-            Self::Invert => "inversion",
-            Self::Table => "number of patterns",
-            Self::Definition => "pattern",
-            Self::Swap => "channel swap",
-            Self::Gamma => "gamma",
-            Self::LeastExposures => "least exposures",
-        }
     }
 }
 
 impl fmt::Display for Command {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "0x{:04X} ({})", self.code(), self.words())
+        let (code, name) = self.row();
+        write!(f, "0x{code:04X} ({name})")
     }
 }

@@ -30,7 +30,7 @@ pub use link::{Link, REPORT};
 pub use setup::{Condition, SOURCE_TIME};
 pub use simulated::Simulated;
 pub use simulated_state::{Faults, LitPlane};
-pub use table::{PLANES, VideoChannel, channel, exposure_us, plane, usual_leds};
+pub use table::{PLANES, exposure_us, plane_of_bit, usual_leds};
 pub use usb::open_usb;
 pub use values::{HardwareFault, HardwareStatus, Leds, MainStatus, Version, Versions};
 

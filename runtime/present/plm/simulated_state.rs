@@ -3,7 +3,7 @@
 use super::command::Command;
 use super::link::REPORT;
 use super::report::{Received, reply_report};
-use super::table::{PLANES, VideoChannel, channel};
+use super::table::{PLANES, plane_of_bit};
 use super::values::{Leds, Pattern};
 use std::time::Duration;
 
@@ -176,14 +176,8 @@ impl SimulatedState {
 
     pub(super) fn lit_planes(&self, word: u32) -> Vec<LitPlane> {
         let lit = |p: Pattern| {
-            let (channel, bit) = channel(usize::from(p.plane));
             // Red is lowest in a video word, and the swap and the inversion must be off for this order.
-            let first = match channel {
-                VideoChannel::Red => 0,
-                VideoChannel::Green => 8,
-                VideoChannel::Blue => 16,
-            };
-            let bit = word >> (first + u32::from(bit)) & 1 == 1;
+            let bit = word >> plane_of_bit(p.plane.into()) & 1 == 1;
             LitPlane {
                 bit: bit != (self.invert != 0 || self.swaps != [0, 1] || self.gamma != 0),
                 leds: p.leds,

@@ -10,33 +10,10 @@ pub const PLANES: usize = 24;
 /// differ. Two crystals of 50 ppm each differ by this at most.
 const CLOCK_TOLERANCE: f64 = 100e-6;
 
-/// The channel of a video frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum VideoChannel {
-    Red,
-    Green,
-    Blue,
-}
-
-/// Returns the number of the plane that shows this bit (0 to 7) of a channel.
-pub fn plane(channel: VideoChannel, bit: u8) -> usize {
-    let first = match channel {
-        VideoChannel::Green => 0,
-        VideoChannel::Red => 8,
-        VideoChannel::Blue => 16,
-    };
-    first + usize::from(bit % 8)
-}
-
-/// Returns the channel and the bit that a plane shows.
-pub fn channel(plane: usize) -> (VideoChannel, u8) {
-    let channel = match plane / 8 % 3 {
-        0 => VideoChannel::Green,
-        1 => VideoChannel::Red,
-        _ => VideoChannel::Blue,
-    };
-    (channel, (plane % 8) as u8)
+/// Returns the plane that shows a bit of an RGB pixel, and the bit that a plane shows. Bits 0 to 7 are red, 8 to 15 green
+/// and 16 to 23 blue. The first two channels exchange their places, so the function is its own inverse.
+pub fn plane_of_bit(bit: usize) -> usize {
+    [8, 0, 16][bit / 8 % 3] + bit % 8
 }
 
 /// The outputs for light sources of a hologram with three colors of eight planes in the order green, red, blue.

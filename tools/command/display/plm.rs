@@ -6,7 +6,7 @@ use crate::show::args::OutputTo;
 use crate::show::controller_line;
 use crate::talk::print_report;
 use eyebox::low_level::optics::{Display, LevelOrder};
-use eyebox::low_level::present::plm::{Identity, PLANES, VideoChannel, channel};
+use eyebox::low_level::present::plm::{Identity, PLANES, plane_of_bit};
 use eyebox::low_level::reason;
 use eyebox::low_level::session::PatternOutput;
 use serde_json::json;
@@ -56,13 +56,8 @@ impl Answers {
 
 /// Returns the name of a plane, such as G0.
 fn name(plane: usize) -> String {
-    let (channel, bit) = channel(plane);
-    let letter = match channel {
-        VideoChannel::Red => 'R',
-        VideoChannel::Green => 'G',
-        VideoChannel::Blue => 'B',
-    };
-    format!("{letter}{bit}")
+    let bit = plane_of_bit(plane);
+    format!("{}{}", ['R', 'G', 'B'][bit / 8], bit % 8)
 }
 
 /// Shows each plane alone. Returns the planes that stay dark, and how many were answered.

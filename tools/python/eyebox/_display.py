@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from . import _arguments, _eyebox, _notebook
+from ._values import Unchanging
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -21,7 +22,7 @@ def presets() -> list[str]:
     return _eyebox.presets()
 
 
-class Display:
+class Display(Unchanging):
     """A display with its SLM, its optics and the encoding of its phases. It never changes.
 
     Parameters
@@ -174,12 +175,6 @@ class Display:
     def __hash__(self) -> int:
         return hash(self.to_toml())
 
-    def __copy__(self) -> Display:
-        return self
-
-    def __deepcopy__(self, _: Any) -> Display:
-        return self
-
     def __reduce__(self) -> tuple[Any, ...]:
         return _display_of_toml, (self.to_toml(), self._native.file)
 
@@ -223,7 +218,7 @@ def display_of(value: Any) -> Display:
     raise _arguments.wrong(TypeError, "display", f"is {value!r}: it must be {right}")
 
 
-class Engine:
+class Engine(Unchanging):
     """The CPU or the device that computes. Threads can share one engine and compute in parallel.
 
     Parameters
@@ -246,12 +241,6 @@ class Engine:
 
     def __hash__(self) -> int:
         return hash((self._choice, self.reason))
-
-    def __copy__(self) -> Engine:
-        return self
-
-    def __deepcopy__(self, _: Any) -> Engine:
-        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process opens an engine of the same choice on its own devices.

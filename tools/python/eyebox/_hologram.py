@@ -17,7 +17,8 @@ from . import _arguments, _eyebox, _files
 from ._display import Display, display_of, engine_of
 from ._interrupted import interrupted
 from ._scene import Scene, scene_of
-from ._tables import Score, Scores
+from ._tables import Score, Scores, xarray_module
+from ._values import OfContent
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 _OF_PLACE = ("scenes", "display_file", "seconds")
 
 
-class Hologram:
+class Hologram(OfContent):
     """Phases with their display, scene and settings. A hologram never changes.
 
     :func:`eyebox.solve`, :meth:`load`, :meth:`from_phases` and :meth:`refine` make holograms. A notebook displays one
@@ -343,10 +344,7 @@ class Hologram:
 
     def to_xarray(self) -> Any:
         """Returns the phases as a data set of xarray, with the metadata of the hologram as attributes."""
-        try:
-            import xarray
-        except ImportError:
-            raise ImportError("to_xarray needs xarray: pip install xarray") from None
+        xarray = xarray_module()
         phases = np.stack(list(self.phases.values()))
         known = self.exposures
         variables: dict[str, Any] = {"phases": (("color", "sub_frame", "row", "column"), phases, {"units": "rad"})}
@@ -365,20 +363,6 @@ class Hologram:
                 digest.update(array.tobytes())
             self._digest = digest.digest()
         return self._digest
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Hologram):
-            return False
-        return self is other or (self.shape == other.shape and self._content() == other._content())
-
-    def __hash__(self) -> int:
-        return hash(self._content())
-
-    def __copy__(self) -> Hologram:
-        return self
-
-    def __deepcopy__(self, _: Any) -> Hologram:
-        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         with tempfile.TemporaryDirectory(prefix="eyebox-") as folder:

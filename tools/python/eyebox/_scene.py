@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from . import _arguments, _eyebox, _files, _notebook
 from ._display import Display, display_of, engine_of
+from ._tables import xarray_module
+from ._values import OfContent
 
 if TYPE_CHECKING:
     from ._types import ArrayLike, Colors, DisplayLike, EngineLike, Path, Quantity, Range, SceneLike, Whole
 
 
-class Scene:
+class Scene(OfContent):
     """A scene as a light field, with views from a grid of positions in the pupil plane.
 
     The views have the size of a display's pictures.
@@ -186,10 +188,7 @@ class Scene:
 
     def to_xarray(self) -> Any:
         """Returns the views as a DataArray of xarray, with the positions of the views (m) as coordinates."""
-        try:
-            import xarray
-        except ImportError:
-            raise ImportError("to_xarray needs xarray: pip install xarray") from None
+        xarray = xarray_module()
         rows, columns, *_ = self.shape
         place = lambda count: (np.arange(count) - (count - 1) / 2) * self.view_pitch  # noqa: E731
         where = {"y": place(rows), "x": place(columns), "color": self.colors}
@@ -204,20 +203,6 @@ class Scene:
             text = f"{self.shape}\n{_eyebox.scene_state(self._native)}\n{self._display.to_toml()}"
             self._digest = hashlib.sha256(text.encode()).digest()
         return self._digest
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Scene):
-            return False
-        return self is other or (self.shape == other.shape and self._content() == other._content())
-
-    def __hash__(self) -> int:
-        return hash(self._content())
-
-    def __copy__(self) -> Scene:
-        return self
-
-    def __deepcopy__(self, _: Any) -> Scene:
-        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         views = [self._native.views(color).reshape(self.shape[:4]) for color in range(len(self.colors))]

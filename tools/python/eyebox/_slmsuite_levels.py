@@ -14,10 +14,6 @@ from ._hologram import Hologram
 _OF_FRAMES = ("packing", "map", "channel", "channel_order", "codes", "cells", "flip_video")
 
 
-#: Highest number of levels that the library encodes, which are 8 bits.
-MOST_LEVELS = 256
-
-
 def slm_size(slm: Any) -> tuple[int, int]:
     """Returns rows and columns of an SLM. slmsuite's ``shape`` has this order."""
     rows, columns = _arguments.size(tuple(slm.shape))
@@ -97,39 +93,12 @@ def levels(hologram: Hologram, slm: Any, color: str | None = None, display: Any 
             f"has {count} levels, but the display has {shown.levels}: give display=display.replace(levels={count}), "
             "with the phases of these levels"
         )
-    if count > MOST_LEVELS:
-        return _nearest(hologram.phases[name], _turns(shown, slm, name, count)).astype(level_type(slm))
-    place = {"sub_frame": 0, "channel": "red", "bits": list(range((count - 1).bit_length()))}
+    # The lower byte of a level is in red, and the upper byte in green.
+    place = {"sub_frame": 0, "channel": "rgb", "bits": list(range((count - 1).bit_length()))}
     entries = [{**place, "color": one, "video_frame": at} for at, one in enumerate(names)]
     frames = hologram.encode(shown.replace(encoding={**dict.fromkeys(_OF_FRAMES), "packing": "map", "map": entries}))
-    return frames[names.index(name) :: len(names), ..., 0].astype(level_type(slm))
-
-
-def _turns(display: Display, slm: Any, color: str, count: int) -> np.ndarray:
-    """Returns the waves of each level of an SLM with more levels than video frames of eyebox have."""
-    table = look_up(slm, display.wavelengths)
-    plain = display.replace(encoding=None)
-    if display == plain.replace(encoding=table):
-        turns = table.get("phases_turns")
-        return np.arange(count) / table["two_pi_level"][color] if turns is None else np.array(turns)
-    if display == plain:
-        return np.arange(count) / count
-    raise _arguments.wrong(
-        ValueError,
-        "display",
-        f"has {count} levels and an encoding of its own, but eyebox encodes at most {MOST_LEVELS} levels: use "
-        "eyebox.slmsuite.display_of(slm, focal_length), whose encoding is the look-up table of the SLM",
-    )
-
-
-def _nearest(phases: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Returns the level whose phase is nearest on the circle, for each phase in radians."""
-    order = np.argsort(turns % 1, kind="stable")
-    around = (turns % 1)[order]
-    around = np.concatenate([around[-1:] - 1, around, around[:1] + 1])
-    middles = (around[1:] + around[:-1]) / 2
-    at = np.searchsorted(middles, phases.astype(np.float64) / (2 * np.pi) % 1, side="right")
-    return order[(at - 1) % len(order)]
+    frames = frames[names.index(name) :: len(names)].astype(np.uint16)
+    return (frames[..., 0] | frames[..., 1] << 8).astype(level_type(slm))
 
 
 def _shown_on(hologram: Hologram, slm: Any, display: Any) -> Display:

@@ -116,13 +116,19 @@ def frame(rows: list[dict[str, Any]]) -> pandas.DataFrame:
     return made
 
 
-def dataset(rows: list[dict[str, Any]], dimension: str, coordinates: Sequence[str]) -> xarray.Dataset:
-    """Returns rows as a data set of xarray along one dimension."""
+def xarray_module() -> Any:
+    """Returns the module xarray, which is optional."""
     try:
         import xarray
     except ImportError:
         raise ImportError("to_xarray needs xarray: pip install xarray") from None
+    return xarray
+
+
+def dataset(rows: list[dict[str, Any]], dimension: str, coordinates: Sequence[str]) -> xarray.Dataset:
+    """Returns rows as a data set of xarray along one dimension."""
+    made = xarray_module().Dataset
     columns = frame(rows)
     each = {name: (dimension, columns[name].to_numpy()) for name in columns.columns}
     where = {name: each[name] for name in coordinates if name in each}
-    return xarray.Dataset({name: value for name, value in each.items() if name not in where}, coords=where)
+    return made({name: value for name, value in each.items() if name not in where}, coords=where)

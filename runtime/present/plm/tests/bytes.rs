@@ -1,9 +1,9 @@
 //! The byte vectors of the guide, of TI's program and of plmctrl.
 
 use crate::plm::report::{read_request, received, reply, reply_report, write_request};
-use crate::plm::table::{channel, count, exposure_us, patterns, plane, usual_leds};
+use crate::plm::table::{count, exposure_us, patterns, plane_of_bit, usual_leds};
 use crate::plm::values::{Leds, Pattern, Versions, board, text};
-use crate::plm::{Command, HardwareFault, HardwareStatus, MainStatus, PLANES, PlmError, VideoChannel};
+use crate::plm::{Command, HardwareFault, HardwareStatus, MainStatus, PLANES, PlmError};
 
 fn padded(bytes: &[u8]) -> [u8; 64] {
     let mut report = [0; 64];
@@ -113,11 +113,10 @@ fn exposures_fit_the_frame_of_the_real_rate() {
 
 #[test]
 fn planes_are_numbered_green_red_blue() {
-    assert_eq!(plane(VideoChannel::Green, 0), 0);
-    assert_eq!((plane(VideoChannel::Red, 0), plane(VideoChannel::Blue, 7)), (8, 23));
+    // The first bits of green and red, and the last bit of blue.
+    assert_eq!([8, 0, 23].map(plane_of_bit), [0, 8, 23]);
     for number in 0..PLANES {
-        let (channel, bit) = channel(number);
-        assert_eq!(plane(channel, bit), number);
+        assert_eq!(plane_of_bit(plane_of_bit(number)), number);
     }
 }
 

@@ -8,10 +8,8 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::{Notes, SessionEvent};
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::controller::{ControllerReport, ControllerThread, PreparedController, leds_of_planes};
-use std::time::{Duration, Instant};
-
-/// The interval at which the desktop is checked for the monitor of the controller.
-const MONITOR_INTERVAL: Duration = Duration::from_millis(250);
+use crate::session::playback::output::choose;
+use std::time::Duration;
 
 /// The controller of a display while another program shows pictures on it. The controller sleeps when this is dropped.
 pub struct ControllerConnection {
@@ -81,14 +79,5 @@ fn encoder_of_planes(display: &Display, colors: &[Color]) -> Result<Encoder, Ses
 
 /// Returns the rate of the monitor with this size, which appears late.
 fn rate_of_monitor(size: [usize; 2]) -> Option<Rate> {
-    let mut desktop = Desktop::open().ok()?;
-    let begun = Instant::now();
-    while begun.elapsed() < SOURCE_TIME {
-        let found = desktop.monitors().into_iter().find(|monitor| monitor.size == size);
-        if let Some(monitor) = found {
-            return monitor.rate;
-        }
-        desktop.pump_for(MONITOR_INTERVAL).ok()?;
-    }
-    None
+    choose(&mut Desktop::open().ok()?, None, size, SOURCE_TIME).ok()?.rate
 }

@@ -8,7 +8,7 @@ use crate::encode::Encoder;
 use crate::optics::{Color, Device};
 use crate::present::Rate;
 use crate::present::plm::{
-    self, Condition, Controller, Identity, Leds, PLANES, PlmError, SOURCE_TIME, State, VideoChannel, exposure_us, plane,
+    self, Condition, Controller, Identity, Leds, PLANES, PlmError, SOURCE_TIME, State, exposure_us, plane_of_bit,
 };
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
@@ -101,14 +101,13 @@ pub fn leds_of_planes(encoder: &Encoder, together: bool) -> Result<[Leds; PLANES
             )
             .into());
         };
-        let channel = [VideoChannel::Red, VideoChannel::Green, VideoChannel::Blue][usize::from(bit / 8 % 3)];
         let wanted = match encoder.colors()[slot.color] {
             _ if together => Leds::ALL,
             Color::Red => Leds::RED,
             Color::Green => Leds::GREEN,
             Color::Blue => Leds::BLUE,
         };
-        let place = &mut leds[plane(channel, bit % 8)];
+        let place = &mut leds[plane_of_bit(usize::from(*bit))];
         if place.is_some_and(|before| before != wanted) {
             return Err(reason!(
                 "device-colors",

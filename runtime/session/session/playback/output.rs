@@ -149,7 +149,7 @@ impl Output {
 const MONITOR_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Chooses a monitor, which may appear within `patience`. A program can open the desktop only once.
-fn choose(
+pub(super) fn choose(
     desktop: &mut Desktop,
     wanted: Option<&str>,
     size: [usize; 2],

@@ -4,7 +4,7 @@ use crate::calibrate::ShowsPatterns;
 use crate::encode::{EncodeError, Encoder, PhaseSet};
 use crate::optics::{Color, Display};
 use crate::present::Event;
-use crate::present::plm::{self, Identity, PLANES, PlmError, SOURCE_TIME, VideoChannel};
+use crate::present::plm::{Identity, PLANES, PlmError, SOURCE_TIME, plane_of_bit};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
@@ -93,14 +93,9 @@ impl PatternOutput {
                 .into());
             }
         };
-        let (channel, bit) = plm::channel(number);
-        let at = match channel {
-            VideoChannel::Red => 0,
-            VideoChannel::Green => 1,
-            VideoChannel::Blue => 2,
-        };
+        let bit = plane_of_bit(number);
         for pixel in frames.bytes_mut().chunks_exact_mut(3) {
-            pixel[at] = 1 << bit;
+            pixel[bit / 8] = 1 << (bit % 8);
         }
         self.put(frames.frame(0))
     }
