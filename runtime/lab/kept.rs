@@ -56,10 +56,10 @@ pub fn writable(folder: &Path) -> Result<files::CreatedDirGuard, FileError> {
     Ok(made)
 }
 
-/// Returns all properties of a display that decide a result, as text. This is its file without its name and
-/// its controller. Displays with the same text give the same results.
+/// Returns all properties of a display that decide a result, as text. This is its file without its name, its controller
+/// and its triggers. Displays with the same text give the same results.
 pub(crate) fn identity(display: &Display) -> String {
-    Display { name: String::new(), device: None, ..display.clone() }.to_toml()
+    Display { name: String::new(), ..display.without_apparatus() }.to_toml()
 }
 
 /// Returns a checksum of all pixels of all views.

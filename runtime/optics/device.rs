@@ -1,5 +1,6 @@
 //! Describes the controller of a display that eyebox sets up and starts.
 
+use super::triggers::Edge;
 use serde::{Deserialize, Serialize};
 
 /// `[device]` of a display file, the controller that eyebox sets up and starts when it shows on the display. It changes
@@ -13,6 +14,13 @@ pub struct Device {
     /// Input that the video cable is connected to, `"hdmi"` or `"displayport"`. The default is displayport.
     #[serde(default)]
     pub link: VideoLink,
+    /// Pulses of the output TRIG_OUT_2, `"plane"` at the beginning of each plane, `"frame"` at the first plane of each
+    /// video frame, or `"off"`. The default is plane.
+    #[serde(default, skip_serializing_if = "PlaneTrigger::is_usual")]
+    pub trigger_out: PlaneTrigger,
+    /// Edge of the input TRIG_IN_2 that starts the planes. The other edge stops them. The default is no edge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trigger_in: Option<Edge>,
     /// True for a simulated controller, to try commands without hardware. The default is false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub simulated: bool,
@@ -25,6 +33,26 @@ pub struct Device {
 pub enum DeviceKind {
     /// Texas Instruments' DLPC900, over USB.
     Dlpc900,
+}
+
+/// The planes that the controller's output TRIG_OUT_2 marks.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum PlaneTrigger {
+    /// The beginning of each plane is marked.
+    #[default]
+    Plane,
+    /// The first plane of each video frame is marked.
+    Frame,
+    /// No plane is marked.
+    Off,
+}
+
+impl PlaneTrigger {
+    fn is_usual(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// The input of a controller that the video cable is connected to.
@@ -51,28 +79,32 @@ impl VideoLink {
 impl Device {
     /// Makes the device of this kind and input.
     pub fn new(kind: DeviceKind, link: VideoLink) -> Self {
-        Self { kind, link, simulated: false }
+        Self { kind, link, trigger_out: PlaneTrigger::default(), trigger_in: None, simulated: false }
     }
 }
 
-/// Returns the text of a display file without the table `[device]` and the empty lines before it. The digest of the
-/// file is made from this text.
-pub(crate) fn without_device(text: &str) -> String {
+/// The tables of a display file that describe apparatus and change no hologram.
+const APPARATUS: [&str; 3] = ["[device]", "[trigger_out]", "[trigger_in]"];
+
+/// Returns the text of a display file without the tables of apparatus and the empty lines before them. The digest of
+/// the file is made from this text.
+pub(crate) fn without_apparatus(text: &str) -> String {
     let mut kept = String::new();
-    let mut is_device = false;
+    let mut is_left_out = false;
     for line in text.split_inclusive('\n') {
         let head = line.trim();
         if head.starts_with('[') {
             let name = head.split('#').next().unwrap_or_default();
-            is_device = name.split_whitespace().collect::<String>() == "[device]";
-            if is_device {
+            let name = name.split_whitespace().collect::<String>();
+            is_left_out = APPARATUS.contains(&name.as_str());
+            if is_left_out {
                 let length = kept.trim_end_matches(['\n', '\r', ' ', '\t']).len();
                 // The end of the last line that has content stays.
                 let end = kept[length..].find('\n').map_or(kept.len(), |at| length + at + 1);
                 kept.truncate(end);
             }
         }
-        if !is_device {
+        if !is_left_out {
             kept.push_str(line);
         }
     }
@@ -98,6 +130,10 @@ mod tests {
         assert!(usual.device.is_some_and(|d| d.simulated && d.link == VideoLink::DisplayPort));
         let none = read("").unwrap();
         assert!(none.device.is_none() && !none.to_toml().contains("device"));
+        let lines = read("[device]\nkind = \"dlpc900\"\ntrigger_out = \"frame\"\ntrigger_in = \"falling\"\n").unwrap();
+        let device = lines.device.unwrap();
+        assert_eq!((device.trigger_out, device.trigger_in), (PlaneTrigger::Frame, Some(Edge::Falling)));
+        assert_eq!(Display::from_toml(&lines.to_toml(), "b").unwrap(), lines);
         for wrong in
             ["kind = \"dlpc350\"", "link = \"hdmi\"", "kind = \"dlpc900\"\nlink = \"vga\"", "kind = \"dlpc900\"\nx = 1"]
         {
@@ -109,14 +145,14 @@ mod tests {
     /// Holograms store the digest of the file that they were made for.
     #[test]
     fn the_digest_of_a_file_does_not_depend_on_its_controller() {
-        let table = "[device]  # wired\nkind = \"dlpc900\"\n";
+        let table = "[device]  # wired\nkind = \"dlpc900\"\n\n[trigger_out]\nserial = \"/dev/ttyUSB0\"\n";
         let model = "[model.all]\nlag = 0.1\n";
         for before in [BENCH.to_owned(), format!("{BENCH}\n{model}")] {
-            assert_eq!(without_device(&before), before);
-            assert_eq!(without_device(&format!("{before}{table}")), before);
-            assert_eq!(without_device(&format!("{before}\n\n{table}")), before);
+            assert_eq!(without_apparatus(&before), before);
+            assert_eq!(without_apparatus(&format!("{before}{table}")), before);
+            assert_eq!(without_apparatus(&format!("{before}\n\n{table}")), before);
         }
-        assert_eq!(without_device(&format!("{BENCH}{table}\n{model}")), format!("{BENCH}{model}"));
+        assert_eq!(without_apparatus(&format!("{BENCH}{table}\n{model}")), format!("{BENCH}{model}"));
         let folder = tempfile::tempdir().unwrap();
         let digest = |name: &str, text: String| {
             let path = folder.path().join(name);

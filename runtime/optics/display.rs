@@ -5,6 +5,7 @@ use super::device::Device;
 use super::encoding::Encoding;
 use super::joint_color::check_dispersion;
 use super::model::{self, DisplayModel, ModelSections, ModelTerms};
+use super::triggers::{TriggerIn, TriggerOut};
 use super::wavefront_map;
 use super::{
     Geometry, Mask, Optics, OpticsError, Picture, Prescription, SourceSections, Sources, SourcesLit, SwitchedSource,
@@ -62,6 +63,9 @@ pub struct Wavelength {
 ///
 /// [device]                       # the controller that eyebox starts: docs/plm.md
 /// kind = "dlpc900"
+///
+/// [trigger_out]                  # a pulse with the light of each set: docs/triggers.md
+/// serial = "/dev/ttyUSB0"
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Display {
@@ -105,6 +109,10 @@ pub struct Display {
     pub viewing: Viewing,
     /// The controller that eyebox sets up and starts, if there is one.
     pub device: Option<Device>,
+    /// The pulse with the light of each set, if there is one.
+    pub trigger_out: Option<TriggerOut>,
+    /// The pulses that advance a sequence, if there are any.
+    pub trigger_in: Option<TriggerIn>,
     /// The file of the display, or none for a preset.
     pub file: Option<FileRecord>,
 }
@@ -173,6 +181,12 @@ struct File {
     /// Controller that eyebox sets up and starts, see below.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     device: Option<Device>,
+    /// Pulse with the light of each set, see below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    trigger_out: Option<TriggerOut>,
+    /// Pulses that advance a sequence, see below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    trigger_in: Option<TriggerIn>,
 }
 
 /// The number with the fewest digits that, times `unit`, gives this length in meters to within rounding.
@@ -250,6 +264,8 @@ impl Display {
             prescription: read.prescription,
             viewing: read.viewing,
             device: read.device,
+            trigger_out: read.trigger_out,
+            trigger_in: read.trigger_in,
             file: None,
         };
         display.check_mask().map_err(|reason| wrong(reason.within("[mask]")))?;
@@ -262,6 +278,12 @@ impl Display {
             return Err(wrong(reason.within("[prescription]")));
         }
         display.viewing.check().map_err(|reason| wrong(reason.within("[viewing]")))?;
+        for (table, checked) in [
+            ("[trigger_out]", display.trigger_out.as_ref().map(TriggerOut::check)),
+            ("[trigger_in]", display.trigger_in.as_ref().map(TriggerIn::check)),
+        ] {
+            checked.unwrap_or(Ok(())).map_err(|reason| wrong(reason.within(table)))?;
+        }
         if display.geometry == Geometry::FarField && colors.iter().any(|c| display.model(*c).fill > 0.0) {
             let reason = "[model] has a fill, but in the far field it dims the picture's edges and not the eyebox: \
                           leave it out";
@@ -276,6 +298,12 @@ impl Display {
         }
         display.check_source().map_err(&wrong)?;
         Ok(display)
+    }
+
+    /// Returns the display without its controller and its triggers, as results keep it. They change no hologram.
+    #[must_use]
+    pub fn without_apparatus(&self) -> Self {
+        Self { device: None, trigger_out: None, trigger_in: None, ..self.clone() }
     }
 
     /// The TOML text of this display.
@@ -301,6 +329,8 @@ impl Display {
             prescription: self.prescription.clone(),
             viewing: self.viewing,
             device: self.device,
+            trigger_out: self.trigger_out.clone(),
+            trigger_in: self.trigger_in.clone(),
         };
         toml::to_string(&file).expect("TOML can express every display")
     }

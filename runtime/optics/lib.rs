@@ -38,6 +38,7 @@ mod source;
 mod source_choice;
 mod switched;
 mod switching;
+mod triggers;
 mod units;
 mod viewing;
 mod wavefront_map;
@@ -45,7 +46,7 @@ mod window;
 mod zernike;
 
 pub use color::Color;
-pub use device::{Device, DeviceKind, VideoLink};
+pub use device::{Device, DeviceKind, PlaneTrigger, VideoLink};
 pub use display::{Display, Wavelength};
 pub use encoding::{
     ActiveArea, Channel, ChannelOrder, Correction, Encoding, Flip, Grating, Orientation, Packing, Place, TwoPi,
@@ -78,6 +79,7 @@ pub use source::{GivenMode, SourceKind, SourceMode, SourceSections, SourceShape,
 pub use source_choice::SourceChoice;
 pub use switched::{Sources, SourcesLit, SwitchedSource};
 pub use switching::{USUAL_RATE_HZ, mean_light};
+pub use triggers::{Edge, Signal, TriggerIn, TriggerOn, TriggerOut, TriggerPort};
 pub use viewing::Viewing;
 pub use window::{Window, WindowFactor, fast_size};
 pub use zernike::{zernike, zernike_name};

@@ -1,7 +1,7 @@
 //! Provides the built-in displays by name, as models and as files of makers' SLMs with sources.
 
 use super::Packing::{self, Fields, Grey8, Planes8, Planes24};
-use super::device::without_device;
+use super::device::without_apparatus;
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
 use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
@@ -126,7 +126,7 @@ impl Display {
             reason: e.to_string().into(),
         })?;
         let mut display = Self::from_toml(&text, name)?;
-        display.file = Some(FileRecord::of_text(Path::new(name), &without_device(&text)));
+        display.file = Some(FileRecord::of_text(Path::new(name), &without_apparatus(&text)));
         Ok(display)
     }
 
@@ -159,6 +159,8 @@ impl Display {
             prescription: None,
             viewing: Default::default(),
             device: None,
+            trigger_out: None,
+            trigger_in: None,
             file: None,
         })
     }

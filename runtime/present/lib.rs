@@ -46,6 +46,7 @@ mod swapchain_tests;
 #[cfg_attr(target_vendor = "apple", path = "system_other.rs")]
 mod system;
 mod timing;
+pub mod trigger;
 #[cfg(not(all(unix, not(target_vendor = "apple"))))]
 mod unobserved;
 mod window;

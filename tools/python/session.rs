@@ -36,6 +36,7 @@ pub(crate) struct Where {
     monitor: Option<String>,
     simulated: bool,
     queue: usize,
+    on_light: Option<Py<PyAny>>,
 }
 
 /// The eye tracker and the options of refinement, in meters and seconds.
@@ -77,6 +78,10 @@ impl Drop for StartedSession {
     fn drop(&mut self) {
         // Otherwise a simulated display that waits for Python would never end.
         self.frames.give_up();
+        let session = self.session.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+        // A callback of the session may wait for the interpreter.
+        let mut left = Some(session);
+        Python::try_attach(|py| py.detach(|| drop(left.take())));
     }
 }
 
@@ -109,6 +114,19 @@ impl Where {
         if self.queue > 0 {
             let mut sender = frames.sender();
             options.observer = Some(Box::new(move |frame| sender.put(frame)));
+        }
+        if let Some(called) = self.on_light {
+            options.light_observer = Some(Box::new(move |light| {
+                let seconds = |ns: i64| ns as f64 * 1e-9;
+                let (begins, reported) = (seconds(light.predicted_ns), light.reported_ns.map(seconds));
+                let fields = (light.set, light.content, light.video_frame, light.new, begins, reported);
+                // The interpreter may be about to end.
+                Python::try_attach(|py| {
+                    if let Err(error) = called.call1(py, fields) {
+                        error.write_unraisable(py, Some(called.bind(py)));
+                    }
+                });
+            }));
         }
         let output = match self.window {
             true => Output::Window { monitor: self.monitor },

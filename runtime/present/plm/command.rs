@@ -38,6 +38,8 @@ pub enum Command {
     Sequence,
     /// Inversion of all data, 1 byte.
     Invert,
+    /// Polarity of the input TRIG_IN_2, which starts and stops the patterns, 1 byte. 0 starts on the rising edge.
+    TriggerIn2,
     /// Number of patterns (2 bytes) and of repeats (4 bytes).
     Table,
     /// Definition of one pattern, 12 bytes.
@@ -52,7 +54,7 @@ pub enum Command {
 
 impl Command {
     /// All commands in the order of their codes.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::LastError,
         Self::LastErrorText,
         Self::Power,
@@ -70,6 +72,7 @@ impl Command {
         Self::Invert,
         Self::Table,
         Self::Definition,
+        Self::TriggerIn2,
         Self::Swap,
         Self::Gamma,
         Self::LeastExposures,
@@ -95,6 +98,7 @@ impl Command {
             Self::Invert => (0x1A30, "inversion"),
             Self::Table => (0x1A31, "number of patterns"),
             Self::Definition => (0x1A34, "pattern"),
+            Self::TriggerIn2 => (0x1A36, "trigger input 2"),
             Self::Swap => (0x1A37, "channel swap"),
             Self::Gamma => (0x1A3B, "gamma"),
             Self::LeastExposures => (0x1A42, "least exposures"),

@@ -9,6 +9,7 @@ use super::error::PlmError;
 use super::link::{Link, REPORT};
 use super::report::{REPLY_DATA, Reply, read_request, reply, write_request};
 use super::values::{HardwareStatus, MainStatus, Versions, board, text};
+use eyebox_optics::{Edge, PlaneTrigger};
 use serde::Serialize;
 use std::time::Duration;
 
@@ -78,6 +79,8 @@ pub struct Controller {
     pub(super) state: State,
     /// True if it may show patterns or receive video, so that it has to be put to sleep.
     pub(super) is_awake: bool,
+    pub(super) trigger_out: PlaneTrigger,
+    pub(super) trigger_in: Option<Edge>,
 }
 
 impl std::fmt::Debug for Controller {
@@ -92,7 +95,14 @@ impl Controller {
     /// # Errors
     /// [`PlmError::Link`] if the connection failed.
     pub fn new(link: Box<dyn Link>) -> Result<Self, PlmError> {
-        let mut controller = Self { link, sequence: 0, state: State::Opened, is_awake: false };
+        let mut controller = Self {
+            link,
+            sequence: 0,
+            state: State::Opened,
+            is_awake: false,
+            trigger_out: PlaneTrigger::default(),
+            trigger_in: None,
+        };
         let mut report = [0; REPORT];
         for _ in 0..MOST_STRAY {
             if controller.link.read(&mut report, Duration::from_millis(5))? == 0 {
@@ -100,6 +110,18 @@ impl Controller {
             }
         }
         Ok(controller)
+    }
+
+    /// Selects the planes that TRIG_OUT_2 marks, and the edge of TRIG_IN_2 that starts them. The next
+    /// [`begin`](Self::begin) uses them.
+    pub fn set_triggers(&mut self, trigger_out: PlaneTrigger, trigger_in: Option<Edge>) {
+        (self.trigger_out, self.trigger_in) = (trigger_out, trigger_in);
+    }
+
+    /// Closes a connection that failed, so that nothing more is sent over it.
+    pub fn abandon(&mut self) {
+        self.is_awake = false;
+        self.close();
     }
 
     /// Returns the steps that it has taken.

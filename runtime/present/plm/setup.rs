@@ -8,7 +8,7 @@ use super::controller::{Controller, Identity, State};
 use super::error::PlmError;
 use super::table::{PLANES, count, exposure_us, patterns};
 use super::values::{HardwareStatus, Leds, MainStatus};
-use eyebox_optics::VideoLink;
+use eyebox_optics::{Edge, VideoLink};
 use std::time::Duration;
 
 const POLL: Duration = Duration::from_millis(100);
@@ -166,17 +166,21 @@ impl Controller {
         {
             return Err(PlmError::Exposure { exposure_us, least_us, rate_hz });
         }
-        for pattern in patterns(exposure_us, leds) {
+        for pattern in patterns(exposure_us, leds, self.trigger_out) {
             self.write(Command::Definition, &pattern.bytes())?;
         }
         self.write(Command::Table, &count(PLANES as u16))?;
         self.wait(AFTER_TABLE)?;
+        if let Some(edge) = self.trigger_in {
+            self.write(Command::TriggerIn2, &[u8::from(edge == Edge::Falling)])?;
+        }
         self.write(Command::Sequence, &[START])?;
         let begun = self.now();
         loop {
             let main = self.main_status()?;
             let waited = self.now().saturating_sub(begun);
-            if main.is_running() {
+            // The line decides when the patterns run.
+            if main.is_running() || self.trigger_in.is_some() {
                 self.state = State::Running;
                 return Ok(exposure_us);
             }

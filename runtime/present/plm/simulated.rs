@@ -63,6 +63,11 @@ impl Simulated {
         self.state().lost_replies
     }
 
+    /// Returns the time since the controller was switched on.
+    pub fn elapsed(&self) -> Duration {
+        self.state().now
+    }
+
     /// Lets time pass without a command.
     pub fn pass(&self, time: Duration) {
         self.state().pass(time);

@@ -44,6 +44,8 @@ pub struct Faults {
     pub mode_is_stuck: bool,
     /// True if patterns never start.
     pub never_starts: bool,
+    /// True if the line at TRIG_IN_2 is high.
+    pub trigger_in_2: bool,
 }
 
 impl Default for Faults {
@@ -60,6 +62,7 @@ impl Default for Faults {
             is_old: false,
             mode_is_stuck: false,
             never_starts: false,
+            trigger_in_2: false,
         }
     }
 }
@@ -99,6 +102,8 @@ pub(super) struct SimulatedState {
     patterns: Vec<Option<Pattern>>,
     table: Option<u16>,
     sequencer: u8,
+    /// The level of TRIG_IN_2 at which patterns run. Until it is set, they run at any level.
+    runs_at: Option<bool>,
     aborted: bool,
     silent_until: Duration,
     last_error: u8,
@@ -126,6 +131,7 @@ impl Default for SimulatedState {
             patterns: vec![None; MOST_PATTERNS],
             table: None,
             sequencer: 0,
+            runs_at: None,
             aborted: false,
             silent_until: Duration::ZERO,
             last_error: 0,
@@ -162,7 +168,8 @@ impl SimulatedState {
     }
 
     pub(super) fn runs(&self) -> bool {
-        self.sequencer == 2 && self.mode == 2 && self.locked() && !self.faults.never_starts
+        let is_started = self.runs_at.is_none_or(|level| level == self.faults.trigger_in_2);
+        self.sequencer == 2 && self.mode == 2 && self.locked() && !self.faults.never_starts && is_started
     }
 
     fn shown(&self) -> impl Iterator<Item = Pattern> {
@@ -291,6 +298,7 @@ impl SimulatedState {
             (Command::Swap, &[swap]) if swap >> 1 <= 5 => self.swaps[usize::from(swap & 1)] = swap,
             (Command::Invert, &[invert @ 0..=1]) => self.invert = invert,
             (Command::Gamma, &[on, _]) if !self.faults.is_old => self.gamma = on,
+            (Command::TriggerIn2, &[edge @ 0..=1]) => self.runs_at = Some(edge == 0),
             (Command::FlipLong, &[flip @ 0..=1]) => self.flips[0] = flip,
             (Command::FlipShort, &[flip @ 0..=1]) => self.flips[1] = flip,
             (Command::Mode, &[mode @ 0..=3]) => {

@@ -2,6 +2,7 @@
 
 use super::error::PlmError;
 use super::values::{Leds, Pattern};
+use eyebox_optics::PlaneTrigger;
 
 /// Bit planes of a video frame. The controller numbers them G0 to G7, R0 to R7, B0 to B7.
 pub const PLANES: usize = 24;
@@ -35,7 +36,7 @@ pub fn exposure_us(rate_hz: f64) -> Result<u32, PlmError> {
 }
 
 /// Returns the definitions of the patterns. The first one waits for the video frame.
-pub(super) fn patterns(exposure_us: u32, leds: &[Leds; PLANES]) -> [Pattern; PLANES] {
+pub(super) fn patterns(exposure_us: u32, leds: &[Leds; PLANES], marked: PlaneTrigger) -> [Pattern; PLANES] {
     std::array::from_fn(|plane| Pattern {
         index: plane as u16,
         exposure_us,
@@ -44,7 +45,11 @@ pub(super) fn patterns(exposure_us: u32, leds: &[Leds; PLANES]) -> [Pattern; PLA
         depth: 1,
         leds: leds[plane],
         waits: plane == 0,
-        trigger_out_2: true,
+        trigger_out_2: match marked {
+            PlaneTrigger::Frame => plane == 0,
+            PlaneTrigger::Off => false,
+            _ => true,
+        },
         plane: plane as u8,
     })
 }

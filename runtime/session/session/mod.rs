@@ -36,6 +36,7 @@
 //! | `ticks` | hands video frames to a program with a display and a loop of its own, through a [`TickedSession`] |
 //! | `on_screen` | stores which version of a hologram is on the screen, for the camera of the [`BenchFollower`] |
 //! | `controller` | starts the controller of the display, checks it, and puts it to sleep |
+//! | `triggers`, `pulses` | give a pulse with the light of each set, and take pulses that advance content |
 //! | `marks` | makes the sync picture and the corner mark |
 //! | `record`, `trace`, `notes` | write pictures, traces and notes |
 //!
@@ -81,6 +82,8 @@ mod tests;
 mod thread_tests;
 #[cfg(test)]
 mod together_tests;
+#[cfg(all(test, target_os = "linux", feature = "triggers"))]
+mod trigger_tests;
 
 #[cfg(target_os = "linux")]
 pub use content::application::{LiveInput, darkness};
@@ -108,10 +111,12 @@ pub use playback::controller::{ControllerEvent, ControllerReport, leds_of_planes
 pub use playback::output::{Output, SinkFile};
 pub use playback::pattern_output::PatternOutput;
 pub use playback::player::{Command, PresentedFrame};
+pub use playback::pulses::PulseReport;
 pub use playback::report::{Report, Timing};
 pub use playback::scheduler::Target;
 pub use playback::ticks::{TickedFrame, TickedOutput};
 pub use playback::timeline::Speed;
+pub use playback::triggers::{LightObserver, SetLight, TriggerReport};
 pub use refinement::field::{Field, LiveColor};
 pub use refinement::live_refiner::look_up::start_tables;
 pub use refinement::live_refiner::{EngineOpener, Followed, LiveRefiner, PhasesOfColors, Policy};

@@ -13,6 +13,7 @@ use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::playback::player::{Command, PresentedFrame};
 use crate::session::playback::report::{Report, Timing};
+use crate::session::playback::triggers::LightObserver;
 use crossbeam_utils::atomic::AtomicCell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -61,6 +62,8 @@ pub struct SessionOptions {
     pub trace: Option<PathBuf>,
     /// The function that receives every video frame.
     pub observer: Option<FrameObserver>,
+    /// The function that receives the light of each set.
+    pub light_observer: Option<LightObserver>,
     /// The controller of the display. If it is `None` and the display has a `[device]`, windows and direct displays
     /// open it on this machine. Other outputs open only a simulated one.
     pub controller: Option<Controller>,

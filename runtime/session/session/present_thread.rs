@@ -11,11 +11,14 @@ use crate::session::frame_log::trace::{Trace, Written};
 use crate::session::options::{About, Content, Ended, FrameObserver, SessionOptions, Shared, Status};
 use crate::session::playback::controller::{ControllerThread, PreparedController};
 use crate::session::playback::output::{OpenDisplay, Output};
-use crate::session::playback::player::{Flow, Player, PresentedFrame};
+use crate::session::playback::player::{Command, Flow, Player, PresentedFrame};
+use crate::session::playback::pulses::PulseThread;
 use crate::session::playback::record::Recording;
 use crate::session::playback::report::Report;
 use crate::session::playback::scheduler::Scheduler;
+use crate::session::playback::triggers::TriggerThread;
 use crate::session::refinement::set_timing::as_ns;
+use eyebox_base::reason;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -36,6 +39,8 @@ pub(super) struct PresentThread {
     messages: Vec<Messages>,
     interference: Vec<Interference>,
     controller: Option<ControllerThread>,
+    triggers: Option<TriggerThread>,
+    pulses: Option<PulseThread>,
     // The display is the last field, so that objects on its desktop or its device are dropped before it.
     display: OpenDisplay,
 }
@@ -54,6 +59,7 @@ impl PresentThread {
             Content::Live(live) => (live.encoder.frames(), None, None),
         };
         let size = [frames.height, frames.width, frames.channels];
+        let refined = matches!(content, Content::Live(_));
         let together = match &content {
             Content::Play(play) => play.sequence.about().metadata.joint_color.is_some(),
             Content::Live(live) => live.colors.iter().any(|color| color.laser.is_some()),
@@ -62,6 +68,16 @@ impl PresentThread {
             Content::Play(play) => &play.encoder,
             Content::Live(live) => &live.encoder,
         };
+        let bench = encoder.display().clone();
+        if refined && bench.trigger_in.is_some() {
+            return Err(reason!(
+                "trigger-in-refined",
+                "the display '{}' has [trigger_in], which advances sequences that are played, but this session refines \
+                 its content for the pupil. Leave [trigger_in] out, or play the sequence",
+                bench.name
+            )
+            .into());
+        }
         // The monitor of a controller may appear only when its receiver is on.
         let controller = PreparedController::of(encoder, together, output, options.controller)?;
         let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
@@ -86,6 +102,26 @@ impl PresentThread {
         let simulated = display.clock.is_simulated();
         let recording =
             options.record.as_deref().map(|folder| Recording::start(folder, size, simulated)).transpose()?;
+        // Their lists go into the folder of the recording.
+        let record = options.record.as_deref();
+        let (pulses, trigger_out) = match display.real_clock {
+            Some(clock) => {
+                let pulses =
+                    bench.trigger_in.map(|trigger| PulseThread::start(&trigger, clock, record, shared.notes.clone()));
+                (pulses.transpose()?, bench.trigger_out)
+            }
+            // In simulated time nothing outside can keep step.
+            None => (None, None),
+        };
+        let triggers = TriggerThread::start(
+            trigger_out,
+            options.light_observer,
+            display.real_clock,
+            display.rate.period_ns(),
+            record,
+            shared.notes.clone(),
+            trace.track("pulses"),
+        )?;
         let mut player = Player::new(Rc::clone(&display.clock), Scheduler::new(schedule), idle, trace.track("present"));
         if let Some(newest) = newest {
             player.follows(newest);
@@ -104,6 +140,8 @@ impl PresentThread {
             messages,
             interference: Vec::new(),
             controller,
+            triggers,
+            pulses,
             display,
         })
     }
@@ -142,7 +180,10 @@ impl PresentThread {
         while let Some(command) = self.shared.commands.take() {
             self.player.command(command, self.running.source());
         }
-        let Self { player, display, running, recording, observer, .. } = self;
+        if self.pulses.as_mut().is_some_and(PulseThread::advances) {
+            self.player.command(Command::Step, self.running.source());
+        }
+        let Self { player, display, running, recording, observer, triggers, pulses, .. } = self;
         let (mut handed_over, rolls) = (None, player.scheduler.schedule().rolls);
         let flow = player.tick(display.presenter(), running.source(), &mut |frame| {
             let PresentedFrame { predicted_display_time_ns: start_ns, video_frame, .. } = *frame;
@@ -150,8 +191,17 @@ impl PresentThread {
             if let Some(observer) = observer {
                 observer(frame);
             }
+            if let (Some(triggers), Some(content), 0) = (&mut *triggers, frame.index, video_frame) {
+                triggers.set(content, frame.vblank, frame.new, start_ns);
+            }
+            if let Some(pulses) = pulses {
+                pulses.handed_over(frame);
+            }
             recording.as_mut().map_or(Ok(()), |recording| recording.add(frame))
         })?;
+        if let Some(triggers) = &mut self.triggers {
+            self.player.lit.iter().for_each(|(frame, at_ns)| triggers.lit(*frame, *at_ns));
+        }
         match flow {
             Flow::Continue => {}
             Flow::Ended => return Ok(Some(Ending::End)),
@@ -216,6 +266,21 @@ impl PresentThread {
                 result = result.and(kept);
                 statistics.live = Some(live);
                 tracks.extend(more);
+            }
+        }
+        if let Some(triggers) = self.triggers.map(TriggerThread::stop) {
+            match triggers {
+                Ok((report, track)) => {
+                    statistics.trigger_out = report;
+                    tracks.push(track);
+                }
+                Err(error) => result = result.and(Err(error)),
+            }
+        }
+        if let Some(pulses) = self.pulses.map(PulseThread::stop) {
+            match pulses {
+                Ok(report) => statistics.trigger_in = Some(report),
+                Err(error) => result = result.and(Err(error)),
             }
         }
         // The idle picture is on the display. The thread is stopped here, so that its report is complete.

@@ -55,6 +55,26 @@ fn what_a_sample_says_is_lit_with_the_next_sub_frame() {
     assert!(frames.windows(2).all(|two| two[0].set <= two[1].set), "the newest, never an older one again");
 }
 
+/// On a display of 1,440 sub-frames per second, with a device that takes a step within one of them, a sample is lit
+/// within 3 ms of its arrival. Each sub-frame is counted once.
+#[test]
+fn a_sample_is_lit_within_three_milliseconds_at_1440_sub_frames_per_second() {
+    const RATE: u32 = 1440;
+    let stage = Scripted::new("grey8", 32, 2);
+    let cost = Cost::Fixed { step: Duration::from_micros(600), encode: Duration::from_micros(50) };
+    let live = stage.live(Application::new(&stage, 30, [51_300_000, i64::MAX]), cost, 5);
+    let (statistics, frames) = shown(live, RATE, 2.0);
+    let live = statistics.live.as_ref().unwrap();
+    let of = |stage: Stage| [0.5, 0.99].map(|share| live.latency.of(stage).percentile(share).unwrap());
+    let (light, age) = (of(Stage::ArrivalToLight), of(Stage::SampleAge));
+    println!("arrival to light {light:?} ms, age of the sample at any light {age:?} ms");
+    assert!(live.rolls && light[1] <= 3.0, "{light:?}");
+    let lit: Vec<u64> = frames.iter().filter(|f| f.set.is_some()).map(|f| f.video_frame).collect();
+    assert!(lit.iter().enumerate().all(|(i, turn)| *turn == i as u64 % 8), "each in its turn");
+    assert_eq!(live.sub_frames.iter().sum::<u64>(), lit.len() as u64, "each is lit for the first time or again");
+    assert_eq!(statistics.report.account.missed_presents, 0);
+}
+
 /// The picture of each video frame comes whole from the newest set, with the sub-frames whose turn it is, regardless of
 /// when sets arrive.
 #[test]
@@ -71,6 +91,7 @@ fn every_video_frame_is_the_newest_sets_in_its_turn() {
         set_frames: 8,
         rolls: true,
         start: Start::WhenReady { idle_sets: 3 },
+        waits: false,
         keep_phase: false,
     };
     let mut presenter = Offscreen::new(Rc::clone(&clock) as Rc<dyn Clock>, rate, frames.frame_bytes());

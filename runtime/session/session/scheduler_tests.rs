@@ -24,6 +24,7 @@ fn schedule(display: &str, content: &str, set_frames: u64) -> Schedule {
         set_frames,
         // This is enough to determine the phase of the panel.
         start: Start::WhenReady { idle_sets: 4 },
+        waits: false,
         keep_phase: false,
     }
 }

@@ -118,6 +118,7 @@ fn play_stream(
         speed: Speed::ONE,
         set_frames: encoder.packed().video_frames as u64,
         start: Start::WhenReady { idle_sets: 2 },
+        waits: false,
         keep_phase: false,
     };
     let idle = encoder.frames();
@@ -294,8 +295,16 @@ fn a_thread_that_fails_leaves_the_idle_picture_and_one_line() {
         let rate = Rate::parse("60").unwrap();
         let start = Start::WhenReady { idle_sets: 2 };
         let (speed, keep_phase) = (Speed::ONE, false);
-        let schedule =
-            Schedule { display_rate: rate, content_rate: rate, speed, set_frames: 1, rolls: false, start, keep_phase };
+        let schedule = Schedule {
+            display_rate: rate,
+            content_rate: rate,
+            speed,
+            set_frames: 1,
+            rolls: false,
+            start,
+            waits: false,
+            keep_phase,
+        };
         let mut offscreen = Offscreen::new(Rc::clone(&clock), rate, idle.frame_bytes());
         let mut player = Player::new(clock, Scheduler::new(schedule), idle.clone(), Trace::none().track(""));
         let ended = loop {

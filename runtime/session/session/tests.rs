@@ -199,6 +199,7 @@ fn in_ten_minutes_no_set_is_late_because_of_refinement() {
         speed: Speed::new(1.0).unwrap(),
         set_frames: 1,
         start: Start::WhenReady { idle_sets: 4 },
+        waits: false,
         keep_phase: false,
     };
     let mut presenter = Offscreen::new(Rc::clone(&clock) as Rc<dyn Clock>, rate, frames.frame_bytes());

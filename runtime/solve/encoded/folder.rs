@@ -87,8 +87,8 @@ impl Encoder {
     /// Returns [`EncodeError::File`] if a file cannot be written.
     pub fn save(&self, frames: &VideoFrames, of: Option<&Hologram>, folder: &Path) -> Result<(), EncodeError> {
         let draft = FolderDraft::new(folder, holds_only_frames)?;
-        // The controller belongs to a bench and not to the frames.
-        let mut display = Display { device: None, ..self.display().clone() };
+        // Controller and triggers belong to a bench and not to the frames.
+        let mut display = self.display().without_apparatus();
         let encoding = &mut display.encoding;
         for (color, file) in &mut encoding.look_up {
             *file = keep(&draft, file, &format!("{}{color}", CALIBRATION[0]))?;

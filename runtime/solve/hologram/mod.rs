@@ -362,6 +362,8 @@ impl Hologram {
             prescription: self.metadata.prescription.clone(),
             viewing: self.metadata.viewing,
             device: None,
+            trigger_out: None,
+            trigger_in: None,
             file: self.metadata.display_file.clone(),
         })
     }

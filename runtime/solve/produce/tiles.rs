@@ -133,7 +133,7 @@ impl Prepared {
         let (plan, reading) = (&self.plan, &job.reading);
         let mut work = json!({
             "scene": job.scenes[0], "views": [reading.views, Some(self.picture)], "view_pitch": reading.view_pitch_mm,
-            "display": Display { device: None, ..job.display.clone() }.to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
+            "display": job.display.without_apparatus().to_toml(), "colors": job.colors, "settings": plan.settings, "passes": request.passes.max(1),
             "tile": tile_side(job.display), "region": [plan.region.rows, plan.region.columns], "engine": engine.describe(),
         });
         if let Some(map) = reading.depth_maps.first() {

@@ -41,17 +41,12 @@ pub fn run(args: &Connect) -> Result<(), Failure> {
     let connection = ControllerConnection::start(&display, args.display_rate)?;
     print_identity(connection.identity());
     let longest = args.duration.map(|seconds| Duration::from_secs_f64(seconds.min(1e9)));
-    let mut is_lost = false;
     while !progress::interrupted() && longest.is_none_or(|longest| begun.elapsed() < longest) {
-        match connection.note(LOOK) {
-            Some(note) => eprintln!("note: {note}"),
-            None if connection.is_lost() => {
-                is_lost = true;
-                break;
-            }
-            None => {}
+        if let Some(note) = connection.note(LOOK) {
+            eprintln!("note: {note}");
         }
     }
+    let is_lost = connection.is_lost();
     let report = connection.stop()?;
     eprintln!("{}", controller_line(&report));
     let last = report.events.last().map(|event| event.text.clone()).unwrap_or_default();

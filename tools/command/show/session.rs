@@ -8,7 +8,8 @@ use eyebox::low_level::files;
 use eyebox::low_level::hologram::Hologram;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::{
-    ControllerReport, Ended, Ending, Session, SessionError, SessionEvent, Statistics, Status,
+    ControllerReport, Ended, Ending, PulseReport, Session, SessionError, SessionEvent, Statistics, Status,
+    TriggerReport,
 };
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
@@ -97,6 +98,7 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
     if let Some(controller) = &statistics.controller {
         eprintln!("{}", controller_line(controller));
     }
+    trigger_lines(&statistics).iter().for_each(|line| eprintln!("{line}"));
     if statistics.pictures_left_out > 0 {
         let count = statistics.pictures_left_out;
         eprintln!("note: {count} pictures were not kept, because the disk was slower than the display");
@@ -108,6 +110,22 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
         0 => Ok(()),
         count => Err(Failure::Arguments(reason!("validation", "the validation layer found {count} faults, above"))),
     }
+}
+
+/// Returns the statistics of the pulses of a session in words.
+fn trigger_lines(statistics: &Statistics) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(TriggerReport { sent, late, full, lost, lateness_ms, .. }) = &statistics.trigger_out {
+        let late_us =
+            lateness_ms.percentile(0.99).map_or_else(String::new, |ms| format!(", 99 % within {:.0} us", ms * 1e3));
+        lines.push(format!("{sent} pulses sent{late_us}, {late} too late, {full} without room, {lost} without a line"));
+    }
+    if let Some(PulseReport { received, advanced, too_early, lost, .. }) = statistics.trigger_in {
+        lines.push(format!(
+            "{received} pulses taken, {advanced} advanced the content, {too_early} too early, {lost} lost"
+        ));
+    }
+    lines
 }
 
 /// Returns the statistics of a display's controller in words.

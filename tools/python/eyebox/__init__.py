@@ -38,7 +38,7 @@ from ._hologram import Hologram
 from ._interrupted import Interrupted
 from ._refiner import Refiner
 from ._scene import Scene, photograph
-from ._show import Frame, Session, Shows, show
+from ._show import Frame, Light, Session, Shows, show
 from ._settings import SolveSettings
 from ._solve import Step, solve
 from ._tables import Score, Scores
@@ -56,6 +56,7 @@ __all__ = [
     "Hologram",
     "HologramError",
     "Interrupted",
+    "Light",
     "Pupil",
     "Refiner",
     "Scene",

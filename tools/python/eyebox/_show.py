@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from typing import TYPE_CHECKING, Any, Iterator, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,33 @@ class Frame(NamedTuple):
     part: int
     new: bool
     late: str | None
+
+
+class Light(NamedTuple):
+    """The light of a set, for ``on_light`` of :func:`eyebox.show`.
+
+    Attributes
+    ----------
+    set : int
+        Number of the set. Repeated sets count.
+    hologram : int
+        Number of the hologram in the content, or of the refined set.
+    number : int
+        Number of its first video frame on the display.
+    new : bool
+        True if the set shows new content.
+    seconds : float
+        Predicted time of its first light, in seconds of the display's clock.
+    reported : float or None
+        Time of its first light as the display reports it. It is None without a report.
+    """
+
+    set: int
+    hologram: int
+    number: int
+    new: bool
+    seconds: float
+    reported: float | None
 
 
 class Shows(NamedTuple):
@@ -259,6 +286,7 @@ def show(
     views: Whole = 5,
     engine: EngineLike = "auto",
     other_scene: bool = False,
+    on_light: Callable[[Light], Any] | None = None,
     **steering: Unpack[RefineFields],
 ) -> Session:
     """Shows a hologram, a sequence, or content of another process. The session is a context manager.
@@ -311,6 +339,9 @@ def show(
         Engine that computes the refinement.
     other_scene : bool
         Accept another scene than the scene of the solve.
+    on_light : callable, optional
+        Function that is called with the :class:`Light` of each set on a thread of the session, as soon as the display
+        has reported it. An exception in it is printed, and the session continues.
     **steering
         Arguments of :class:`eyebox.Refiner`.
 
@@ -342,6 +373,8 @@ def show(
             raise _arguments.wrong(ValueError, name, f"is {value!r}: it must be {' or '.join(known)}")
     if output == "window" and clock == "simulated":
         raise _arguments.wrong(ValueError, "clock", 'is "simulated": a window has the clock of the system')
+    if on_light is not None and not callable(on_light):
+        raise _arguments.wrong(TypeError, "on_light", f"is {on_light!r}: it must be a function of one argument")
     if eye is not None and not _arguments.is_path(eye):
         raise _arguments.wrong(TypeError, "eye", f"is {eye!r}: it must be own, simulated or another tracker's name")
     eye = None if eye is None else _arguments.path(eye, "eye")
@@ -352,6 +385,7 @@ def show(
         "monitor": None if monitor is None else str(monitor),
         "simulated": clock == "simulated",
         "queue": _arguments.count(queue, "queue", 1024, least=0),
+        "on_light": None if on_light is None else (lambda *fields: on_light(Light(*fields))),
     }
     following = {
         "eye": eye,

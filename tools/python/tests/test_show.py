@@ -153,3 +153,26 @@ def test_what_makes_no_sense(tmp_path, hologram, display):
         eyebox.show(tmp_path / "nothing.zarr", display)
     with named(TypeError, "eyebox.show"):
         eyebox.Session()
+
+
+def test_a_function_is_called_with_the_light_of_each_set(hologram, display):
+    lights = []
+    with eyebox.show(hologram, display, clock="simulated", seconds=0.5, on_light=lights.append) as session:
+        frames = list(session)
+    begun = [frame for frame in frames if frame.hologram is not None and frame.part == 0]
+    assert [light.number for light in lights] == [frame.number for frame in begun]
+    assert [light.set for light in lights] == list(range(len(begun)))
+    assert all(isinstance(light, eyebox.Light) and light.hologram == 0 for light in lights)
+    assert lights[0].new and lights[1].reported is not None
+
+    def fails(light):
+        raise RuntimeError(f"set {light.set}")
+
+    with pytest.warns(pytest.PytestUnraisableExceptionWarning, match="set 0"):
+        with eyebox.show(hologram, display, clock="simulated", seconds=0.1, on_light=fails) as session:
+            assert list(session)
+    with pytest.raises(TypeError, match="on_light"):
+        eyebox.show(hologram, display, on_light=3)
+    # A session that nobody stops ends with its object.
+    forgotten = eyebox.show(hologram, display, on_light=lights.append)
+    del forgotten

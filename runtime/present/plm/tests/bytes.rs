@@ -4,6 +4,7 @@ use crate::plm::report::{read_request, received, reply, reply_report, write_requ
 use crate::plm::table::{count, exposure_us, patterns, plane_of_bit, usual_leds};
 use crate::plm::values::{Leds, Pattern, Versions, board, text};
 use crate::plm::{Command, HardwareFault, HardwareStatus, MainStatus, PLANES, PlmError};
+use eyebox_optics::PlaneTrigger;
 
 fn padded(bytes: &[u8]) -> [u8; 64] {
     let mut report = [0; 64];
@@ -56,7 +57,7 @@ fn replies_shorter_than_their_header_or_length_do_no_harm() {
 fn the_table_is_that_of_plmctrl() {
     let exposure = exposure_us(60.0).unwrap();
     assert_eq!((exposure, exposure_us(30.0).unwrap()), (694, 1388));
-    let all = patterns(exposure, &usual_leds());
+    let all = patterns(exposure, &usual_leds(), PlaneTrigger::Plane);
     let bytes = |index: usize| write_request(0x1A34, 1, false, &all[index].bytes())[0];
     let head = [0x00, 0x01, 0x0E, 0x00, 0x34, 0x1A];
     let entry = |data: [u8; 12]| padded(&[&head[..], &data].concat());
@@ -150,7 +151,7 @@ fn the_codes_of_commands_are_those_of_the_guide() {
     let codes: Vec<u16> = Command::ALL.iter().map(|command| command.code()).collect();
     let expected = [
         0x0100, 0x0101, 0x0200, 0x0205, 0x0206, 0x1008, 0x1009, 0x1A00, 0x1A01, 0x1A03, 0x1A0A, 0x1A0C, 0x1A1B, 0x1A24,
-        0x1A30, 0x1A31, 0x1A34, 0x1A37, 0x1A3B, 0x1A42,
+        0x1A30, 0x1A31, 0x1A34, 0x1A36, 0x1A37, 0x1A3B, 0x1A42,
     ];
     assert_eq!(codes, expected);
     assert!(Command::ALL.iter().all(|command| Command::of_code(command.code()) == Some(*command)));

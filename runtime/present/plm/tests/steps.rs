@@ -4,6 +4,7 @@ use crate::plm::setup::SOURCE_TIME;
 use crate::plm::table::{exposure_us, usual_leds};
 use crate::plm::{Command, Controller, HardwareFault, Leds, Link, PLANES, PlmError, Simulated, State};
 use eyebox_optics::VideoLink::{self, DisplayPort, Hdmi};
+use eyebox_optics::{Edge, PlaneTrigger};
 use std::time::Duration;
 
 fn open(device: &Simulated) -> Controller {
@@ -42,6 +43,30 @@ fn a_controller_is_started_polled_and_put_to_sleep() {
         controller.sleep().unwrap();
         assert_eq!((controller.state(), device.receiver(), device.is_running()), (State::Asleep, 0, false));
         assert_eq!(device.lost_replies(), 0, "each reply is fetched before the next command");
+    }
+}
+
+#[test]
+fn lines_mark_planes_and_start_them() {
+    for (marked, planes) in [(PlaneTrigger::Plane, PLANES), (PlaneTrigger::Frame, 1), (PlaneTrigger::Off, 0)] {
+        let device = Simulated::new();
+        let mut controller = open(&device);
+        controller.set_triggers(marked, None);
+        start(&mut controller, DisplayPort, 60.0).unwrap();
+        let lit = device.lit_planes(!0);
+        assert_eq!(lit.iter().filter(|plane| plane.trigger_out_2).count(), planes);
+        assert_eq!(lit[0].trigger_out_2, planes > 0, "{marked:?}");
+    }
+    for (edge, level) in [(Edge::Rising, true), (Edge::Falling, false)] {
+        let device = Simulated::new();
+        device.set_faults(|faults| faults.trigger_in_2 = !level);
+        let mut controller = open(&device);
+        controller.set_triggers(PlaneTrigger::Plane, Some(edge));
+        start(&mut controller, DisplayPort, 60.0).unwrap();
+        assert_eq!((controller.state(), device.is_running()), (State::Running, false), "{edge:?}");
+        device.set_faults(|faults| faults.trigger_in_2 = level);
+        assert!(device.is_running());
+        controller.sleep().unwrap();
     }
 }
 

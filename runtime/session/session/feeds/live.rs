@@ -364,6 +364,7 @@ impl Live {
             set_frames,
             rolls,
             start: Start::WhenReady { idle_sets: 4_u64.div_ceil(every) },
+            waits: false,
             keep_phase: false,
         };
         let set_ns = display.rate.time_of_ns(i64::try_from(set_frames).unwrap_or(i64::MAX));

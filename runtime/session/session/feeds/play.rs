@@ -175,6 +175,7 @@ impl Play {
             speed,
             set_frames,
             start,
+            waits: encoder.display().trigger_in.is_some() && display.real_clock.is_some(),
             keep_phase: self.keep_phase,
         };
         let phases = if self.sync_s > 0.0 { sync_phases(shape) } else { vec![0.0; shape.iter().product()] };

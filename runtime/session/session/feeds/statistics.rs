@@ -5,7 +5,9 @@ use crate::session::feeds::showing::ContentReport;
 use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::latency::Latency;
 use crate::session::playback::controller::ControllerReport;
+use crate::session::playback::pulses::PulseReport;
 use crate::session::playback::report::Report;
+use crate::session::playback::triggers::TriggerReport;
 use crate::session::refinement::live_refiner::Policy;
 use crate::session::refinement::pupil_tracker::TrackerCounts;
 use serde_json::{Value, json};
@@ -67,6 +69,10 @@ pub struct Statistics {
     pub interference: Vec<Interference>,
     /// The statistics of the display's controller, if it has one.
     pub controller: Option<ControllerReport>,
+    /// The pulses that were given with the light of sets, if the display has `[trigger_out]`.
+    pub trigger_out: Option<TriggerReport>,
+    /// The pulses that advanced the content, if the display has `[trigger_in]`.
+    pub trigger_in: Option<PulseReport>,
     /// The messages of the validation layer.
     pub validation: Vec<String>,
     /// The statistics of a live hologram, if the session showed one.
@@ -140,6 +146,12 @@ impl Statistics {
         all["interference"] = json!(self.interference);
         if let Some(controller) = &self.controller {
             all["controller"] = controller.to_json();
+        }
+        if let Some(report) = &self.trigger_out {
+            all["trigger_out"] = report.to_json();
+        }
+        if let Some(report) = &self.trigger_in {
+            all["trigger_in"] = report.to_json();
         }
         all
     }

@@ -8,6 +8,7 @@ use crate::gaze::GazeError;
 use crate::hologram::HologramError;
 use crate::present::PresentError;
 use crate::present::plm::PlmError;
+use crate::present::trigger::TriggerError;
 use crate::solve::SolveError;
 use crate::trackers::TrackerError;
 use eyebox_base::error::Reason;
@@ -22,6 +23,8 @@ pub enum SessionError {
     Present(#[from] PresentError),
     /// The controller of the display failed.
     Plm(#[from] PlmError),
+    /// A trigger of the display failed.
+    Trigger(#[from] TriggerError),
     /// The holograms caused an error.
     Hologram(#[from] HologramError),
     /// The encoding caused an error.

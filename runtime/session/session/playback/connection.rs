@@ -55,9 +55,9 @@ impl ControllerConnection {
         }
     }
 
-    /// Returns true if the connection of the controller was lost.
+    /// Returns true while the connection of the controller is lost.
     pub fn is_lost(&self) -> bool {
-        self.thread.has_ended()
+        self.thread.is_lost()
     }
 
     /// Puts the controller to sleep, and returns its report.

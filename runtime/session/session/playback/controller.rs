@@ -36,7 +36,7 @@ const MOST_EVENTS: usize = 64;
 pub struct ControllerEvent {
     /// The time since the start of the session (s).
     pub seconds: f64,
-    /// The kind of the event, `running`, `abort`, `no-picture` or `error`.
+    /// The kind of the event, `running`, `abort`, `trigger`, `no-picture`, `connected` or `error`.
     pub kind: &'static str,
     /// The event in words.
     pub text: String,
@@ -58,8 +58,12 @@ pub struct ControllerReport {
     pub checks: u64,
     /// The checks that found an aborted video frame.
     pub aborts: u64,
+    /// The checks that found the planes stopped by the line at TRIG_IN_2.
+    pub stopped: u64,
     /// The number of times that the picture was lost.
     pub lost_pictures: u64,
+    /// The number of times that a lost connection was opened again.
+    pub reconnections: u64,
     /// The number of errors of the controller and of its connection.
     pub errors: u64,
     /// The first 64 events.
@@ -75,8 +79,8 @@ impl ControllerReport {
             |e: &ControllerEvent| json!({ "seconds": e.seconds, "kind": e.kind, "text": e.text, "error": e.error });
         json!({
             "board": self.identity.board, "firmware": self.identity.firmware, "versions": self.identity.versions, "flips": self.identity.flips,
-            "rate_hz": self.rate_hz, "exposure_us": self.exposure_us, "checks": self.checks, "aborts": self.aborts,
-            "lost_pictures": self.lost_pictures, "errors": self.errors, "asleep": self.asleep,
+            "rate_hz": self.rate_hz, "exposure_us": self.exposure_us, "checks": self.checks, "aborts": self.aborts, "stopped": self.stopped,
+            "lost_pictures": self.lost_pictures, "reconnections": self.reconnections, "errors": self.errors, "asleep": self.asleep,
             "events": self.events.iter().map(event).collect::<Vec<_>>(),
         })
     }
@@ -122,9 +126,14 @@ pub fn leds_of_planes(encoder: &Encoder, together: bool) -> Result<[Leds; PLANES
     Ok(leds.map(Option::unwrap_or_default))
 }
 
+/// Opens a controller again after its connection was lost.
+type Reopen = Box<dyn FnMut() -> Result<Controller, PlmError> + Send>;
+
 /// A controller whose receiver is on.
 pub(crate) struct PreparedController {
     controller: Controller,
+    device: Device,
+    reopen: Reopen,
     identity: Identity,
     leds: [Leds; PLANES],
 }
@@ -148,8 +157,10 @@ impl PreparedController {
     /// Prepares `given`, or the controller of this machine.
     pub(crate) fn start(device: Device, given: Option<Controller>, leds: [Leds; PLANES]) -> Result<Self, SessionError> {
         let mut controller = given.map_or_else(|| plm::open(&device), Ok)?;
+        controller.set_triggers(device.trigger_out, device.trigger_in);
         let identity = controller.prepare(device.link)?;
-        Ok(Self { controller, identity, leds })
+        let reopen = Box::new(move || plm::open(&device));
+        Ok(Self { controller, device, reopen, identity, leds })
     }
 
     /// Starts the patterns on a thread as soon as the controller is locked, for a display of this rate.
@@ -160,22 +171,22 @@ impl PreparedController {
         let ends = Arc::clone(&stop);
         let running = Arc::new(AtomicBool::new(false));
         let runs = Arc::clone(&running);
+        let lost = Arc::new(AtomicBool::new(false));
+        let loses = Arc::clone(&lost);
         let thread = spawn("watches the controller", move || {
             let goes_on = || !ends.load(Ordering::Acquire);
             while goes_on() {
                 let checked = Instant::now();
-                let is_connected = watch.step(&mut { goes_on });
-                runs.store(watch.controller.state() == State::Running, Ordering::Release);
-                if !is_connected {
-                    break;
-                }
+                watch.step(&mut { goes_on });
+                runs.store(watch.is_running(), Ordering::Release);
+                loses.store(watch.is_lost, Ordering::Release);
                 while goes_on() && checked.elapsed() < CHECK_INTERVAL {
                     std::thread::sleep(LOOK);
                 }
             }
             watch.finish()
         })?;
-        Ok(ControllerThread { identity, stop, running, thread: Some(thread) })
+        Ok(ControllerThread { identity, stop, running, lost, thread: Some(thread) })
     }
 }
 
@@ -184,6 +195,7 @@ pub(crate) struct ControllerThread {
     pub identity: Identity,
     stop: Arc<AtomicBool>,
     running: Arc<AtomicBool>,
+    lost: Arc<AtomicBool>,
     thread: Option<JoinHandle<(ControllerReport, Track)>>,
 }
 
@@ -193,9 +205,9 @@ impl ControllerThread {
         self.running.load(Ordering::Acquire)
     }
 
-    /// Returns true if the connection of the controller was lost.
-    pub(crate) fn has_ended(&self) -> bool {
-        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    /// Returns true while the connection of the controller is lost.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::Acquire) || self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Puts the controller to sleep, and returns its report.
@@ -218,7 +230,13 @@ impl Drop for ControllerThread {
 /// The steps of the thread.
 struct Watch {
     controller: Controller,
+    device: Device,
+    reopen: Reopen,
+    /// True while the connection is lost.
+    is_lost: bool,
     leds: [Leds; PLANES],
+    /// True if the planes ran at the last check of this line.
+    was_running: Option<bool>,
     report: ControllerReport,
     notes: Notes,
     track: Track,
@@ -229,7 +247,7 @@ struct Watch {
 
 impl Watch {
     fn new(prepared: PreparedController, rate: Rate, notes: Notes, track: Track) -> Result<Self, SessionError> {
-        let PreparedController { controller, identity, leds } = prepared;
+        let PreparedController { controller, device, reopen, identity, leds } = prepared;
         // An impossible rate is refused before anything is shown.
         exposure_us(rate.hz())?;
         let report = ControllerReport {
@@ -238,24 +256,63 @@ impl Watch {
             exposure_us: None,
             checks: 0,
             aborts: 0,
+            stopped: 0,
             lost_pictures: 0,
+            reconnections: 0,
             errors: 0,
             events: Vec::new(),
             asleep: false,
         };
-        Ok(Self { controller, leds, report, notes, track, begun: Instant::now(), noted: String::new() })
+        Ok(Self {
+            controller,
+            device,
+            reopen,
+            is_lost: false,
+            leds,
+            was_running: None,
+            report,
+            notes,
+            track,
+            begun: Instant::now(),
+            noted: String::new(),
+        })
     }
 
-    /// Starts or checks the controller. Returns false if its connection is lost.
-    fn step(&mut self, goes_on: &mut dyn FnMut() -> bool) -> bool {
+    fn is_running(&self) -> bool {
+        !self.is_lost && self.controller.state() == State::Running
+    }
+
+    /// Starts or checks the controller, and opens a lost connection again.
+    fn step(&mut self, goes_on: &mut dyn FnMut() -> bool) {
+        if self.is_lost && self.reconnect().is_err() {
+            // The next step tries again.
+            return;
+        }
         let done = if self.controller.state() == State::Running { self.check() } else { self.begin(goes_on) };
-        let Err(error) = done else { return true };
+        let Err(error) = done else { return };
         if matches!(error, PlmError::NoSource { .. }) && !goes_on() {
-            return true;
+            return;
         }
         self.report.errors += 1;
         self.event("error", error.to_string(), Some(ErrorData::of(&error)));
-        !error.is_of_link()
+        if error.is_of_link() {
+            self.controller.abandon();
+            self.is_lost = true;
+        }
+    }
+
+    /// Opens the controller again, and takes it through all steps, because it may have been switched off.
+    fn reconnect(&mut self) -> Result<(), PlmError> {
+        let mut controller = (self.reopen)()?;
+        controller.set_triggers(self.device.trigger_out, self.device.trigger_in);
+        if let Err(error) = controller.prepare(self.device.link) {
+            controller.abandon();
+            return Err(error);
+        }
+        (self.controller, self.is_lost) = (controller, false);
+        self.report.reconnections += 1;
+        self.event("connected", "the controller is connected again".into(), None);
+        Ok(())
     }
 
     fn begin(&mut self, goes_on: &mut dyn FnMut() -> bool) -> Result<(), PlmError> {
@@ -268,7 +325,15 @@ impl Watch {
     }
 
     fn check(&mut self) -> Result<(), PlmError> {
-        if !self.read_condition()?.is_showing() {
+        let condition = self.read_condition()?;
+        if self.device.trigger_in.is_some() && condition.main.is_locked() {
+            let is_running = condition.main.is_running();
+            self.report.stopped += u64::from(!is_running);
+            if self.was_running.replace(is_running) != Some(is_running) {
+                let text = if is_running { "started" } else { "stopped" };
+                self.event("trigger", format!("the line at TRIG_IN_2 {text} the planes"), None);
+            }
+        } else if !condition.is_showing() {
             self.report.lost_pictures += 1;
             self.event("no-picture", "the controller lost the picture, and starts again".into(), None);
             self.controller.recover()?;
@@ -308,6 +373,9 @@ impl Watch {
     }
 
     fn finish(mut self) -> (ControllerReport, Track) {
+        if self.is_lost {
+            return (self.report, self.track);
+        }
         if self.controller.state() == State::Running {
             // Aborts of the last second count, too. An error repeats in the next commands.
             let _ = self.read_condition();

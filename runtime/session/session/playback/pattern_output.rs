@@ -64,7 +64,7 @@ impl PatternOutput {
         while let Some(controller) = &self.controller
             && !controller.is_running()
         {
-            if controller.has_ended() || begun.elapsed() >= CONTROLLER_STARTS {
+            if controller.is_lost() || begun.elapsed() >= CONTROLLER_STARTS {
                 return Err(PlmError::NoSource { waited_ms: begun.elapsed().as_millis() as u64 }.into());
             }
             self.display.pump()?;

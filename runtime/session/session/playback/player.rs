@@ -102,6 +102,8 @@ pub(crate) struct Player {
     pub(crate) display_time_ns: i64,
     /// The log of the version of a hologram that is on the screen.
     versions: Option<VersionLog>,
+    /// The video frames whose light was reported in this tick, each with its time.
+    pub(crate) lit: Vec<(u64, i64)>,
 }
 
 impl Player {
@@ -118,6 +120,7 @@ impl Player {
             track,
             display_time_ns: 0,
             versions: None,
+            lit: Vec::with_capacity(8),
         }
     }
 
@@ -200,12 +203,15 @@ impl Player {
         self.pacer.submitted(self.id, next.vblank, compute_ns);
         self.id += 1;
         self.display_time_ns = next.predicted_display_time_ns;
+        self.lit.clear();
         while let Some(feedback) = presenter.feedback() {
             if let Some(versions) = &mut self.versions {
                 versions.lit(feedback.id);
             }
             if let Some(outcome) = self.pacer.presented(feedback.id, feedback.actual_display_time_ns) {
                 self.timing.add(outcome, feedback.actual_display_time_ns);
+                // A late video frame keeps the number that it was handed over with.
+                self.lit.push((outcome.vblank.saturating_sub(outcome.missed), feedback.actual_display_time_ns));
             }
         }
         observe(&PresentedFrame {

@@ -76,6 +76,8 @@ pub struct Schedule {
     pub rolls: bool,
     /// The start of the content.
     pub start: Start,
+    /// True if content waits after each frame until it is [stepped](Scheduler::step).
+    pub waits: bool,
     /// True if sets start only a multiple of `set_frames` after the first, despite missed presents. This is for lasers
     /// that count video frames by themselves.
     pub keep_phase: bool,
@@ -339,6 +341,9 @@ impl Scheduler {
             }
         };
         self.timeline = begin.map(|begin| Timeline::new(content_rate, speed, begin));
+        if let Some(timeline) = self.timeline.as_mut().filter(|_| self.schedule.waits) {
+            timeline.pause(true, timeline.start_ns());
+        }
     }
 
     /// Ends the playback and removes this video frame from the counts, because it is not shown.

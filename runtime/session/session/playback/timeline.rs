@@ -46,6 +46,11 @@ impl Timeline {
         u64::try_from(self.parts(display_time_ns).div_euclid(self.unit())).ok()
     }
 
+    /// Returns the time since which the position grows.
+    pub(crate) fn start_ns(&self) -> i64 {
+        self.anchor_time_ns
+    }
+
     /// Returns true if content is paused.
     pub fn is_paused(&self) -> bool {
         self.paused
