@@ -6,7 +6,7 @@
 //! An error is one line on standard error with exit code 2 (3 if a display was lost), and no partial file remains. Long
 //! work stops cleanly on the first ctrl-C. The second ctrl-C ends it at once with exit code 130.
 //!
-//! It is a library because two programs have it: `eyebox` (`main.rs`) and the command of the Python package.
+//! It is a library because the program `eyebox` (`main.rs`) and the Python package both have it.
 
 // Before all modules that print, because its macros replace the standard ones.
 #[macro_use]

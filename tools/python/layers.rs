@@ -7,10 +7,9 @@ use eyebox::scene::{Layer, Places, views_of_layers};
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
-/// Makes views of layers, the farthest first. `arrays` has one array (layer, row, column) of linear light per color,
-/// and the opacity last. `places` are the positions (x, y) of the views in meters of the pupil plane. `per_metre` is
-/// the movement in pixels per meter of depth and of the pupil plane. Returns the views of each color, one after the
-/// other.
+/// Makes views of layers, the farthest first. There is one array (layer, row, column) of linear light per color, and one
+/// of the opacity at the end. The positions (x, y) of the views are `places`, in meters of the pupil plane. Content moves
+/// by `per_metre` pixels per meter of depth and of the pupil plane. Returns the views of each color, one after the other.
 #[pyfunction]
 pub(crate) fn layer_views<'py>(
     py: Python<'py>,

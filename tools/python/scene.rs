@@ -27,8 +27,8 @@ pub(crate) struct Scene {
     pub(crate) asked: SceneOptions,
 }
 
-/// The views per axis, their pitch in meters, a depth map, the depths of its ends in meters, the name of its near
-/// values, the order of the views, and the name of the synthesis of views.
+/// The views per axis, their pitch in meters, a depth map, the depths of its ends in meters, and names. These are the
+/// name of the near values, the order of the views, and the synthesis of views.
 type Options =
     (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>, Option<String>);
 

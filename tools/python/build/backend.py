@@ -1,4 +1,4 @@
-"""Builds the package by maturin, and adds to the wheel what belongs beside the command.
+"""Builds the package by maturin, and adds the documents of the command to the wheel.
 
 It is the build backend of pyproject.toml. A wheel also has completions for shells, pages of the manual, and the
 licenses of the crates that are linked in.
@@ -79,7 +79,7 @@ def complete(wheel):
 def _documents(wheel, folder):
     """Returns completions and pages of the manual with their places. The module in the wheel makes them."""
     with zipfile.ZipFile(wheel) as archive:
-        [module] = [name for name in archive.namelist() if name.startswith("eyebox/_eyebox.")]
+        [module] = [name for name in archive.namelist() if name.startswith("eyebox/_eyebox.") and name.endswith((".so", ".pyd"))]
         archive.extract(module, folder)
     run = "import _eyebox, sys; sys.exit(_eyebox.command(['eyebox', *sys.argv[1:]]))"
     # The module needs no NumPy for that, and the build has none.
@@ -111,17 +111,19 @@ def licenses():
         [*words, "--prefix", "none", "--format", "{p}|{l}"], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout
     home = pathlib.Path(os.environ.get("CARGO_HOME", pathlib.Path.home() / ".cargo"))
-    parts = []
+    # Many crates have the same text, which is written once.
+    crates = {}
     for line in sorted(set(tree.splitlines())):
         package, _, license = line.replace(" (*)", "").partition("|")
         name, version, *_ = package.split()
         found = sorted(home.glob(f"registry/src/*/{name}-{version.removeprefix('v')}"))
         if not found:
             continue
-        parts.append(f"\n==== {name} {version}: {license}\n")
         texts = [path for path in found[0].iterdir() if path.is_file() and path.name.lower().startswith(("licen", "copying", "notice"))]
-        parts += [path.read_text(encoding="utf-8", errors="replace") for path in sorted(texts)]
-    return "".join(parts).encode()
+        for path in sorted(texts):
+            text = path.read_text(encoding="utf-8", errors="replace").strip()
+            crates.setdefault(text, []).append(f"{name} {version}: {license}")
+    return "".join(f"==== {chr(10).join(names)}\n\n{text}\n\n" for text, names in crates.items()).encode()
 
 
 def _add(wheel, record, files):

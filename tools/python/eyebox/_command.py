@@ -64,7 +64,7 @@ def command(*words: Any) -> dict[str, Any]:
     Raises
     ------
     EyeboxError
-        If the command fails. ``code`` and ``fields`` are those of its error.
+        If the command fails. It has the ``code`` and the ``fields`` of the error.
 
     Examples
     --------

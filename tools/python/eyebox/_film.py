@@ -1,4 +1,4 @@
-"""Films of what a moving eye sees, by the command."""
+"""Films of a hologram through a moving pupil, by the command."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def film(
     blinks: Iterable[Quantity] = (),
     binning: int = 1,
 ) -> dict[str, Any]:
-    """Makes a film of what a moving eye sees of a hologram (``eyebox render --path``).
+    """Makes a film of a hologram through a moving pupil (``eyebox render --path``).
 
     Parameters
     ----------

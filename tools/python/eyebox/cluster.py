@@ -18,6 +18,7 @@ import contextlib
 import fractions
 import functools
 import json
+import logging
 import numbers
 import os
 import shutil
@@ -523,7 +524,9 @@ def _cluster(client: Any, workers: Any, max_workers: Any) -> Iterator[Any]:
     stated = os.environ.get("RAYON_NUM_THREADS", "")
     threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
     own = {"RAYON_NUM_THREADS": str(max(threads // most, 1))}
-    with LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, env=own) as local, Client(local) as one:
+    # Workers would warn of pieces that end with the call after the first error.
+    how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.ERROR, "env": own}
+    with LocalCluster(n_workers=count, **how) as local, Client(local) as one:
         if most > count:
             local.adapt(minimum=count, maximum=most)
         try:

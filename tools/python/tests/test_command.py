@@ -1,4 +1,4 @@
-"""Tests the command of the package. It behaves as the program does, and its reports and errors are those of Python."""
+"""Tests the command of the package. It behaves as the program does, with reports and errors of Python."""
 
 import os
 import pathlib

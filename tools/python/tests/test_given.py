@@ -115,14 +115,17 @@ def test_layers_are_views_of_their_places(display):
 
 
 def test_views_are_synthesized_on_request(display):
-    # Content moves by two pixels from view to view.
-    views = light_field(5, 5, 9)[::2, ::2]
+    # A near square moves by more than a pixel from view to view against the picture behind it.
+    layers = np.ones((2, 40, 48, 2), np.float32)
+    layers[0, ..., 0], layers[1, ..., 1] = PICTURE[..., 1], DEPTH > 0
+    views = eyebox.Scene.from_layers(layers, [0, 1e-3], display, "green", views=3).views[..., 0]
     own = eyebox.Scene(views, display, "green")
     same(eyebox.Scene(views, display, "green", view_synthesis="cells"), own)
     between = eyebox.Scene(views, display, "green", view_synthesis="between")
     assert between.shape[0] * between.shape[1] > own.shape[0] * own.shape[1]
-    with named(ValueError, "view_synthesis", "'sharp'"):
+    with named(ValueError, "view_synthesis", "sharp") as caught:
         eyebox.Scene(views, display, "green", view_synthesis="sharp")
+    assert caught.value.argument == "view_synthesis"
 
 
 VIEWS = light_field(2, 3, 3)

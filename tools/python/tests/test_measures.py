@@ -1,4 +1,4 @@
-"""Tests what is measured of holograms: pupils of scores, the groups of the paper, JOD, and plans of solves."""
+"""Tests pupils of scores, the groups of the paper, JOD, and plans of solves."""
 
 import json
 import os
