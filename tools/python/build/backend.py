@@ -5,6 +5,7 @@ licenses of the crates that are linked in.
 """
 
 import base64
+import gzip
 import hashlib
 import importlib.machinery
 import os
@@ -12,6 +13,7 @@ import pathlib
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
 import zipfile
 
@@ -57,7 +59,35 @@ def build_editable(wheel_directory, config_settings=None, metadata_directory=Non
 
 
 def build_sdist(sdist_directory, config_settings=None):
-    return _maturin().build_sdist(sdist_directory, config_settings)
+    name = _maturin().build_sdist(sdist_directory, config_settings)
+    lock(pathlib.Path(sdist_directory) / name)
+    return name
+
+
+def lock(sdist):
+    """Removes crates from the lock file of a source distribution that it does not have, so that ``--locked`` builds it."""
+    with tempfile.TemporaryDirectory() as folder:
+        with tarfile.open(sdist) as archive:
+            archive.extractall(folder, filter="data")
+            entries = archive.getmembers()
+        [root] = pathlib.Path(folder).iterdir()
+        metadata = ["cargo", "metadata", "--format-version", "1"]
+        # The first call removes crates and keeps the versions of the others. The second one checks the result.
+        for words in ([], ["--locked"]):
+            subprocess.run([*metadata, *words], cwd=root, check=True, stdout=subprocess.DEVNULL)
+        draft = sdist.with_suffix(".part")
+        # No time of the machine is in the file, so that builds of the same sources are the same.
+        with open(draft, "wb") as file, gzip.GzipFile("", "wb", fileobj=file, mtime=0) as packed:
+            with tarfile.open(fileobj=packed, mode="w") as archive:
+                for entry in entries:
+                    path = pathlib.Path(folder) / entry.name
+                    if not entry.isfile():
+                        archive.addfile(entry)
+                        continue
+                    entry.size = path.stat().st_size
+                    with open(path, "rb") as data:
+                        archive.addfile(entry, data)
+        draft.replace(sdist)
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
