@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Tests the Python package. tools/python.sh lays the package out with the module that the workspace's build has made, and runs its
 # tests and notebooks; tools/python.sh wheel [PROFILE] builds the wheel for every Linux with glibc 2.28 or newer into dist/, by the profile
-# `release` or another, checks that it is one, and runs the tests with it, the long ones too. What Python needs comes into $target/python.
+# `release` or another. It adds the documents of the command to the wheel, makes a source distribution, checks the wheel, and runs
+# the tests with it, the long ones too. What Python needs comes into $target/python.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
@@ -44,7 +45,7 @@ module)
     # Of the whole workspace, whose tests have built all but this: by itself it would want its dependencies otherwise.
     cargo build --quiet --workspace
     environment tests numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py pylsl
-    optional tests slmsuite pandas xarray mypy pyright
+    optional tests slmsuite pandas xarray mypy pyright zarr tifffile
     rm -rf "$place/site"
     mkdir -p "$place/site"
     cp -rL tools/python/eyebox "$place/site/eyebox"
@@ -57,10 +58,12 @@ wheel)
     # PyTorch, JAX and the client of Pupil Labs are large, so they are only here.
     environment wheel maturin ziglang auditwheel numpy pytest tqdm matplotlib "dask[distributed]" scipy h5py torch jax \
         pylsl pupil-labs-realtime-api
-    optional wheel slmsuite pandas xarray mypy pyright
+    optional wheel slmsuite pandas xarray mypy pyright zarr tifffile
     python=$place/wheel/bin/python
-    rm -f dist/eyebox-*.whl
+    rm -f dist/eyebox-*.whl dist/eyebox-*.tar.gz
     PATH=$place/wheel/bin:$PATH maturin build --profile "${2:-release}" --zig --compatibility manylinux_2_28 --out dist
+    "$python" tools/python/build/backend.py dist/eyebox-*.whl
+    PATH=$place/wheel/bin:$PATH PYTHONPATH=tools/python/build "$python" -c 'import backend; backend.build_sdist("dist")'
     "$python" -m auditwheel show dist/eyebox-*.whl
     "$python" -m pip install --quiet --force-reinstall --no-deps dist/eyebox-*.whl
     export EYEBOX_PYTHON_LONG=1

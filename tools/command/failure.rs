@@ -7,7 +7,6 @@ use eyebox::low_level::session::SessionError;
 use eyebox_lab::film::FilmError;
 use eyebox_live_input::LiveError;
 use serde::Serialize;
-use std::process::ExitCode;
 
 /// The failure of a command.
 #[derive(Debug, thiserror::Error, Serialize)]
@@ -57,9 +56,9 @@ impl Failure {
 }
 
 /// Prints a failure as one line on standard error and returns its exit code.
-pub fn print(failure: &Failure) -> ExitCode {
+pub fn print(failure: &Failure) -> u8 {
     talk::print_error(&in_options(&failure.to_string()), &ErrorData::of(failure));
-    ExitCode::from(failure.exit_code())
+    failure.exit_code()
 }
 
 /// Fields and arguments of the library that have an option of the same name. [`in_options`] has the few others.

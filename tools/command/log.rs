@@ -25,7 +25,8 @@ pub fn listen(verbose: u8) {
         .with_level(verbose > 0)
         .with_target(verbose > 0)
         .without_time();
-    tracing_subscriber::registry().with(lines.with_filter(targets)).init();
+    // If the Python package has computed before in this process, its warnings stay warnings of Python.
+    let _ = tracing_subscriber::registry().with(lines.with_filter(targets)).try_init();
     if let Some(wrong) = wrong {
         tracing::warn!("RUST_LOG: not understood ({wrong}). Give targets and levels, such as eyebox=debug");
     }

@@ -5,6 +5,7 @@
 
 use eyebox::low_level::error::ErrorData;
 use serde_json::{Map, Value, json};
+use std::ffi::OsString;
 use std::fmt::Arguments;
 use std::io::{self, Write};
 use std::sync::OnceLock;
@@ -30,6 +31,19 @@ const AS_JSON: &str = "EYEBOX_JSON_ERRORS";
 static CLOSED: AtomicBool = AtomicBool::new(false);
 /// True after output was lost.
 static LOST: AtomicBool = AtomicBool::new(false);
+
+/// Arguments of the command. In the Python package they differ from the arguments of the process.
+static ARGUMENTS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Sets the arguments of the command.
+pub fn set_arguments(arguments: &[OsString]) {
+    let _ = ARGUMENTS.set(arguments.to_vec());
+}
+
+/// Returns the arguments of the command as they were typed, with the name of the program first.
+pub fn arguments() -> &'static [OsString] {
+    ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
 
 /// Prints a line on standard output.
 pub fn print_line(text: Arguments<'_>) {
@@ -76,7 +90,7 @@ pub fn write_note(text: Arguments<'_>) {
 /// Prints an error as one line on standard error. It is JSON with `--json` or if [`AS_JSON`] is 1.
 pub fn print_error(message: &str, data: &ErrorData) {
     let asked =
-        std::env::args_os().any(|word| word == "--json") || std::env::var_os(AS_JSON).is_some_and(|set| set == "1");
+        arguments().iter().any(|word| word == "--json") || std::env::var_os(AS_JSON).is_some_and(|set| set == "1");
     if asked {
         let error = json!({ "code": data.code, "message": message, "fields": data.fields });
         eprintln!("{}", json!({ "error": error }));

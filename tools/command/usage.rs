@@ -2,7 +2,7 @@
 
 use crate::commands::Cli;
 use crate::renamed;
-use crate::talk::print_error;
+use crate::talk::{self, print_error};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory, Error};
 use eyebox::low_level::error::ErrorData;
@@ -11,7 +11,6 @@ use serde_json::Value;
 use std::error::Error as _;
 use std::ffi::OsString;
 use std::path::Path;
-use std::process::ExitCode;
 
 /// Returns the arguments as clap takes them. `help --help` is `help help`, `help solve --help` is `help solve`, and
 /// `--depth -3..3` is `--depth=-3..3`.
@@ -81,15 +80,15 @@ fn is_negative(word: &OsString) -> bool {
 }
 
 /// Prints help and version as they are, and a mistake as one line.
-pub fn print(error: &Error) -> ExitCode {
+pub fn print(error: &Error) -> u8 {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = error.print();
-            if error.exit_code() == 0 { ExitCode::SUCCESS } else { ExitCode::from(2) }
+            if error.exit_code() == 0 { 0 } else { 2 }
         }
         _ => {
             print_error(&line(error), &data(error));
-            ExitCode::from(2)
+            2
         }
     }
 }
@@ -137,7 +136,7 @@ fn quantity(error: &Error) -> Option<&QuantityError> {
 /// Returns a mistake and its remedy in one line.
 fn line(error: &Error) -> String {
     if error.kind() == ErrorKind::InvalidUtf8 {
-        let wrong = std::env::args_os().find(|a| a.to_str().is_none()).unwrap_or_default();
+        let wrong = talk::arguments().iter().find(|a| a.to_str().is_none()).cloned().unwrap_or_default();
         return format!("{}: the name is not UTF-8. Rename the file", wrong.display());
     }
     let (text, advice) = (error.to_string(), advice(error));
@@ -164,8 +163,8 @@ fn line(error: &Error) -> String {
 /// Returns a guess of the intended argument, such as a file whose name looks like options, or --out instead of
 /// --output.
 fn advice(error: &Error) -> String {
-    let hyphened = |word: &OsString| word.to_str().is_some_and(|w| w.starts_with('-')) && Path::new(word).exists();
-    if let Some(file) = std::env::args_os().skip(1).find(hyphened) {
+    let hyphened = |word: &&OsString| word.to_str().is_some_and(|w| w.starts_with('-')) && Path::new(word).exists();
+    if let Some(file) = talk::arguments().iter().skip(1).find(hyphened) {
         return format!("; the file or folder of that name is given as ./{}", file.display());
     }
     let context = |kind| match error.get(kind) {
@@ -178,8 +177,7 @@ fn advice(error: &Error) -> String {
         return format!("; {now}");
     }
     if error.kind() == ErrorKind::UnknownArgument {
-        let words: Vec<_> = std::env::args_os().skip(1).collect();
-        let words: Vec<&str> = words.iter().filter_map(|word| word.to_str()).collect();
+        let words: Vec<&str> = talk::arguments().iter().skip(1).filter_map(|word| word.to_str()).collect();
         let path = named(&Cli::command(), &words).map(|(path, _)| path).unwrap_or_default();
         let option = context(ContextKind::InvalidArg).trim_start_matches('-');
         if let Some(now) = renamed::option(&path, option.split('=').next().unwrap_or_default()) {

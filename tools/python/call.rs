@@ -3,7 +3,7 @@
 //! itself.
 
 use crate::failure::Answer;
-use crate::forked;
+use crate::{forked, warn};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::panic::resume_unwind;
@@ -94,6 +94,7 @@ pub(crate) fn start<T: Send + 'static>(
     on_device: bool,
     work: impl FnOnce(&Caller) -> Answer<T> + Send + 'static,
 ) -> PyResult<Outcome<T>> {
+    warn::listen();
     let (questions, asked) = channel();
     let (gone, runs) = (Arc::new(AtomicBool::new(false)), Arc::new(()));
     let caller = Caller { questions, gone: Arc::clone(&gone) };

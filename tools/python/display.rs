@@ -129,6 +129,12 @@ impl Display {
         self.0.picture_size()
     }
 
+    /// The distance of two pixels of its pictures in the image of the SLM, in meters.
+    #[getter]
+    fn picture_pixel(&self) -> f64 {
+        self.0.picture_pixel()
+    }
+
     /// The pixel pitch in meters.
     #[getter]
     fn pitch(&self) -> f64 {

@@ -60,10 +60,22 @@ impl<E: Into<eyebox::Error>> From<E> for Failure {
     }
 }
 
+/// Returns the name of the argument with which a message begins, as in `order is "x": it must be ...`.
+fn argument(text: &str) -> Option<&str> {
+    let (name, rest) = text.split_once(' ')?;
+    let is_name = name.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let follows = ["is ", "has ", "of "].iter().any(|verb| rest.starts_with(verb));
+    (is_name && follows).then_some(name)
+}
+
 impl From<Failure> for PyErr {
     fn from(failure: Failure) -> Self {
         let said = failure.to_string();
         let data = ErrorData::of(&failure);
+        let argument = match &failure {
+            Failure::Argument(text) => argument(text).map(str::to_owned),
+            _ => None,
+        };
         // Python code expects a number here, and a text without a unit is of the wrong type.
         let no_unit =
             matches!(failure, Failure::Quantity(QuantityError::NotANumber { .. } | QuantityError::NoUnit { .. }));
@@ -89,6 +101,9 @@ impl From<Failure> for PyErr {
         Python::attach(|py| {
             let exception = error.value(py);
             let _ = exception.setattr("code", data.code);
+            if let Some(argument) = argument {
+                let _ = exception.setattr("argument", argument);
+            }
             let fields = serde_json::Value::Object(data.fields).to_string();
             let _ = py
                 .import("json")

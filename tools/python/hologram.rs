@@ -10,13 +10,9 @@ use crate::scene::Scene;
 use eyebox::hologram::{ColorHologram, Opening, PhaseSource, check_radians};
 use eyebox::optics::Color;
 use eyebox::optics::wrap_phase;
-use eyebox::reconstruction::{PupilScore, SceneSource};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
-
-/// The PSNR and its ceiling (dB), the SSIM, and the PSNR against a clear pupil (dB).
-type Score = (Option<f64>, Option<f64>, Option<f64>, Option<f64>);
 
 /// Phases with their display, scene and settings. A hologram never changes.
 #[pyclass(frozen, module = "eyebox._eyebox")]
@@ -29,7 +25,10 @@ impl Hologram {
 }
 
 /// Returns the phases for a pupil with the obstruction of this name, or for a clear pupil without a name.
-fn seen_past<'a>(hologram: &'a eyebox::hologram::Hologram, obstructed: Option<&str>) -> Answer<PhaseSource<'a>> {
+pub(crate) fn seen_past<'a>(
+    hologram: &'a eyebox::hologram::Hologram,
+    obstructed: Option<&str>,
+) -> Answer<PhaseSource<'a>> {
     let source = PhaseSource::from(hologram);
     Ok(match obstructed {
         Some(name) => source.obstructed(Some(name.parse()?)),
@@ -193,29 +192,6 @@ impl Hologram {
                 _ => vec![of(Color::Red), of(Color::Green), of(Color::Blue)],
             };
             encoded(rows, columns, &planes)
-        })
-    }
-
-    /// Compares reconstructions through pupils with the target images of the scene. All pupils share one exposure per
-    /// color.
-    fn score(
-        slf: Py<Self>,
-        py: Python<'_>,
-        scene: Py<Scene>,
-        at: Vec<Numbers>,
-        obstructed: Option<String>,
-        engine: Py<Engine>,
-        other_scene: bool,
-    ) -> PyResult<Vec<Score>> {
-        run(py, engine.get().on_device, move |_| {
-            let (hologram, scene) = (&slf.get().0, scene.get());
-            let pupils = at.into_iter().map(|at| hologram.check_pupil(pupil(at))).collect::<Result<Vec<_>, _>>()?;
-            check_scene(hologram, scene, other_scene)?;
-            let source = seen_past(hologram, obstructed.as_deref())?;
-            let scene = SceneSource::from(hologram.problems(&scene.field)?);
-            let scores = engine.get().lend(|engine| Ok(source.score(&scene, &pupils, engine)?))?;
-            let row = |score: &PupilScore| (score.psnr, score.ceiling, score.ssim, score.against_clear);
-            Ok(scores.pupils.iter().map(row).collect())
         })
     }
 

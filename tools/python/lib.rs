@@ -11,6 +11,7 @@ mod arrays;
 mod calibrate;
 mod call;
 mod camera;
+mod command;
 mod display;
 mod engine;
 mod failure;
@@ -20,14 +21,20 @@ mod forward;
 mod frames;
 mod hologram;
 mod internals;
+mod layers;
+mod measured;
+mod plan;
 mod pupil;
+mod pupils;
 mod quantity;
 mod refiner;
 mod scene;
 mod scene_state;
+mod score;
 mod sequence;
 mod session;
 mod solve;
+mod stored_picture;
 mod told;
 mod warn;
 
@@ -45,6 +52,8 @@ mod _eyebox {
     #[pymodule_export]
     use crate::camera::camera_steps;
     #[pymodule_export]
+    use crate::command::command;
+    #[pymodule_export]
     use crate::display::{Display, presets};
     #[pymodule_export]
     use crate::engine::Engine;
@@ -60,6 +69,14 @@ mod _eyebox {
     #[pymodule_export]
     use crate::hologram::Hologram;
     #[pymodule_export]
+    use crate::layers::layer_views;
+    #[pymodule_export]
+    use crate::measured::{contact, measured};
+    #[pymodule_export]
+    use crate::plan::plan;
+    #[pymodule_export]
+    use crate::pupils::{paper_pupils, random_pupils};
+    #[pymodule_export]
     use crate::quantity::{depth, quantity, size};
     #[pymodule_export]
     use crate::refiner::Refiner;
@@ -68,18 +85,21 @@ mod _eyebox {
     #[pymodule_export]
     use crate::scene_state::{scene_of_state, scene_state};
     #[pymodule_export]
+    use crate::score::score;
+    #[pymodule_export]
     use crate::sequence::Sequence;
     #[pymodule_export]
     use crate::session::Session;
     #[pymodule_export]
     use crate::solve::{Unfinished, solve};
     #[pymodule_export]
+    use crate::stored_picture::read_picture;
+    #[pymodule_export]
     use crate::warn::take_warnings;
     use pyo3::prelude::*;
 
     #[pymodule_init]
     fn about(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        crate::warn::listen();
         // Python code of the package raises these exceptions too, so the class has defaults of the attributes.
         let base = module.py().get_type::<EyeboxError>();
         base.setattr("code", "")?;

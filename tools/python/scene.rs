@@ -10,7 +10,7 @@ use eyebox::hologram::{Hologram, SceneRecord};
 use eyebox::optics::Color;
 use eyebox::produce::SceneJob;
 use eyebox::reconstruction::{InputOptions, SceneReading, SceneSource, SolveInput};
-use eyebox::scene::{Fit, LightField, Near, Order};
+use eyebox::scene::{Fit, LightField, Near, Order, ViewSynthesis};
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -27,9 +27,14 @@ pub(crate) struct Scene {
     pub(crate) asked: SceneOptions,
 }
 
-/// The views per axis, their pitch in meters, a depth map, the depths of its ends in meters, the name of its near
-/// values, and the order of the views.
-type Options = (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>);
+/// The views per axis, their pitch in meters, a depth map, the depths of its ends in meters, and names. These are the
+/// name of the near values, the order of the views, and the synthesis of views.
+type Options =
+    (Option<usize>, Option<f64>, Option<PathBuf>, Option<[f64; 2]>, Option<String>, Option<String>, Option<String>);
+
+/// The pitch of views in meters, their order, the name of the synthesis of views, and the farthest and nearest depth in
+/// meters.
+type ArrayOptions = (Option<f64>, Option<String>, Option<String>, Option<[f64; 2]>);
 
 #[derive(Clone, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct SceneOptions {
@@ -39,6 +44,7 @@ pub(crate) struct SceneOptions {
     depth: Option<[f64; 2]>,
     near: Option<Near>,
     order: Option<Order>,
+    photographs: Option<ViewSynthesis>,
 }
 
 /// Finds an order of views by its name.
@@ -55,6 +61,14 @@ fn near_of(name: &str) -> Answer<Near> {
         "dark" => Near::Dark,
         _ => return Err(Failure::Argument(format!("near is {name:?}: it must be small, large, bright or dark"))),
     })
+}
+
+/// Finds a synthesis of views by its name.
+fn synthesis_of(name: &str) -> Answer<ViewSynthesis> {
+    use ViewSynthesis::{Auto, Between, Cells, Layers};
+    let found = [Auto, Cells, Layers, Between].into_iter().find(|one| one.to_string() == name);
+    let wrong = || Failure::Argument(format!("view_synthesis is {name:?}: it must be auto, cells, layers or between"));
+    found.ok_or_else(wrong)
 }
 
 impl Scene {
@@ -89,7 +103,7 @@ fn job<'a>(
             depth: asked.depth,
             near: asked.near,
             order: asked.order,
-            photographs: None,
+            photographs: asked.photographs,
         },
         ..SceneJob::new(source, display)
     }
@@ -97,7 +111,8 @@ fn job<'a>(
 
 #[pymethods]
 impl Scene {
-    /// Loads a scene as the command does.
+    /// Loads a scene as the command does. A `name` is for files that hold arrays of the caller and go away. The views
+    /// then identify the scene.
     #[staticmethod]
     fn load(
         py: Python<'_>,
@@ -105,16 +120,24 @@ impl Scene {
         display: Py<Display>,
         color_names: Vec<String>,
         options: Options,
+        name: Option<String>,
     ) -> PyResult<Self> {
-        let (views, view_pitch, depth_map, depth, near, order) = options;
+        let (views, view_pitch, depth_map, depth, near, order, synthesis) = options;
         let near = near.as_deref().map(near_of).transpose()?;
         let order = order.as_deref().map(order_of).transpose()?;
-        let asked = SceneOptions { view_pitch, views, depth_map, depth, near, order };
+        let photographs = synthesis.as_deref().map(synthesis_of).transpose()?;
+        let asked = SceneOptions { view_pitch, views, depth_map, depth, near, order, photographs };
         run(py, false, move |_| {
             let display = &display.get().0;
             let job = job(&source, display, colors(display, &color_names)?, &asked);
-            let (field, record) = (job.load(0)?, job.record(0)?);
-            Ok(Self { field, source, record, asked })
+            let field = job.load(0)?;
+            let Some(name) = name else {
+                let record = job.record(0)?;
+                return Ok(Self { field, source, record, asked });
+            };
+            let field = LightField { name: name.clone(), ..field };
+            let record = SceneRecord::of_views(&name, &field);
+            Ok(Self { field, source: name, record, asked: SceneOptions { depth_map: None, depth: None, ..asked } })
         })
     }
 
@@ -123,14 +146,15 @@ impl Scene {
     fn of_views(
         py: Python<'_>,
         source: String,
-        display: &Display,
+        display: Py<Display>,
         color_names: Vec<String>,
         arrays: Vec<PyReadonlyArrayDyn<'_, f32>>,
-        view_pitch: Option<f64>,
-        order: Option<String>,
+        options: ArrayOptions,
     ) -> PyResult<Self> {
-        let colors = colors(&display.0, &color_names)?;
+        let colors = colors(&display.get().0, &color_names)?;
+        let (view_pitch, order, synthesis, depth) = options;
         let order = order.as_deref().map(order_of).transpose()?;
+        let photographs = synthesis.as_deref().map(synthesis_of).transpose()?;
         let mut shape = [0; 4];
         let mut planes = Vec::with_capacity(arrays.len());
         for array in &arrays {
@@ -159,17 +183,24 @@ impl Scene {
             planes,
             view_pitch,
             disparity: None,
-            depth: None,
+            depth,
             made: None,
         };
-        let (rows, columns) = display.0.picture_size();
         run(py, false, move |_| {
             let field = field.admit(order)?;
             // The given views identify the scene, not the views that are scaled for a display.
             let record = SceneRecord::of_views(&source, &field);
+            let display = &display.get().0;
+            let (rows, columns) = display.picture_size();
             let fits = (field.height, field.width) == (rows, columns);
             let field = if fits { field } else { field.fit(rows, columns, Fit::Contain) };
-            Ok(Self { field, source, record, asked: SceneOptions { view_pitch, ..SceneOptions::default() } })
+            let field = field.with_views_for(display, photographs.unwrap_or(ViewSynthesis::Cells))?;
+            Ok(Self {
+                field,
+                source,
+                record,
+                asked: SceneOptions { view_pitch, photographs, ..SceneOptions::default() },
+            })
         })
     }
 

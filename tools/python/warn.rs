@@ -3,7 +3,7 @@
 
 use pyo3::prelude::*;
 use std::fmt::{Debug, Write};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, Once, PoisonError};
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Metadata, Subscriber, span};
 
@@ -12,10 +12,12 @@ const MOST: usize = 100;
 
 static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// Begins to collect warnings, unless another subscriber does.
+/// Begins to collect warnings, unless another subscriber does. Calls of the library do this, and not the import of the
+/// package, because the command prints its events itself.
 pub(crate) fn listen() {
+    static ONCE: Once = Once::new();
     // Another module of the process may have set a subscriber. The warnings then go to that subscriber.
-    let _ = tracing::subscriber::set_global_default(Collector);
+    ONCE.call_once(|| drop(tracing::subscriber::set_global_default(Collector)));
 }
 
 /// Returns the warnings since the last call.

@@ -21,6 +21,7 @@ import os
 from . import _eyebox
 from ._arguments import Pupil
 from ._calibrate import Calibration, Shot, calibrate
+from ._command import command
 from ._display import Display, Engine, presets
 from ._eyebox import (
     CalibrateError,
@@ -34,14 +35,17 @@ from ._eyebox import (
     SolveError,
     __version__,
 )
+from ._files import read
+from ._film import film
 from ._hologram import Hologram
 from ._interrupted import Interrupted
+from ._pupils import paper_pupils, random_pupils
 from ._refiner import Refiner
-from ._scene import Scene, photograph
+from ._scene import Measured, Scene, photograph
 from ._show import Frame, Light, Session, Shows, show
 from ._settings import SolveSettings
-from ._solve import Step, solve
-from ._tables import Score, Scores
+from ._solve import Step, plan, solve
+from ._tables import Score, Scores, Summary
 
 __all__ = [
     "CalibrateError",
@@ -57,6 +61,7 @@ __all__ = [
     "HologramError",
     "Interrupted",
     "Light",
+    "Measured",
     "Pupil",
     "Refiner",
     "Scene",
@@ -70,10 +75,17 @@ __all__ = [
     "SolveError",
     "SolveSettings",
     "Step",
+    "Summary",
     "__version__",
     "calibrate",
+    "command",
+    "film",
+    "paper_pupils",
     "photograph",
+    "plan",
     "presets",
+    "random_pupils",
+    "read",
     "show",
     "solve",
 ]

@@ -34,10 +34,10 @@ class Pupil(NamedTuple):
     depth: float = 0.0
 
 
-def warn() -> None:
-    """Issues the warnings of the library since the last call."""
+def warn(folder: str = "", name: str = "") -> None:
+    """Issues the warnings of the library since the last call, with a name instead of a folder that goes away."""
     for text in _eyebox.take_warnings():
-        warnings.warn(text, stacklevel=3)
+        warnings.warn(text.replace(folder + os.sep, "").replace(folder, name) if folder else text, stacklevel=3)
 
 
 def wrong(kind: type[Exception], argument: str, text: str) -> Any:
@@ -231,9 +231,30 @@ def is_path(value: Any) -> bool:
     return isinstance(value, (str, os.PathLike))
 
 
+#: Protocols of arrays of other libraries, which are PyTorch, JAX, h5py, zarr, xarray, dask, pandas and Pillow.
+_PROTOCOLS = ("__dlpack__", "__array__", "__array_interface__", "to_numpy")
+
+
 def is_array(value: Any) -> bool:
     """Returns whether a value may hold numbers."""
-    return isinstance(value, (np.ndarray, list, tuple)) or hasattr(value, "__dlpack__") or hasattr(value, "__array__")
+    return isinstance(value, (np.ndarray, list, tuple)) or any(hasattr(value, name) for name in _PROTOCOLS)
+
+
+def _is_picture(value: Any) -> bool:
+    """Returns whether a value is a picture of Pillow, which may store indices instead of colors."""
+    return isinstance(getattr(value, "mode", None), str) and hasattr(value, "convert") and hasattr(value, "getbands")
+
+
+def _of_picture(value: Any) -> np.ndarray:
+    """Returns the pixels of a picture of Pillow. Transparency is composited over black, as for files."""
+    if value.mode in ("RGBA", "LA", "PA") or "transparency" in getattr(value, "info", {}):
+        value = value.convert("RGBA")
+        over = value.convert("RGB")
+        over.paste((0, 0, 0), mask=value.getchannel("A").point(lambda opacity: 255 - opacity))
+        return np.asarray(over)
+    if value.mode in ("L", "RGB", "F") or value.mode.startswith("I"):
+        return np.asarray(value)
+    return np.asarray(value.convert("L" if value.mode == "1" else "RGB"))
 
 
 def colors(value: Any, has: list[str]) -> list[str]:
@@ -253,12 +274,17 @@ def colors(value: Any, has: list[str]) -> list[str]:
 def array(value: Any, what: str, right: str) -> np.ndarray:
     """Returns an array on the host.
 
-    An array that is already there is not copied. NumPy converts lists, and DLPack gives arrays of PyTorch and JAX.
+    An array that is already there is not copied. NumPy converts lists, DLPack gives arrays of PyTorch and JAX, and
+    data sets of h5py, zarr, xarray and dask are read. Integers have the byte order of the machine.
     ``right`` describes a valid array in errors.
     """
     try:
         if isinstance(value, np.ndarray):
             plain = value
+        elif _is_picture(value):
+            plain = _of_picture(value)
+        elif hasattr(value, "to_numpy"):
+            plain = np.asarray(value.to_numpy())
         elif hasattr(value, "__dlpack__"):
             plain = np.from_dlpack(value)
         else:
@@ -268,7 +294,9 @@ def array(value: Any, what: str, right: str) -> np.ndarray:
         raise wrong(TypeError, what, text) from error
     if plain.size == 0 or plain.ndim == 0:
         raise wrong(ValueError, what, f"has the shape {plain.shape}: it must be {right}")
-    return plain
+    if isinstance(plain, np.ma.MaskedArray) and np.ma.is_masked(plain):
+        raise wrong(ValueError, what, "has masked values: replace them, as by array.filled(0)")
+    return plain.astype(plain.dtype.newbyteorder("="), copy=False) if plain.dtype.kind in "iu" else plain
 
 
 def _float32(plain: np.ndarray) -> np.ndarray:
@@ -277,10 +305,18 @@ def _float32(plain: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(plain, dtype=np.float32)
 
 
+def _levels(plain: np.ndarray) -> int:
+    """Returns the likely number of levels of integers, which is 256 or more."""
+    return 1 << max(int(plain.max()).bit_length(), 8) if plain.max() < 1 << 16 else 1 << 16
+
+
 def radians(value: Any, what: str) -> np.ndarray:
     """Returns phases (sub-frame, row, column) from floating-point numbers of this shape or of (row, column)."""
     right = "(sub-frame, row, column) or (row, column) of floating-point radians"
     plain = array(value, what, right)
+    if plain.dtype.kind in "iu":
+        remedy = f"gray levels become phases by array * (2 * numpy.pi / {_levels(plain)})"
+        raise wrong(TypeError, what, f"has the dtype {plain.dtype}: it must be {right}; {remedy}")
     if plain.dtype.kind != "f":
         raise wrong(TypeError, what, f"has the dtype {plain.dtype}: it must be {right}")
     if plain.ndim not in (2, 3):
@@ -298,7 +334,11 @@ def light_field(value: Any, what: str) -> tuple[list[np.ndarray], int]:
         "of linear light in floating point or of sRGB in uint8 or uint16"
     )
     plain = array(value, what, right)
-    if plain.dtype.kind not in "fb" and plain.dtype not in (np.uint8, np.uint16):
+    if plain.dtype.kind in "iu" and plain.dtype not in (np.uint8, np.uint16):
+        white = _levels(plain) - 1
+        remedy = f"if {white} is white, array.astype(numpy.uint{8 if white < 256 else 16}) is sRGB and array / {white} is linear light"
+        raise wrong(TypeError, what, f"has the dtype {plain.dtype}, and nothing states which value is white: it must be {right}; {remedy}")
+    if plain.dtype.kind not in "fbu":
         raise wrong(TypeError, what, f"has the dtype {plain.dtype}: it must be {right}")
     if plain.ndim in (3, 5) and plain.shape[-1] in (1, 3):
         planes = [plain[..., color] for color in range(plain.shape[-1])]

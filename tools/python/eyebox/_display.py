@@ -14,7 +14,7 @@ from ._values import Unchanging
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from ._types import DisplayFields, Path
+    from ._types import Colors, DisplayFields, Path
 
 
 def presets() -> list[str]:
@@ -32,6 +32,8 @@ class Display(Unchanging):
         whole display.
     size : (int, int) or str, optional
         Rows and columns of the SLM, or a text such as "1080p".
+    color : str or sequence of str, optional
+        Colors of the display, such as "green" for a display of one color. The default is all of them.
     **fields
         Keys of a display file, which replace the keys of ``name``. They include ``pitch_um``, ``focal_length_mm``,
         ``wavelengths_nm`` (a dict of colors), ``levels``, ``rate_hz``, ``geometry`` ("relay" or "far-field") and
@@ -58,12 +60,23 @@ class Display(Unchanging):
     __slots__ = ("_native",)
 
     def __init__(
-        self, name: Path | None = None, *, size: tuple[int, int] | str | None = None, **fields: Unpack[DisplayFields]
+        self,
+        name: Path | None = None,
+        *,
+        size: tuple[int, int] | str | None = None,
+        color: Colors | None = None,
+        **fields: Unpack[DisplayFields],
     ) -> None:
         if name is None and size is None and not fields:
             raise _arguments.wrong(TypeError, "name", "is not given: Display() needs a name, or the fields of a display file")
         named = None if name is None else _arguments.path(name, "name")
         self._native = _eyebox.Display(named, _arguments.toml(_fields(fields, size)))
+        if color is not None:
+            has = list(self.wavelengths)
+            kept = _arguments.colors(color, has)
+            if unknown := [one for one in kept if one not in has]:
+                raise _arguments.wrong(ValueError, "color", f"is {unknown[0]!r}: it must be one or more of {', '.join(has)}")
+            self._native = self._native.replace("", [f"wavelengths_nm.{one}" for one in has if one not in kept])
 
     @classmethod
     def _of(cls, native: _eyebox.Display) -> Display:

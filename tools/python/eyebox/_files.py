@@ -1,13 +1,17 @@
-"""Reads phases and views from files of NumPy (.npy, .npz), MATLAB (.mat) and HDF5 (.h5, .hdf5)."""
+"""Reads arrays from files of NumPy (.npy, .npz), MATLAB (.mat), HDF5 (.h5, .hdf5) and Zarr, and from pictures."""
 
 from __future__ import annotations
 
 import os
-from typing import Any, Callable
+from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from . import _arguments
+from . import _arguments, _eyebox
+
+if TYPE_CHECKING:
+    from ._types import Path
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 ENDINGS = (".npy", ".npz", ".mat", ".h5", ".hdf5")
@@ -130,6 +134,80 @@ class Arrays:
         return variable
 
 
+def read(path: Path, variable: str | None = None) -> NDArray[Any]:
+    """Reads an array from a file, with its stored values.
+
+    Parameters
+    ----------
+    path : path
+        .npy, .npz, .mat (needs SciPy, or h5py for version 7.3), .h5 or .hdf5 (needs h5py), .zarr (needs zarr), or a
+        picture (PNG, JPEG, TIFF, BMP, PPM, EXR). A TIFF of several pages, and of integers of 32 bits, needs tifffile.
+    variable : str, optional
+        Name of the array in a file with several arrays.
+
+    Returns
+    -------
+    numpy.ndarray
+        Array with the axes of the file. A picture is (row, column) or (row, column, channel), as uint8, uint16 or
+        float32.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged, or has several arrays and ``variable`` is not given.
+    ImportError
+        If a package for this kind of file is missing. The message names the package.
+    """
+    named = _arguments.path(path, "path")
+    ending = os.path.splitext(named.rstrip("/"))[1].lower()
+    if ending == ".zarr":
+        return _zarr(named, variable)
+    if ending in ENDINGS:
+        arrays = Arrays(named, "path")
+        whole = arrays.read(arrays.choose(variable, tuple(range(1, 33)), "one array"))
+        return np.asarray(whole)
+    if variable is not None:
+        raise _arguments.wrong(TypeError, "variable", f"names an array in a file of several: {named} is a picture")
+    if ending in (".tif", ".tiff") and (pages := _tiff_pages(named)) is not None:
+        return pages
+    stored = _eyebox.read_picture(named)
+    return stored[..., 0] if stored.shape[2] == 1 else stored
+
+
+def _zarr(path: str, variable: str | None) -> NDArray[Any]:
+    try:
+        import zarr
+    except ImportError:
+        raise ImportError(f"{path}: Zarr arrays need zarr: pip install zarr") from None
+    if not os.path.isdir(path):
+        raise FileNotFoundError(f"{path}: there is no such folder")
+    opened: Any = zarr.open(path, mode="r")
+    if hasattr(opened, "shape"):
+        return np.asarray(opened[...])
+    there = {name: item.shape for name, item in opened.members() if hasattr(item, "shape")}
+    if variable is None and len(there) == 1:
+        [variable] = there
+    if variable not in there:
+        names = ", ".join(f"{name} {shape}" for name, shape in there.items()) or "none"
+        said = "no array is named " + repr(variable) if variable is not None else f"{len(there)} arrays: give variable=NAME"
+        raise ValueError(f"{path}: {said}; it has {names}")
+    return np.asarray(opened[variable][...])
+
+
+def _tiff_pages(path: str) -> NDArray[Any] | None:
+    """Reads a TIFF by tifffile, or returns None if it is not installed."""
+    try:
+        import tifffile
+    except ImportError:
+        return None
+    try:
+        return np.asarray(tifffile.imread(path))
+    except FileNotFoundError:
+        raise
+    except Exception as error:
+        raise ValueError(f"{path}: damaged ({error}): save it again") from error
+
+
 def views(path: Any, variable: str | None) -> Any:
     """Reads the array of a light field."""
     arrays = Arrays(path, "scene")
@@ -142,6 +220,8 @@ def phases(path: Any, variable: str | None, size: tuple[int, int]) -> Any:
 
     Returns an array, or a dict by the names of colors.
     """
+    if os.path.splitext(os.fsdecode(path))[1].lower() in (".tif", ".tiff"):
+        return read(path, variable)
     arrays = Arrays(path, "phases")
     named = [name for name in COLORS if name in arrays.shapes]
     if variable is None and named:

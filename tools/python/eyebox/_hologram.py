@@ -8,12 +8,12 @@ import mmap
 import os
 import tempfile
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Callable
+from typing import TYPE_CHECKING, Any, Callable, SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _arguments, _eyebox, _files
+from . import _arguments, _eyebox, _files, _pupils
 from ._display import Display, display_of, engine_of
 from ._interrupted import interrupted
 from ._scene import Scene, scene_of
@@ -248,8 +248,13 @@ class Hologram(OfContent):
     def score(
         self,
         scene: SceneLike | None = None,
-        pupils: Pupils | None = None,
+        pupils: Pupils | str | None = None,
         *,
+        seed: Whole | None = None,
+        rng: np.random.Generator | Whole | None = None,
+        jod: bool | Whole = False,
+        viewing: Mapping[str, SupportsFloat] | None = None,
+        sub_frame_rate: Quantity | None = None,
         engine: EngineLike = "auto",
         other_scene: bool = False,
         obstructed: Obstruction | None = None,
@@ -261,8 +266,19 @@ class Hologram(OfContent):
         scene : Scene, str, path or array, optional
             Scene of the hologram. The default is the scene of the solve, read with the same options. If that scene was
             an array, pass the array again.
-        pupils : sequence of (x, y, diameter, depth), optional
-            Pupils in meters. The default is five pupils of 4 mm, in the center of the eyebox and around it.
+        pupils : sequence of (x, y, diameter, depth), or str, optional
+            Pupils in meters, "random:N" for random ones over the depths of the solve, or "paper" for the groups of
+            pupils of the paper. The default is five pupils of 4 mm, in the center of the eyebox and around it.
+        seed, rng : optional
+            Seed of random pupils, or the generator that draws it, as for :func:`random_pupils`.
+        jod : bool or int
+            Judge the pictures of all pupils in JOD too, or of this number of pupils, spread evenly. It takes longer
+            than the other scores.
+        viewing : dict, optional
+            Conditions of JOD, which are ``luminance`` and ``black`` (cd/m2) and ``pixels_per_degree``. The default is
+            the display file's.
+        sub_frame_rate : float, optional
+            Sub-frames per second for JOD of their flicker. By default their mean is judged.
         engine : Engine or str
             Engine that computes the scores.
         other_scene : bool
@@ -273,7 +289,8 @@ class Hologram(OfContent):
         Returns
         -------
         list of Score
-            One score per pupil. ``to_dataframe()`` and ``to_xarray()`` return them as tables.
+            One score per pupil. ``summary()`` has their statistics, ``by_group()`` the groups of the paper, and
+            ``to_dataframe()`` and ``to_xarray()`` return them as tables.
 
         Raises
         ------
@@ -284,12 +301,28 @@ class Hologram(OfContent):
         """
         marks = _arguments.name(obstructed, "obstructed")
         scene = self._scene_of(scene, other_scene)
+        drawn, groups = _arguments.seed(seed, rng), None
+        if drawn is not None and not isinstance(pupils, str):
+            raise _arguments.wrong(TypeError, "seed", 'is for random pupils: give pupils="random:N"')
         if pupils is None:
             side, wide = self.display.eyebox / 4, self._usual()
             pupils = [(x * side, y * side, wide, 0.0) for x, y in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))]
+        elif isinstance(pupils, str):
+            pupils, groups = _pupils.named(pupils, self.display, self.colors, self._depths(scene), drawn)
         at = _arguments.pupils(pupils, self._focal_length)
-        scores = self._native.score(scene._native, at, marks, engine_of(engine), bool(other_scene))
-        return Scores([Score(*score) for score in scores], at)
+        judging = _judging(jod, viewing, sub_frame_rate)
+        own = engine_of(engine)
+        scores = _eyebox.score(self._native, scene._native, at, marks, own, bool(other_scene), judging)
+        return Scores([Score(*score) for score in scores], at, groups)
+
+    def _depths(self, scene: Scene) -> tuple[float, float]:
+        """Returns the farthest and nearest depth of the solve, or of the scene if nothing was solved."""
+        solved = self.metadata.get("solve")
+        if solved is not None:
+            far, near = sorted(solved["depth"])
+            return far, near
+        known = scene.depth_range
+        return scene.measure().depth_range if known is None else known
 
     def refine(
         self,
@@ -418,6 +451,23 @@ class Hologram(OfContent):
         frames, rows, columns = self.shape
         of = f" of {self.scene}" if self.scene else ""
         return f"<eyebox.Hologram{of}: {frames} sub-frames of {rows} x {columns}, {', '.join(self.colors)}>"
+
+
+def _judging(jod: Any, viewing: Any, sub_frame_rate: Any) -> _eyebox._Judging | None:
+    """Returns the settings of scores in JOD, or None without them."""
+    names = ("luminance", "black", "pixels_per_degree")
+    wrong = None if viewing is None else [name for name in viewing if name not in names]
+    if wrong:
+        raise _arguments.wrong(TypeError, "viewing", f"has {wrong[0]!r}: it must have any of {', '.join(names)}")
+    most = (1 << 32) if jod is True else 0 if jod is False else _arguments.count(jod, "jod", 1 << 32)
+    if most == 0:
+        if viewing is not None or sub_frame_rate is not None:
+            what = "viewing" if viewing is not None else "sub_frame_rate"
+            raise _arguments.wrong(TypeError, what, "is for scores in JOD: give jod=True")
+        return None
+    known = {} if viewing is None else {name: _arguments.finite(value, f"viewing[{name!r}]") for name, value in viewing.items()}
+    rate = None if sub_frame_rate is None else _arguments.finite_quantity(sub_frame_rate, "Hz", "sub_frame_rate")
+    return most, [known.get(name) for name in names], rate
 
 
 def _hologram_of_files(files: dict[str, bytes], scene: Scene | None, stopped: str | None) -> Hologram:

@@ -49,7 +49,7 @@ class Refiner:
     >>> refined = refiner.hologram
     """
 
-    __slots__ = ("_kept_scene", "_native", "_scene")
+    __slots__ = ("_aimed", "_kept_scene", "_native", "_scene", "_steps")
 
     def __init__(
         self,
@@ -63,6 +63,8 @@ class Refiner:
     ) -> None:
         if not isinstance(hologram, Hologram):
             raise _arguments.wrong(TypeError, "hologram", f"is {hologram!r}: it must be an eyebox.Hologram")
+        self._aimed: _arguments.Pupil | None = None
+        self._steps = 0
         self._scene = hologram._scene_of(scene, other_scene)
         # A result with another scene still names the scene of the solve.
         self._kept_scene = None if other_scene else self._scene
@@ -94,6 +96,7 @@ class Refiner:
         """
         pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._scene.display.focal_length)
         self._native.aim(pupil, _arguments.quantity(spread, "m", "spread"))
+        self._aimed = _arguments.Pupil(*pupil)
 
     def step(self, steps: Whole = 1, callback: Callable[[int, float], Any] | None = None) -> float:
         """Takes steps of every color.
@@ -111,7 +114,9 @@ class Refiner:
             right = "callable with the steps taken and the loss"
             raise _arguments.wrong(TypeError, "callback", f"is {callback!r}: it must be {right}")
         try:
-            return self._native.step(count, callback)[0]
+            loss, taken = self._native.step(count, callback)
+            self._steps += taken
+            return loss
         except KeyboardInterrupt as error:
             raise interrupted(error, lambda: self.hologram) from None
 
@@ -119,3 +124,23 @@ class Refiner:
     def hologram(self) -> Hologram:
         """Hologram in the current state. It is a copy, so the refiner can continue."""
         return Hologram._of(self._native.hologram(), self._kept_scene, None)
+
+    @property
+    def pupil(self) -> _arguments.Pupil | None:
+        """Pupil of the next steps in meters, or None for the whole eyebox."""
+        return self._aimed
+
+    def _repr_png_(self) -> bytes | None:
+        """A notebook displays the current state as the eye sees it for which the refiner works."""
+        shown, pupil = self.hologram, self._aimed
+        if pupil is None or shown.exposures is None:
+            return shown._repr_png_()
+        return shown._native.picture((pupil.x, pupil.y, pupil.diameter, pupil.depth), engine_of("auto"))
+
+    def __repr__(self) -> str:
+        if self._aimed is None:
+            where = "the whole eyebox"
+        else:
+            x, y, diameter, depth = (f"{1e3 * one:.4g}" for one in self._aimed)
+            where = f"a pupil of {diameter} mm at ({x}, {y}) mm, focused at {depth} mm"
+        return f"<eyebox.Refiner of {self._scene.source or 'an array'} for {where}: {self._steps} steps>"

@@ -2,21 +2,55 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _arguments, _eyebox, _files, _notebook
+from . import _arguments, _eyebox, _files, _given, _notebook
 from ._display import Display, display_of, engine_of
 from ._tables import xarray_module
 from ._values import OfContent
 
 if TYPE_CHECKING:
     from ._types import ArrayLike, Colors, DisplayLike, EngineLike, Path, Quantity, Range, SceneLike, Whole
+
+
+class Measured(NamedTuple):
+    """The properties of a scene that its views show, from :meth:`Scene.measure`.
+
+    Attributes
+    ----------
+    depth_range : (float, float)
+        Farthest and nearest depth in meters.
+    trust : str
+        "stated" by the scene, "measured", "plausible" or "doubtful".
+    certain : float or None
+        Share of the detail that is found again with certainty, for plausible and doubtful depths.
+    depth_map : numpy.ndarray
+        Depth of each pixel of the central view (row, column), in meters.
+    aliasing : float
+        Movement of the nearest content against the farthest from view to view, in pixels. Beyond one pixel, wide
+        pupils see ghosts.
+    views_needed : int
+        Views per axis without ghosts.
+    brightest, mean : dict of float
+        Brightest and mean light of each color, with 1 as full scale.
+    """
+
+    depth_range: tuple[float, float]
+    trust: str
+    certain: float | None
+    depth_map: NDArray[np.float32]
+    aliasing: float
+    views_needed: int
+    brightest: dict[str, float]
+    mean: dict[str, float]
 
 
 class Scene(OfContent):
@@ -32,7 +66,7 @@ class Scene(OfContent):
         view may omit the first two axes. A file of such an array is .npy, .npz, .mat (needs SciPy, or h5py for version
         7.3) or .h5 (needs h5py). Floating-point values are linear light, finite and not negative, with 1 as full scale.
         Values of uint8 and uint16 are sRGB. NumPy arrays in any order, lists, and CPU arrays of any library with DLPack
-        (PyTorch, JAX) are accepted. View (r, c) is the view from x = (c - (columns - 1) / 2) view_pitch,
+        (PyTorch, JAX) are accepted, and so are data sets of h5py, zarr, xarray and dask and pictures of Pillow. View (r, c) is the view from x = (c - (columns - 1) / 2) view_pitch,
         y = (r - (rows - 1) / 2) view_pitch. Views of another size than the display's pictures are scaled to fit whole.
     display : Display, str or path
         Display that is to show the scene.
@@ -43,8 +77,9 @@ class Scene(OfContent):
         Views per axis of rendered scenes, 1 to 64.
     view_pitch : float, optional
         Distance between neighboring views in meters. By default, arrays are spread over the eyebox.
-    depth_map : path, optional
-        Depth map of a picture.
+    depth_map : path or array, optional
+        Depth map of a picture. An array (row, column) of floating-point values has depths in meters, unless ``near`` or
+        ``depth`` is given. In uint8, bright values are near.
     depth : (float, float), optional
         Depths of the two ends of the depth map, in meters.
     near : str, optional
@@ -53,6 +88,9 @@ class Scene(OfContent):
     order : str, optional
         Order of the views if it differs from their names or axes. It is one or more of "transpose", "flip-rows" and
         "flip-columns", separated by commas. "as-named" accepts the views as a grid, whatever their pictures show.
+    view_synthesis : {"auto", "cells", "layers", "between"}, optional
+        Views from which target images are made if the own ones are too far apart (docs/scenes.md). The default is
+        "auto" for folders, and "cells" for arrays, which uses the views as they are.
     name : str, optional
         Name of the scene that holograms of an array store.
     variable : str, optional
@@ -74,10 +112,11 @@ class Scene(OfContent):
         *,
         views: Whole | None = None,
         view_pitch: Quantity | None = None,
-        depth_map: Path | None = None,
+        depth_map: Path | ArrayLike | None = None,
         depth: Range | None = None,
         near: Literal["small", "large", "bright", "dark"] | None = None,
         order: str | None = None,
+        view_synthesis: Literal["auto", "cells", "layers", "between"] | None = None,
         name: str = "",
         variable: str | None = None,
     ) -> None:
@@ -93,33 +132,132 @@ class Scene(OfContent):
             # A hologram finds the scene again by this name.
             name = name or _arguments.path(source, "scene")
             source = _files.views(source, variable)
+        if not isinstance(name, str):
+            raise _arguments.wrong(TypeError, "name", f"is {name!r}: it must be a text")
         order = None if order is None else str(order)
-        if _arguments.is_path(source):
-            views = None if views is None else _arguments.count(views, "views", 64)
-            depth_map = None if depth_map is None else _arguments.path(depth_map, "depth_map")
-            if depth is not None:
-                ends = _arguments.ends(depth, "depth")
-                depth = tuple(_arguments.depth(end, lambda: self._display.focal_length) for end in ends)
-            source = _arguments.path(source, "scene")
-            near = None if near is None else str(near)
-            self._native = _eyebox.Scene.load(source, native, names, (views, pitch, depth_map, depth, near, order))
-            _arguments.warn()
-            return
-        if not _arguments.is_array(source):
+        synthesis = None if view_synthesis is None else str(view_synthesis)
+        if not _arguments.is_path(source) and not _arguments.is_array(source):
             raise _arguments.wrong(TypeError, "scene", f"is {source!r}: it must be an eyebox.Scene, a name, a path or an array of views")
-        for what, given in (("views", views), ("depth_map", depth_map), ("depth", depth), ("near", near)):
-            if given is not None:
+        if _arguments.is_path(source) or depth_map is not None:
+            views = None if views is None else _arguments.count(views, "views", 64)
+            near = None if near is None else str(near)
+            if depth is not None:
+                depth = tuple(_arguments.depth(end, self._focal_length) for end in _arguments.ends(depth, "depth"))
+            given = _given.Given(source, depth_map, near, depth)
+            is_files = _arguments.is_path(source) and (depth_map is None or _arguments.is_path(depth_map))
+            with contextlib.nullcontext("") if is_files else _given.folder() as folder:
+                if not is_files:
+                    given = _given.picture(folder, *given)
+                path = _arguments.path(given.source, "scene")
+                map_path = None if given.depth_map is None else _arguments.path(given.depth_map, "depth_map")
+                options = (views, pitch, map_path, given.depth, given.near, order, synthesis)
+                if not is_files and not name and _arguments.is_path(source):
+                    name = path
+                self._native = _eyebox.Scene.load(path, native, names, options, None if is_files else name)
+                _arguments.warn(folder)
+            return
+        for what, other in (("views", views), ("depth", depth), ("near", near)):
+            if other is not None:
                 raise _arguments.wrong(TypeError, what, "belongs to scenes that are loaded: an array of views has its own")
-        planes, has = _arguments.light_field(source, "scene")
+        self._set_views(source, names, name, (pitch, order, synthesis, None))
+
+    def _set_views(
+        self,
+        views: Any,
+        names: list[str],
+        name: str,
+        options: tuple[float | None, str | None, str | None, tuple[float, float] | None],
+    ) -> None:
+        """Makes the scene from an array of views."""
+        planes, has = _arguments.light_field(views, "scene")
         if has == 3:
             known = dict(zip(("red", "green", "blue"), planes))
             planes = [known[name] for name in names if name in known]
         elif has == 1:
             planes = planes * len(names)
-        if not isinstance(name, str):
-            raise _arguments.wrong(TypeError, "name", f"is {name!r}: it must be a text")
-        self._native = _eyebox.Scene.of_views(name, native, names, planes, pitch, order)
+        self._native = _eyebox.Scene.of_views(name, self._display._native, names, planes, options)
         _arguments.warn()
+
+    def _focal_length(self) -> float:
+        return self._display.focal_length
+
+    @classmethod
+    def from_focal_stack(
+        cls,
+        pictures: Iterable[ArrayLike],
+        focus: Iterable[Quantity],
+        aperture: Quantity,
+        display: DisplayLike = "paper",
+        color: Colors | None = None,
+        *,
+        name: str = "",
+    ) -> Scene:
+        """Makes a scene from pictures through one aperture with different focus, by layers that explain them.
+
+        Parameters
+        ----------
+        pictures : sequence of array
+            Pictures (row, column) or (row, column, color), as views of :class:`Scene`.
+        focus : sequence of float
+            Depth at which each picture is sharp, in meters.
+        aperture : float
+            Diameter of the aperture in meters.
+        display, color, name
+            Arguments of :class:`Scene`.
+        """
+        shown = display_of(display)
+        names = _arguments.colors(color, list(shown.wavelengths))
+        options = (None, None, None, None, None, None, None)
+        with _given.folder() as folder:
+            source = _given.focal_stack(folder, pictures, focus, aperture, lambda: shown.focal_length)
+            made = cls._of(_eyebox.Scene.load(source, shown._native, names, options, str(name)), shown)
+            _arguments.warn(folder, str(name) or "the focal stack")
+        return made
+
+    @classmethod
+    def from_layers(
+        cls,
+        layers: ArrayLike,
+        depths: Iterable[Quantity],
+        display: DisplayLike = "paper",
+        color: Colors | None = None,
+        *,
+        views: Whole = 9,
+        name: str = "",
+    ) -> Scene:
+        """Makes a scene from pictures with opacity, one in front of the other.
+
+        Parameters
+        ----------
+        layers : array
+            (layer, row, column, 2) or (layer, row, column, 4), with one or three colors and the opacity (0 to 1, or the
+            full scale of integers) last. Colors are as views of :class:`Scene`, and not multiplied by the opacity.
+        depths : sequence of float
+            Depth of each layer in meters. Layers may be in any order.
+        display, color, name
+            Arguments of :class:`Scene`.
+        views : int
+            Views per axis, which are spread over the eyebox.
+        """
+        made = object.__new__(cls)
+        made._display, made._digest = display_of(display), None
+        shown = made._display
+        names = _arguments.colors(color, list(shown.wavelengths))
+        given = _given.layers(layers, depths, made._focal_length)
+        count = _arguments.count(views, "views", 64)
+        pitch = shown.eyebox / count
+        at = [(index - (count - 1) / 2) * pitch for index in range(count)]
+        rows, columns = given.planes[0].shape[1:]
+        high, wide = shown.picture_size
+        # Layers of another size are scaled to fit whole, and their movement with them.
+        scale = min(high / rows, wide / columns)
+        pixel = shown._native.picture_pixel * scale
+        places = [[x, y] for y in at for x in at]
+        found = _eyebox.layer_views(given.planes, given.depths, places, 1 / (shown.focal_length * pixel))
+        planes = [plane.reshape(count, count, rows, columns) for plane in found]
+        ends = (given.depths[0] / scale, given.depths[-1] / scale)
+        made._set_views(np.stack(planes, axis=-1), names, str(name), (pitch, "as-named", None, ends))
+        return made
 
     @classmethod
     def _of(cls, native: _eyebox.Scene, display: Display) -> Scene:
@@ -185,6 +323,28 @@ class Scene(OfContent):
         """
         pupil = _arguments.pupil(x, y, diameter, depth, lambda: self._display.focal_length)
         return self._native.photograph(self._display._native, pupil, engine_of(engine))
+
+    def measure(self) -> Measured:
+        """Measures the depths and the light of the views, and how far apart views may be."""
+        numbers, depths = _eyebox.measured(self._native, self._display._native)
+        (far, near), trust, certain, aliasing, views, light = numbers
+        brightest, mean = [dict(zip(self.colors, values)) for values in zip(*light)]
+        return Measured((far, near), trust, certain, depths, aliasing, views, brightest, mean)
+
+    def contact_sheet(self, most: Whole = 1600) -> NDArray[np.float32]:
+        """Draws all views next to each other as they are read.
+
+        Parameters
+        ----------
+        most : int
+            Highest number of pixels along each axis.
+
+        Returns
+        -------
+        numpy.ndarray
+            (row, column, color), float32, linear light.
+        """
+        return _eyebox.contact(self._native, _arguments.count(most, "most", 65536))
 
     def to_xarray(self) -> Any:
         """Returns the views as a DataArray of xarray, with the positions of the views (m) as coordinates."""

@@ -217,7 +217,8 @@ class Session:
     def status(self) -> dict[str, Any]:
         """Shown frames and their delays until now, with the names of docs/playback.md and docs/live.md.
 
-        After the end of the session it is the statistics.
+        The values of a refinement, such as ``steps``, are there after its first step. After the end of the session it is
+        the statistics.
         """
         text = self._native.status()
         return json.loads(text) if text is not None else dict(self._statistics or {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from ._settings import SolveSettings
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from ._settings import SolveFields
+    from ._settings import JobFields, SolveFields
     from ._types import Colors, DisplayLike, EngineLike, Path, Quantity, SceneLike, Whole
 
 
@@ -142,9 +143,7 @@ def solve(
         display = scene.display if isinstance(scene, Scene) else "paper"
     display = display_of(display)
     scene = scene_of(scene, display, color, views=views, view_pitch=view_pitch)
-    if settings is not None and not isinstance(settings, SolveSettings):
-        raise _arguments.wrong(TypeError, "settings", f"is {settings!r}: it must be an eyebox.SolveSettings")
-    base = {} if settings is None else settings.given()
+    base = _base(settings)
     named = {"frames": frames, "steps": steps, "pupils": pupils, "seed": _arguments.seed(seed, rng), **fields}
     text = _arguments.toml({**base, **{name: value for name, value in named.items() if value is not None}})
     after = None if camera is None else CameraSteps(display, camera, camera_steps, hello, captures)
@@ -179,6 +178,57 @@ def solve(
 
     error = unfinished.error
     raise interrupted(error, best) if isinstance(error, KeyboardInterrupt) else error
+
+
+def plan(
+    scene: SceneLike,
+    display: DisplayLike | None = None,
+    color: Colors | None = None,
+    *,
+    forecast: bool = False,
+    engine: EngineLike = "auto",
+    views: Whole | None = None,
+    view_pitch: Quantity | None = None,
+    settings: SolveSettings | None = None,
+    **fields: Unpack[JobFields],
+) -> dict[str, Any]:
+    """Plans a solve without solving anything (``eyebox solve --dry-run``).
+
+    Parameters
+    ----------
+    scene, display, color, engine, views, view_pitch, settings, **fields
+        Arguments of :func:`solve`.
+    forecast : bool
+        Predict the time and the memory too. The engine is measured once per machine, which takes seconds.
+
+    Returns
+    -------
+    dict
+        ``choices`` has the decisions with their reasons, ``settings`` the settings with the decisions applied (meters),
+        ``colors`` and ``dark`` the colors that are solved and those without light. ``forecast`` has ``step_seconds``
+        and ``peak_bytes`` of each color, or is None.
+
+    Examples
+    --------
+    >>> import eyebox
+    >>> eyebox.plan("builtin:plane", eyebox.Display("small", size=(32, 32)), "green", steps=3)["settings"]["steps"]
+    3
+    """
+    if display is None:
+        display = scene.display if isinstance(scene, Scene) else "paper"
+    display = display_of(display)
+    scene = scene_of(scene, display, color, views=views, view_pitch=view_pitch)
+    text = _arguments.toml({**_base(settings), **{name: value for name, value in fields.items() if value is not None}})
+    planned = _eyebox.plan(scene._native, display._native, text, engine_of(engine), bool(forecast))
+    made: dict[str, Any] = json.loads(planned)
+    return made
+
+
+def _base(settings: SolveSettings | None) -> dict[str, Any]:
+    """Returns the given settings of an object, or none without it."""
+    if settings is not None and not isinstance(settings, SolveSettings):
+        raise _arguments.wrong(TypeError, "settings", f"is {settings!r}: it must be an eyebox.SolveSettings")
+    return {} if settings is None else settings.given()
 
 
 class _Bars:

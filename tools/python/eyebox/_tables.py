@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import _notebook
-from ._arguments import Pupil
+from ._arguments import Pupil, wrong
 
 if TYPE_CHECKING:
     import pandas
@@ -27,12 +28,36 @@ class Score(NamedTuple):
     against_clear : float or None
         PSNR in dB of the image past an obstruction, compared with the image of the same hologram through a clear
         pupil. It is None for a clear pupil.
+    jod : float or None
+        Quality in just-objectionable differences (ColorVideoVDP), 10 at most, or None if the pupil was not judged.
     """
 
     psnr: float | None
     ceiling: float | None
     ssim: float | None
     against_clear: float | None = None
+    jod: float | None = None
+
+
+class Summary(NamedTuple):
+    """A summary of scores over pupils. Higher is better.
+
+    Attributes
+    ----------
+    mean, median, worst, best : float
+        Statistics of the scores.
+    sd : float
+        Standard deviation over the pupils.
+    count : int
+        Number of pupils that have the score.
+    """
+
+    mean: float
+    median: float
+    worst: float
+    best: float
+    sd: float
+    count: int
 
 
 class Scores(list[Score]):
@@ -44,14 +69,39 @@ class Scores(list[Score]):
     ----------
     pupils : list of Pupil
         Pupil of each score, in meters.
+    groups : list of str or None
+        Group of each pupil, if the pupils were the groups of the paper.
     """
 
-    def __init__(self, scores: Iterable[Score], pupils: Iterable[Sequence[float]]) -> None:
+    def __init__(
+        self, scores: Iterable[Score], pupils: Iterable[Sequence[float]], groups: Iterable[str] | None = None
+    ) -> None:
         super().__init__(scores)
         self.pupils = [Pupil(*pupil) for pupil in pupils]
+        self.groups = None if groups is None else list(groups)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Scores, (list(self), self.pupils)
+        return Scores, (list(self), self.pupils, self.groups)
+
+    def summary(self, score: str = "psnr") -> Summary | None:
+        """Returns statistics of one of the scores over the pupils that have it, or None if no pupil has it."""
+        if score not in Score._fields:
+            raise wrong(ValueError, "score", f"is {score!r}: it must be one of {', '.join(Score._fields)}")
+        values = [value for one in self if (value := getattr(one, score)) is not None]
+        if not values:
+            return None
+        mean, spread = statistics.fmean(values), statistics.pstdev(values)
+        return Summary(mean, statistics.median(values), min(values), max(values), spread, len(values))
+
+    def by_group(self) -> dict[str, Scores]:
+        """Returns the scores of each group of the paper by its name, or all scores as one group without a name."""
+        groups = self.groups or [""] * len(self)
+        made: dict[str, Scores] = {}
+        for name in dict.fromkeys(groups):
+            at = [index for index, group in enumerate(groups) if group == name]
+            own = None if self.groups is None else [name] * len(at)
+            made[name] = Scores([self[index] for index in at], [self.pupils[index] for index in at], own)
+        return made
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Returns the pupils (m) and their scores as a table of pandas, with one row per pupil. Unknown is NaN."""
@@ -59,14 +109,15 @@ class Scores(list[Score]):
 
     def to_xarray(self) -> xarray.Dataset:
         """Returns the scores as a data set of xarray along the dimension ``pupil``, with the pupils as coordinates."""
-        return dataset(self._rows(), "pupil", Pupil._fields)
+        return dataset(self._rows(), "pupil", ("group", *Pupil._fields))
 
     def _rows(self) -> list[dict[str, Any]]:
-        return [{**pupil._asdict(), **score._asdict()} for pupil, score in zip(self.pupils, self)]
+        rows = [{**pupil._asdict(), **score._asdict()} for pupil, score in zip(self.pupils, self)]
+        return rows if self.groups is None else [{"group": group, **row} for group, row in zip(self.groups, rows)]
 
     def _repr_html_(self) -> str:
         names = [f"{name} (mm)" for name in Pupil._fields]
-        names += ["PSNR (dB)", "ceiling (dB)", "SSIM", "against clear (dB)"]
+        names += ["PSNR (dB)", "ceiling (dB)", "SSIM", "against clear (dB)", "JOD"]
         rows = [(*(1e3 * one for one in pupil), *score) for pupil, score in zip(self.pupils, self)]
         return _notebook.table(names, rows)
 

@@ -18,12 +18,16 @@ import contextlib
 import fractions
 import functools
 import json
+import logging
 import numbers
 import os
 import shutil
 import signal
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Mapping
+
+import numpy as np
 
 from . import _arguments, _eyebox
 from ._display import Display, display_of, engine_of
@@ -35,19 +39,20 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._settings import FarFieldFields, JobFields
-    from ._types import Colors, DisplayLike, Path, Pupils, Quantity, Whole
+    from ._types import ArrayLike, Colors, DisplayLike, Path, Pupils, Quantity, Whole
 
 __all__ = ["evaluate", "solve_far_field", "solve_sequence", "tradeoff"]
 
 
 def solve_sequence(
-    scenes: Iterable[Path],
+    scenes: Iterable[Path | ArrayLike],
     out: Path,
     display: DisplayLike = "paper",
     color: Colors | None = None,
     *,
     client: Any = None,
     workers: Whole = 2,
+    max_workers: Whole | None = None,
     rate: Quantity | fractions.Fraction = 30,
     engine: str = "auto",
     **settings: Unpack[JobFields],
@@ -56,8 +61,9 @@ def solve_sequence(
 
     Parameters
     ----------
-    scenes : sequence of str or path
-        "builtin:NAME", folders of views or pictures that all workers see, one per hologram.
+    scenes : sequence of str, path or array
+        "builtin:NAME", folders of views or pictures that all workers see, one per hologram. Arrays of views, also one
+        array whose first axis is the hologram, are stored next to the sequence in a folder that ends in ``.scenes``.
     out : path
         Path of the sequence, NAME.zarr. An interrupted sequence of the same scenes and settings is continued.
     display, color
@@ -67,6 +73,9 @@ def solve_sequence(
         this machine for the duration of the call.
     workers : int
         Number of processes of the default cluster.
+    max_workers : int, optional
+        Highest number of processes. The default cluster then starts with ``workers`` and adapts to the work. A cluster
+        of your own does the same after ``cluster.adapt(minimum=2, maximum=100)``.
     rate : int or Fraction
         Holograms per second.
     engine : str
@@ -85,8 +94,8 @@ def solve_sequence(
         If a piece fails.
     """
     display = display_of(display)
-    names = _paths(scenes, "scenes")
     out = _store(out)
+    names = _scenes(scenes, out)
     rate = _arguments.quantity(rate, "Hz", "rate") if isinstance(rate, str) else rate
     try:
         shown = fractions.Fraction(rate if isinstance(rate, numbers.Rational) else _arguments.number(rate, "rate"))
@@ -99,17 +108,16 @@ def solve_sequence(
     colors = _arguments.colors(color, list(display.wavelengths))
     job = (tuple(names), _text(display), tuple(colors), _arguments.toml(dict(settings)), shown.as_integer_ratio(), out, engine)
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
-    with _cluster(client, workers) as there:
+    with _cluster(client, workers, max_workers) as there:
         # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
-        first = there.submit(_begun, job, pure=False)
-        rest = [there.submit(_piece, first, index, pure=False) for index in range(1, len(names))]
-        there.gather([first, *rest])
+        first = _submit(there, _begun, job)
+        _gather([first, *(_submit(there, _piece, first, index) for index in range(1, len(names)))])
     _eyebox.Sequence.finish(out)
     return len(names) - before
 
 
 def solve_far_field(
-    scene: Path,
+    scene: Path | ArrayLike,
     out: Path,
     display: DisplayLike = "far-field",
     color: Colors | None = None,
@@ -120,6 +128,7 @@ def solve_far_field(
     picture: Whole = 1024,
     client: Any = None,
     workers: Whole = 2,
+    max_workers: Whole | None = None,
     engine: str = "auto",
     **settings: Unpack[FarFieldFields],
 ) -> int:
@@ -131,8 +140,9 @@ def solve_far_field(
 
     Parameters
     ----------
-    scene : str or path
-        "builtin:NAME", a folder of views or a picture that all workers see.
+    scene : str, path or array
+        "builtin:NAME", a folder of views or a picture that all workers see, or an array of views, which is stored next
+        to the hologram.
     out : path
         Path of the hologram, NAME.zarr. An interrupted hologram of the same scene and settings is continued.
     display, color
@@ -146,7 +156,7 @@ def solve_far_field(
         part of the settings.
     picture : int
         Pixels along each axis of the scene's views.
-    client, workers, engine
+    client, workers, max_workers, engine
         Arguments of :func:`solve_sequence`. All workers must compute on the same kind of engine.
     **settings
         Arguments of :func:`eyebox.solve`.
@@ -157,8 +167,8 @@ def solve_far_field(
         Number of visits to regions that this call made. The others were done before.
     """
     display = display_of(display)
-    name = _arguments.path(scene, "scene")
     out = _store(out)
+    name = _scene(scene, out)
     colors = _arguments.colors(color, list(display.wavelengths))
     for setting in ("levels", "method", "psnr", "pupils", "quality", "seconds", "storage"):
         if setting in settings:
@@ -169,13 +179,13 @@ def solve_far_field(
     memory = int(_arguments.quantity(memory, "B", "memory")) if isinstance(memory, str) else memory
     request = (_arguments.count(passes, "passes"), _arguments.count(memory, "memory", most), _arguments.count(picture, "picture"))
     job = (name, _text(display), tuple(colors), text, request, out, engine)
-    with _cluster(client, workers) as there:
-        first = there.submit(_far_field_begun, job, pure=False)
-        _, done, after = first.result()
+    with _cluster(client, workers, max_workers) as there:
+        first = _submit(there, _far_field_begun, job)
+        [(_, done, after)] = _gather([first])
         visits: list[Any] = []
         for visit, before in enumerate(after):
-            visits.append(there.submit(_visit, first, visit, [visits[i] for i in before], pure=False))
-        there.gather(visits)
+            visits.append(_submit(there, _visit, first, visit, [visits[i] for i in before]))
+        _gather(visits)
     _eyebox.FarField.finish(out)
     return done.count(False)
 
@@ -185,9 +195,10 @@ def evaluate(
     out: Path,
     pupils: Pupils | None = None,
     *,
-    scene: Path | None = None,
+    scene: Path | ArrayLike | None = None,
     client: Any = None,
     workers: Whole = 2,
+    max_workers: Whole | None = None,
     engine: str = "auto",
     keep_pieces: bool = False,
 ) -> Rows:
@@ -201,9 +212,9 @@ def evaluate(
         Path of the scores, NAME.json. Existing scores of the same holograms are not computed again.
     pupils : sequence of (x, y, diameter, depth), optional
         Pupils of each score, as in :meth:`eyebox.Hologram.score`.
-    scene : str or path, optional
+    scene : str, path or array, optional
         Scene of all holograms. The default for each hologram is the scene of its solve.
-    client, workers, engine
+    client, workers, max_workers, engine
         Arguments of :func:`solve_sequence`.
     keep_pieces : bool
         Keep the pieces. Their folder is next to the scores, and its name ends in ``.pieces``.
@@ -217,15 +228,15 @@ def evaluate(
         return the results as tables.
     """
     files = _paths(holograms, "holograms")
-    scene = None if scene is None else _arguments.path(scene, "scene")
+    scene = None if scene is None else _scene(scene, _arguments.path(out, "out"))
     # Each hologram converts depths from texts with its own focal length.
     at = None if pupils is None else _arguments.pupils(pupils, None)
     jobs = [(file, index, _when(file), scene, at, engine) for file in files for index in _indices(file)]
-    return _pieces(_scored, jobs, out, client, workers, keep_pieces)
+    return _pieces(_scored, jobs, out, (client, workers, max_workers), keep_pieces)
 
 
 def tradeoff(
-    scene: Path,
+    scene: Path | ArrayLike,
     out: Path,
     grid: Iterable[Mapping[str, Any]],
     display: DisplayLike = "paper",
@@ -234,6 +245,7 @@ def tradeoff(
     pupils: Pupils | None = None,
     client: Any = None,
     workers: Whole = 2,
+    max_workers: Whole | None = None,
     engine: str = "auto",
     keep_pieces: bool = False,
 ) -> Rows:
@@ -241,8 +253,8 @@ def tradeoff(
 
     Parameters
     ----------
-    scene : str or path
-        Scene that all workers see.
+    scene : str, path or array
+        Scene that all workers see, or an array of views, which is stored next to the results.
     out : path
         Path of the results, NAME.json. Existing results of the same settings are not computed again.
     grid : sequence of dict
@@ -251,7 +263,7 @@ def tradeoff(
         Arguments of :func:`eyebox.solve`.
     pupils
         Argument of :meth:`eyebox.Hologram.score`.
-    client, workers, engine, keep_pieces
+    client, workers, max_workers, engine, keep_pieces
         Arguments of :func:`evaluate`.
 
     Returns
@@ -261,7 +273,7 @@ def tradeoff(
         ``scores`` is as in :func:`evaluate`.
     """
     display = display_of(display)
-    name = _arguments.path(scene, "scene")
+    name = _scene(scene, _arguments.path(out, "out"))
     colors = _arguments.colors(color, list(display.wavelengths))
     try:
         settings = [_arguments.plain(dict(one)) for one in grid]
@@ -271,7 +283,7 @@ def tradeoff(
         _arguments.toml(one)
     at = None if pupils is None else _arguments.pupils(pupils, lambda: display.focal_length)
     given = (name, _text(display), colors)
-    return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, client, workers, keep_pieces)
+    return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, (client, workers, max_workers), keep_pieces)
 
 
 def _text(display: Display) -> tuple[str, str | None]:
@@ -297,10 +309,86 @@ def _paths(values: Any, what: str) -> list[str]:
     return paths
 
 
+def _scenes(values: Any, out: str) -> list[str]:
+    """Returns the names of scenes. Arrays are stored next to a file, where all workers see them."""
+    if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
+        raise _arguments.wrong(TypeError, "scenes", f"is {values!r}: it must be a sequence of names, paths or arrays")
+    names = [_scene(value, out, at) for at, value in enumerate(values)]
+    if not names:
+        raise _arguments.wrong(ValueError, "scenes", "is empty: it must have one or more")
+    return names
+
+
+def _scene(value: Any, out: str, at: int = 0) -> str:
+    """Returns the name of a scene. An array is stored next to a file, unless the same array is there."""
+    if _arguments.is_path(value):
+        return _arguments.path(value, "scene")
+    if not _arguments.is_array(value):
+        raise _arguments.wrong(TypeError, "scene", f"is {value!r}: it must be a name, a path or an array of views")
+    plain = _arguments.array(value, "scene", "(view row, view column, row, column[, 3])")
+    # The same checks as for a scene, before any worker starts.
+    _arguments.light_field(plain, "scene")
+    if plain.ndim < 4:
+        plain = plain[None, None]
+    if plain.dtype.kind != "u":
+        plain = np.asarray(plain, np.float32)
+    folder = os.path.abspath(out) + ".scenes"
+    os.makedirs(folder, exist_ok=True)
+    path = os.path.join(folder, f"{at:06}.npy")
+    with contextlib.suppress(OSError, ValueError):
+        there = np.load(path, mmap_mode="r", allow_pickle=False)
+        if there.dtype == plain.dtype and np.array_equal(there, plain):
+            return path
+    with open(path + ".part", "wb") as draft:
+        np.save(draft, np.ascontiguousarray(plain))
+    os.replace(path + ".part", path)
+    return path
+
+
+class _Refused:
+    """An error of a piece. It is a result for Dask, which would print its own lines about an exception."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
+def _submit(there: Any, work: Callable[..., Any], *arguments: Any) -> Any:
+    return there.submit(_answer, work, *arguments, pure=False)
+
+
+def _answer(work: Callable[..., Any], *arguments: Any) -> Any:
+    """Returns the result of a piece, or its error. A piece that needs the result of another one passes its error on."""
+    for argument in arguments:
+        for one in argument if isinstance(argument, list) else [argument]:
+            if isinstance(one, _Refused):
+                return one
+    try:
+        return work(*arguments)
+    except (ValueError, TypeError, OSError) as error:
+        return _Refused(error)
+
+
+def _gather(futures: Sequence[Any]) -> list[Any]:
+    """Returns the results of pieces. The first error ends the others."""
+    from dask.distributed import as_completed
+
+    for future in as_completed(futures):
+        result = future.result()
+        if isinstance(result, _Refused):
+            for other in futures:
+                other.cancel()
+            raise result.error
+    return [future.result() for future in futures]
+
+
 def _pieces(
-    make: Callable[..., Any], jobs: list[Any], out: Any, client: Any, workers: Any, keep: bool
+    make: Callable[..., Any], jobs: list[Any], out: Any, there: tuple[Any, Any, Any], keep: bool
 ) -> Rows:
-    """Computes independent pieces. Each result has its own file until all are in one file."""
+    """Computes independent pieces. Each result has its own file until all are in one file.
+
+    ``there`` are the client, and the number of workers without one.
+    """
+    client, workers, max_workers = there
     out = os.path.abspath(_arguments.path(out, "out"))
     if not out.endswith(".json"):
         raise _arguments.wrong(ValueError, "out", f"is {out!r}: it must end in .json")
@@ -310,8 +398,8 @@ def _pieces(
     os.makedirs(folder, exist_ok=True)
     _same_job(os.path.join(folder, "job.txt"), repr(jobs))
     paths = [os.path.join(folder, f"{index:06}.json") for index in range(len(jobs))]
-    with _cluster(client, workers) as there:
-        there.gather([there.submit(_result, make, job, path, pure=False) for job, path in zip(jobs, paths)])
+    with _cluster(client, workers, max_workers) as there:
+        _gather([_submit(there, _result, make, job, path) for job, path in zip(jobs, paths)])
     results = Rows()
     for path in paths:
         with open(path, encoding="utf-8") as file:
@@ -419,8 +507,11 @@ def _visit(begun: tuple[Any, ...], visit: int, _after: Any) -> None:
 
 
 @contextlib.contextmanager
-def _cluster(client: Any, workers: Any) -> Iterator[Any]:
+def _cluster(client: Any, workers: Any, max_workers: Any) -> Iterator[Any]:
     if client is not None:
+        if max_workers is not None:
+            text = "is for the default cluster: call adapt(minimum=1, maximum=N) of your cluster"
+            raise _arguments.wrong(TypeError, "max_workers", text)
         yield client
         return
     try:
@@ -428,11 +519,16 @@ def _cluster(client: Any, workers: Any) -> Iterator[Any]:
     except ImportError:
         raise ImportError("eyebox.cluster needs Dask: pip install dask[distributed]") from None
     count = _arguments.count(workers, "workers", 4096)
+    most = count if max_workers is None else _arguments.count(max_workers, "max_workers", 4096, least=count)
     # The workers share the cores of the machine. If each had all cores, they would wait for each other.
     stated = os.environ.get("RAYON_NUM_THREADS", "")
     threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
-    own = {"RAYON_NUM_THREADS": str(max(threads // count, 1))}
-    with LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, env=own) as local, Client(local) as one:
+    own = {"RAYON_NUM_THREADS": str(max(threads // most, 1))}
+    # Workers would warn of pieces that end with the call after the first error.
+    how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.ERROR, "env": own}
+    with LocalCluster(n_workers=count, **how) as local, Client(local) as one:
+        if most > count:
+            local.adapt(minimum=count, maximum=most)
         try:
             yield one
         except KeyboardInterrupt:

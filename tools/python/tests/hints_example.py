@@ -21,6 +21,8 @@ def displays(path: pathlib.Path) -> Display:
     Display(path)
     Display("planes8", size=(256, 256))
     Display("planes8", size="1080p", rate_hz="60Hz")
+    Display("paper", color="green")
+    Display("paper", color=3)  # misuse
     Display(size=(64, 64), pitch_um=8, focal_length_mm="40cm", wavelengths_nm={"green": 520.0})
     made = Display("small").replace(levels=16, encoding={"two_pi_level": 14}, model=None)
     copy.deepcopy(made), pickle.dumps(made), {made: made.name}
@@ -39,6 +41,14 @@ def scenes(display: Display, path: pathlib.Path, light: np.ndarray) -> Scene:
     Scene(path, display, ["red", "green"], views=5, view_pitch="2mm", depth=("-1mm", "0.5D"))
     Scene(light, display, name="mine")
     Scene([[0.0, 1.0], [1.0, 0.0]], display)
+    Scene(light, display, depth_map=light[..., 0], view_synthesis="layers")
+    Scene.from_layers(light, [0, "1mm"], display, views=np.int64(5)).contact_sheet()[0, 0]
+    Scene.from_focal_stack([light, light], ["0.5D", 0.0], "4mm", display).measure().depth_range[0] + 1.0
+    Scene.from_layers(light, display)  # misuse
+    Scene.from_focal_stack([light], [0.0], display=display)  # misuse
+    Scene(light, display, view_synthesis="sharp")  # misuse
+    eyebox.read(path, "name").mean()
+    eyebox.read(3)  # misuse
     eyebox.photograph("builtin:plane", "1mm", 0, "4mm", "0.5D", display=display).shape
     Scene(7, display)  # misuse
     Scene("builtin:plane", near="close")  # misuse
@@ -71,6 +81,19 @@ def holograms(hologram: Hologram, phases: np.ndarray, display: Display) -> None:
     scores = hologram.score(pupils=[(0, 0, "4mm", 0), Pupil(x=1e-3)])
     best: float | None = max(score.psnr or mean for score in scores)
     scores.to_dataframe()
+    worst = hologram.score(pupils="random:24", seed=3, jod=True, viewing={"luminance": 200}).summary("jod")
+    worst is None or worst.worst < 3
+    hologram.score(pupils="paper").by_group()["Focal stack"].summary()
+    hologram.score(pupils=24)  # misuse
+    hologram.score(jod="some")  # misuse
+    hologram.score().summary().mean  # misuse
+    eyebox.random_pupils(display, 24, seed=3, depth=("-1mm", 1e-3))[0].x + 1.0
+    eyebox.random_pupils(display)  # misuse
+    eyebox.plan("builtin:plane", display, steps=3, forecast=True)["choices"]
+    eyebox.plan("builtin:plane", display, stpes=3)  # misuse
+    eyebox.command("info", "one.zarr", "--at", 3)["schema"]
+    eyebox.film(hologram, [{"t": 0, "x": "1mm"}], "film.y4m", what="both")
+    eyebox.film(hologram, [{"t": 0}], "film.y4m", what="eye")  # misuse
     refined = hologram.refine((4e-3, 0, 4e-3, 1e-3), steps=16, elsewhere=0.5, rng=np.random.default_rng(best is None))
     refined.encode(display).astype(np.float32)
     Hologram.from_phases({"green": phases}, display, exposure=1.0).save("one.zarr")
@@ -102,6 +125,8 @@ def shows(hologram: Hologram, display: Display) -> None:
     eyebox.slmsuite.levels(hologram, object(), color=3)  # misuse
     eyebox.cluster.evaluate(["one.zarr"], "scores.json", [(0, 0, 4e-3, 0)]).to_dataframe()
     eyebox.cluster.solve_sequence(["builtin:plane"], "film.zarr", display, steps=3, seed=1, quality="fast")
+    eyebox.cluster.solve_sequence([np.zeros((2, 2, 8, 8))], "film.zarr", display, max_workers=4)
+    eyebox.cluster.solve_sequence([3], "film.zarr", display)  # misuse
     eyebox.cluster.solve_sequence(["builtin:plane"], "film.zarr", display, stesp=3)  # misuse
     eyebox.calibrate(display, lambda shot: np.zeros((4, 4)), hello={}).report["parameters"]
     eyebox.calibrate(display, lambda: np.zeros((4, 4)), hello={})  # misuse

@@ -6,15 +6,17 @@ import pathlib
 import signal
 import subprocess
 import sys
+import textwrap
 import threading
 import time
 
 import eyebox
+import numpy as np
 import pytest
 
 distributed = pytest.importorskip("distributed")
 import eyebox.cluster  # noqa: E402
-from conftest import coded, LONG, named  # noqa: E402
+from conftest import coded, light_field, LONG, named  # noqa: E402
 
 COUNT = 64 if LONG else 8
 
@@ -104,7 +106,57 @@ def test_scores_and_trade_offs_are_those_of_one_process(tmp_path, hologram, disp
         eyebox.cluster.tradeoff("builtin:plane", tmp_path / "x.json", [3], display)
 
 
+def test_arrays_are_scenes(tmp_path):
+    """Arrays are stored next to the result, where all workers see them, and finished work is not repeated."""
+    display = eyebox.Display("small", size=(40, 48))
+    views = np.stack([light_field(2, 3, seed) for seed in range(3)])
+    settings = dict(frames=2, steps=3, pupils=4, seed=7, engine="cpu")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        with distributed.Client(local) as client:
+            out = tmp_path / "film.zarr"
+            assert eyebox.cluster.solve_sequence(views, out, display, "green", client=client, **settings) == 3
+            before = files(tmp_path)
+            assert eyebox.cluster.solve_sequence(list(views), out, display, "green", client=client, **settings) == 0
+            assert files(tmp_path) == before
+            assert sorted(path.name for path in (tmp_path / "film.zarr.scenes").iterdir()) == [f"{i:06}.npy" for i in range(3)]
+            how = dict(client=client, engine="cpu")
+            found = eyebox.cluster.evaluate([out], tmp_path / "scores.json", [(0, 0, 4e-3, 0)], **how)
+            grid = [dict(frames=2, steps=3, pupils=4, seed=7)]
+            solved = eyebox.cluster.tradeoff(views[0], tmp_path / "grid.json", grid, display, "green", pupils=[(0, 0, 4e-3, 0)], **how)
+    for at, each in enumerate(views):
+        hologram, scene = eyebox.Hologram.load(out, at), eyebox.Scene(each, display, "green")
+        own = hologram.score(scene, [(0, 0, 4e-3, 0)], other_scene=True, engine="cpu")
+        assert found[at]["scores"][0]["psnr"] == pytest.approx(own[0].psnr)
+    assert solved[0]["scores"][0]["psnr"] > 5
+    with named(TypeError, "scene", "7"):
+        eyebox.cluster.solve_sequence([7], tmp_path / "other.zarr", display)
+    with named(TypeError, "scene", "int64"):
+        eyebox.cluster.solve_sequence([views[0].astype(int)], tmp_path / "other.zarr", display)
+
+
+def test_a_refusal_is_one_exception_without_lines_of_dask(tmp_path):
+    text = """
+        import eyebox.cluster, sys
+        if __name__ == "__main__":
+            display = eyebox.Display("small", size=(40, 48))
+            scenes = ["builtin:plane", "builtin:nothing", *[f"builtin:plane?depth={n}" for n in range(20)]]
+            try:
+                eyebox.cluster.solve_sequence(scenes, sys.argv[1], display, "green", steps=1, frames=1, workers=1, max_workers=2, engine="cpu")
+            except eyebox.EyeboxError as error:
+                print(error.code, type(error).__name__)
+    """
+    file = tmp_path / "refused.py"
+    file.write_text(textwrap.dedent(text))
+    ran = subprocess.run([sys.executable, file, tmp_path / "x.zarr"], capture_output=True, text=True, timeout=120)
+    assert ran.stdout.split()[0].startswith("scene/") and ran.stdout.split()[1] == "SceneError", ran
+    assert ran.stderr == ""
+
+
 def test_what_makes_no_sense(tmp_path):
+    with named(TypeError, "max_workers", "adapt"):
+        eyebox.cluster.solve_sequence(["builtin:plane"], tmp_path / "x.zarr", client=object(), max_workers=3)
+    with named(ValueError, "max_workers", "1"):
+        eyebox.cluster.solve_sequence(["builtin:plane"], tmp_path / "x.zarr", workers=2, max_workers=1)
     with named(TypeError, "scenes", "'builtin:plane'"):
         eyebox.cluster.solve_sequence("builtin:plane", tmp_path / "x.zarr")
     with named(ValueError, "scenes"):

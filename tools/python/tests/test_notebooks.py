@@ -13,8 +13,9 @@ FOLDER = pathlib.Path(__file__).parents[3] / "docs" / "notebooks"
 def test_notebook(notebook, monkeypatch, tmp_path):
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
-    if notebook.stem == "pytorch":
+    if notebook.stem in ("comparison", "pytorch"):
         pytest.importorskip("torch")
+    monkeypatch.syspath_prepend(FOLDER.parents[1] / "tests" / "peer")
     monkeypatch.chdir(tmp_path)
     begun, names = time.monotonic(), {"__name__": "__main__"}
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]

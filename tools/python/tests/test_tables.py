@@ -27,7 +27,7 @@ def test_scores_are_a_list_with_their_pupils(scores):
 def test_scores_are_a_table_of_pandas(scores):
     pytest.importorskip("pandas")
     table = scores.to_dataframe()
-    assert list(table.columns) == ["x", "y", "diameter", "depth", "psnr", "ceiling", "ssim", "against_clear"]
+    assert list(table.columns) == ["x", "y", "diameter", "depth", "psnr", "ceiling", "ssim", "against_clear", "jod"]
     assert table["psnr"].tolist() == [score.psnr for score in scores] and table["x"].tolist() == [0, 1e-3]
     assert table["psnr"].dtype == np.float64 and table["against_clear"].isna().all() and table["against_clear"].dtype == np.float64
 

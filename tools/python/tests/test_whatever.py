@@ -31,6 +31,7 @@ ARRAYS = [
     np.ma.masked_all((SIDE, SIDE)),
     np.zeros((SIDE, SIDE), np.uint8),
 ]
+LAYERS = np.ones((2, SIDE, SIDE, 2), np.float32)
 SETTINGS = ["steps", "frames", "pupils", "seed", "depth", "diameter", "psnr", "levels", "storage", "padding", "quality", "nothing", ""]
 
 
@@ -88,6 +89,18 @@ def test_whatever_is_called_with_ends_with_an_exception_or_a_result(tmp_path, mo
         lambda: eyebox.Hologram.from_phases(whatever(), shown(), often("green"), scene=often(None)),
         lambda: hologram.view(number(), number(), number(), number(), engine=often("cpu")),
         lambda: hologram.score(often(None), often([(0.0, number(), 4e-3, number())])),
+        lambda: hologram.score(None, often(rng.choice(["random:1", "paper", "random:-1", "x"])), jod=often(False), seed=often(None)),
+        lambda: eyebox.random_pupils(shown(), often(2), often(3), depth=often((number(), number())), diameter=often(None)),
+        lambda: eyebox.paper_pupils(shown(), often((number(), number())), count=often(2)),
+        lambda: eyebox.plan(often(scene), shown(), often(None), engine=often("cpu"), **settings()),
+        lambda: eyebox.read(whatever(), often(None)),
+        lambda: eyebox.Scene(rng.choice(ARRAYS), shown(), often("green"), depth_map=rng.choice(ARRAYS), views=2, depth=often(None), near=often(None)),
+        lambda: eyebox.Scene.from_layers(often(LAYERS), often([number(), number()]), shown(), often("green"), views=often(2)),
+        lambda: eyebox.Scene.from_focal_stack(often(LAYERS[..., 0]), often([0.0, number()]), number(), shown(), often("green")),
+        lambda: eyebox.Scene(whatever(), shown(), often("green"), views=2, view_synthesis=often(None), order=often(None)),
+        lambda: scene.contact_sheet(often(40)) if rng.random() < 0.5 else scene.measure(),
+        lambda: eyebox.Display(often("planes8"), size=(SIDE, SIDE), color=often("green")),
+        lambda: hologram.score(pupils=[(0.0, 0.0, 4e-3, 0.0)]).summary(often("psnr")),
         lambda: hologram.encode(shown()),
         lambda: hologram.refine(often((0, 0, number(), 0)), often(1), scene=often(None)),
         lambda: refiner.aim(number(), number(), number(), number(), spread=number()),
