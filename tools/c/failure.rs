@@ -114,19 +114,41 @@ fn status_of(error: &Error) -> EyeboxStatus {
     }
 }
 
-thread_local! {
-    /// The sentence of the last failure.
-    static LAST: RefCell<CString> = RefCell::default();
-    /// The code of the last failure.
-    static LAST_CODE: RefCell<CString> = RefCell::default();
-    /// The sentence that the caller has a pointer to. Only `eyebox_last_error` replaces it.
-    static GIVEN: RefCell<CString> = RefCell::default();
-    /// The code that the caller has a pointer to. Only `eyebox_last_error_code` replaces it.
-    static GIVEN_CODE: RefCell<CString> = RefCell::default();
+/// The bytes of the texts of a failure, with the zero byte at the end.
+const TEXT: usize = 2048;
+const CODE: usize = 128;
+
+/// A text of at most `N` - 1 bytes with a zero byte at its end. It needs no memory of its own, so that a failure can be
+/// stated when memory is short.
+#[derive(Clone, Copy, PartialEq)]
+struct FixedText<const N: usize>([u8; N]);
+
+impl<const N: usize> FixedText<N> {
+    const EMPTY: Self = Self([0; N]);
+
+    /// Returns the text up to its first zero byte, and without its end if it is too long.
+    fn new(text: &str) -> Self {
+        let text = text.split('\0').next().unwrap_or_default();
+        let mut bytes = [0; N];
+        let length = text.floor_char_boundary(N - 1);
+        bytes[..length].copy_from_slice(&text.as_bytes()[..length]);
+        Self(bytes)
+    }
 }
 
-/// Returns the cause of the last failed call of this thread, as one sentence in UTF-8. It is empty before the first
-/// failure. eyebox owns the text. It stays valid and unchanged until the same thread ends, or calls `eyebox_last_error`
+thread_local! {
+    /// The sentence of the last failure.
+    static LAST: RefCell<FixedText<TEXT>> = const { RefCell::new(FixedText::EMPTY) };
+    /// The code of the last failure.
+    static LAST_CODE: RefCell<FixedText<CODE>> = const { RefCell::new(FixedText::EMPTY) };
+    /// The sentence that the caller has a pointer to. Only `eyebox_last_error` replaces it.
+    static GIVEN: RefCell<FixedText<TEXT>> = const { RefCell::new(FixedText::EMPTY) };
+    /// The code that the caller has a pointer to. Only `eyebox_last_error_code` replaces it.
+    static GIVEN_CODE: RefCell<FixedText<CODE>> = const { RefCell::new(FixedText::EMPTY) };
+}
+
+/// Returns the cause of the last failed call of this thread, as one sentence in UTF-8 of at most 2047 bytes. It is empty
+/// before the first failure. eyebox owns the text. It stays valid and unchanged until the same thread ends, or calls `eyebox_last_error`
 /// after another failure.
 #[unsafe(no_mangle)]
 pub extern "C" fn eyebox_last_error() -> *const c_char {
@@ -141,18 +163,13 @@ pub extern "C" fn eyebox_last_error_code() -> *const c_char {
     give(&LAST_CODE, &GIVEN_CODE)
 }
 
-type Text = LocalKey<RefCell<CString>>;
+type Text<const N: usize> = LocalKey<RefCell<FixedText<N>>>;
 
-fn give(last: &'static Text, given: &'static Text) -> *const c_char {
-    let give = |given: &RefCell<CString>| {
+fn give<const N: usize>(last: &'static Text<N>, given: &'static Text<N>) -> *const c_char {
+    let give = |given: &RefCell<FixedText<N>>| {
         let mut given = given.borrow_mut();
-        // The same text keeps its place, because one expression may call this function twice.
-        last.with_borrow(|last| {
-            if *last != *given {
-                given.clone_from(last)
-            }
-        });
-        given.as_ptr()
+        *given = last.with_borrow(|last| *last);
+        given.0.as_ptr().cast()
     };
     given.try_with(give).unwrap_or(c"".as_ptr())
 }
@@ -178,9 +195,8 @@ pub(crate) fn answer(call: impl FnOnce() -> Result<(), Failure>) -> EyeboxStatus
     let text = failure.to_string().replace('\0', " ");
     let code = ErrorData::of(&failure).code;
     // A thread that is ending has no place for the texts, so a failed access is ignored.
-    for (place, text) in [(&LAST, text), (&LAST_CODE, code)] {
-        let _ = place.try_with(|last| *last.borrow_mut() = CString::new(text).unwrap_or_default());
-    }
+    let _ = LAST.try_with(|last| *last.borrow_mut() = FixedText::new(&text));
+    let _ = LAST_CODE.try_with(|last| *last.borrow_mut() = FixedText::new(&code));
     failure.status()
 }
 

@@ -1,21 +1,38 @@
-//! Builds and runs the examples in C and C++, with all warnings and the compiler's sanitizers, against the shared and
-//! the static library.
+//! Installs eyebox for C, and builds and runs the examples in C and C++, with all warnings and the compiler's
+//! sanitizers. They find the shared and the static library through pkg-config and CMake.
 
 use crate::printed::Printed;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-
-/// The libraries that a program needs in addition to the static library, as rustc prints them
-/// (`--print native-static-libs`).
-const SYSTEM: [&str; 5] = ["-lgcc_s", "-lutil", "-lpthread", "-lm", "-ldl"];
+use std::sync::OnceLock;
 
 fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Returns the folder of the libraries, which is also the folder of this test's program.
-fn libraries() -> PathBuf {
-    std::env::current_exe().unwrap().parent().unwrap().to_owned()
+/// Returns the prefix into which the libraries next to this test's program are installed, once.
+fn installed() -> &'static Path {
+    static PREFIX: OnceLock<PathBuf> = OnceLock::new();
+    PREFIX.get_or_init(|| {
+        let prefix = Path::new(env!("CARGO_TARGET_TMPDIR")).join("c-prefix");
+        let built = std::env::current_exe().unwrap().parent().unwrap().to_owned();
+        let mut install = Command::new("bash");
+        install.arg(here("install.sh")).arg(&prefix).env("EYEBOX_BUILT", built);
+        said(install.output().unwrap());
+        prefix
+    })
+}
+
+/// Returns the arguments of the compiler for a package of pkg-config.
+fn flags(package: &str) -> Vec<String> {
+    let mut command = Command::new("pkg-config");
+    command.args(["--cflags", "--libs", package]).env("PKG_CONFIG_PATH", installed().join("lib/pkgconfig"));
+    said(command.output().expect("pkg-config")).split_whitespace().map(str::to_owned).collect()
+}
+
+/// Sets the folder in which a program finds the shared library.
+fn finds_library(command: &mut Command) -> &mut Command {
+    command.env("LD_LIBRARY_PATH", installed().join("lib"))
 }
 
 fn said(output: Output) -> String {
@@ -25,16 +42,17 @@ fn said(output: Output) -> String {
 }
 
 /// Builds an example, and runs it on pictures of 32 x 32 pixels with two steps.
-fn run(compiler: &str, example: &str, standard: &str, library: &[&str]) -> String {
+fn run(compiler: &str, example: &str, standard: &str, package: &str, more: &[&str]) -> String {
+    let library = flags(package);
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("program");
     let build = |sanitizers: bool| {
         let mut command = Command::new(compiler);
-        command.args([standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g", "-I"]).arg(here(""));
+        command.args([standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-g"]);
         if sanitizers {
             command.args(["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]);
         }
-        command.arg(here(example)).arg("-o").arg(&program).args(library);
+        command.arg(here(example)).arg("-o").arg(&program).args(&library).args(more);
         command.output().unwrap_or_else(|e| panic!("{compiler}: {e}"))
     };
     // If the libraries of the sanitizers are missing, the program is built without them.
@@ -42,9 +60,9 @@ fn run(compiler: &str, example: &str, standard: &str, library: &[&str]) -> Strin
         said(build(false));
     }
     // A Vulkan driver keeps some of its memory. It is unloaded before the sanitizer determines the owner of the memory.
-    let leaks = if library.contains(&"-lvulkan") { "detect_leaks=0" } else { "" };
+    let leaks = if more.contains(&"-lvulkan") { "detect_leaks=0" } else { "" };
     let mut command = Command::new(&program);
-    command.args(["32", "2"]).env("LD_LIBRARY_PATH", libraries()).env("ASAN_OPTIONS", leaks);
+    finds_library(command.args(["32", "2"])).env("ASAN_OPTIONS", leaks);
     said(command.output().unwrap())
 }
 
@@ -58,8 +76,7 @@ fn is_refined(out: &str) {
 
 #[test]
 fn the_example_in_c_with_the_shared_library() {
-    let at = format!("-L{}", libraries().display());
-    let out = run("cc", "examples/solve.c", "-std=c99", &[&at, "-leyebox_c"]);
+    let out = run("cc", "examples/solve.c", "-std=c99", "eyebox", &[]);
     // The output has one line per step, one with the score, and one with the video frames.
     let lines: Vec<&str> = out.lines().collect();
     assert!(lines.len() == 4 && lines[1].has_sequence(&[2.0, 2.0]), "{out}");
@@ -69,9 +86,7 @@ fn the_example_in_c_with_the_shared_library() {
 
 #[test]
 fn the_example_in_cpp_with_the_static_library() {
-    let archive = libraries().join("libeyebox_c.a");
-    let library: Vec<&str> = [archive.to_str().unwrap()].into_iter().chain(SYSTEM).collect();
-    let out = run("c++", "examples/refine.cpp", "-std=c++17", &library);
+    let out = run("c++", "examples/refine.cpp", "-std=c++17", "eyebox-static", &[]);
     // At each of three pupils the score is higher after refinement.
     let better = |line: &str| matches!(line.numbers()[..], [_, before, after] if after > before);
     assert!(out.lines().count() == 3 && out.lines().all(better), "{out}");
@@ -79,8 +94,7 @@ fn the_example_in_cpp_with_the_static_library() {
 
 #[test]
 fn a_session_that_is_ticked_with_the_shared_library() {
-    let at = format!("-L{}", libraries().display());
-    let out = run("cc", "examples/session.c", "-std=c99", &[&at, "-leyebox_c", "-lm"]);
+    let out = run("cc", "examples/session.c", "-std=c99", "eyebox", &["-lm"]);
     is_refined(&out);
 }
 
@@ -89,11 +103,59 @@ fn a_device_of_the_programs_own_with_the_static_library() {
     if !Path::new("/usr/include/vulkan/vulkan.h").exists() {
         return println!("the headers of Vulkan (libvulkan-dev) are missing, so the example was not built");
     }
-    let archive = libraries().join("libeyebox_c.a");
-    let library: Vec<&str> = [archive.to_str().unwrap(), "-lvulkan"].into_iter().chain(SYSTEM).collect();
-    let out = run("c++", "examples/vulkan_device.cpp", "-std=c++17", &library);
+    let out = run("c++", "examples/vulkan_device.cpp", "-std=c++17", "eyebox-static", &["-lvulkan"]);
     // The output names the engine and has the score.
     assert!(out.lines().count() == 2 && out.number("dB") > 5.0, "{out}");
+}
+
+/// The loader finds the library by the name of its interface, which a later version keeps.
+#[test]
+fn the_shared_library_has_the_name_of_its_interface() {
+    let lib = installed().join("lib");
+    let version = env!("CARGO_PKG_VERSION");
+    let interface = version.rsplit_once('.').unwrap().0;
+    assert_eq!(
+        lib.join("libeyebox.so").canonicalize().unwrap().file_name().unwrap(),
+        &*format!("libeyebox.so.{version}")
+    );
+    let Ok(header) = Command::new("readelf").arg("-d").arg(lib.join("libeyebox.so")).output() else {
+        return println!("readelf is missing, so the name in the library was not read");
+    };
+    assert!(said(header).contains(&format!("[libeyebox.so.{interface}]")));
+}
+
+#[test]
+fn cmake_finds_both_libraries() {
+    if !Command::new("cmake").arg("--version").output().is_ok_and(|has| has.status.success()) {
+        return println!("cmake is missing, so find_package was not run");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let interface = env!("CARGO_PKG_VERSION").rsplit_once('.').unwrap().0;
+    let lists = format!(
+        "cmake_minimum_required(VERSION 3.16)\nproject(uses C CXX)\nfind_package(eyebox {interface} REQUIRED)\n\
+         add_executable(shared {solve})\ntarget_link_libraries(shared PRIVATE eyebox::eyebox)\n\
+         add_executable(static {refine})\ntarget_compile_features(static PRIVATE cxx_std_17)\n\
+         target_link_libraries(static PRIVATE eyebox::static)\n",
+        solve = here("examples/solve.c").display(),
+        refine = here("examples/refine.cpp").display(),
+    );
+    std::fs::write(folder.path().join("CMakeLists.txt"), lists).unwrap();
+    let build = folder.path().join("build");
+    let prefix = format!("-DCMAKE_PREFIX_PATH={}", installed().display());
+    said(Command::new("cmake").args(["-S"]).arg(folder.path()).arg("-B").arg(&build).arg(&prefix).output().unwrap());
+    said(Command::new("cmake").arg("--build").arg(&build).output().unwrap());
+    for program in ["shared", "static"] {
+        assert!(!said(Command::new(build.join(program)).args(["32", "2"]).output().unwrap()).is_empty());
+    }
+    let wanted = |version: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let lists =
+            format!("cmake_minimum_required(VERSION 3.16)\nproject(uses C)\nfind_package(eyebox {version} REQUIRED)\n");
+        std::fs::write(folder.path().join("CMakeLists.txt"), lists).unwrap();
+        let made = Command::new("cmake").args(["-S", ".", "-B", "build"]).arg(&prefix).current_dir(&folder).output();
+        made.unwrap().status.success()
+    };
+    assert!(wanted("") && !wanted("0.99") && !wanted("7"));
 }
 
 /// valgrind hides the vDSO, and programs that embed eyebox must also run without it.
@@ -105,12 +167,12 @@ fn a_session_under_valgrind() {
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("program");
     let mut build = Command::new("cc");
-    build.args(["-std=c99", "-g", "-I"]).arg(here("")).arg(here("examples/session.c")).arg("-o").arg(&program);
-    build.arg(format!("-L{}", libraries().display())).args(["-leyebox_c", "-lm"]);
+    build.args(["-std=c99", "-g"]).arg(here("examples/session.c")).arg("-o").arg(&program);
+    build.args(flags("eyebox")).arg("-lm");
     said(build.output().unwrap());
     let mut command = Command::new("valgrind");
     command.args(["--error-exitcode=9", "--fair-sched=yes", "-q"]).arg(&program).args(["32", "2"]);
-    let ran = command.env("LD_LIBRARY_PATH", libraries()).env("RAYON_NUM_THREADS", "1").output().unwrap();
+    let ran = finds_library(&mut command).env("RAYON_NUM_THREADS", "1").output().unwrap();
     is_refined(&said(ran));
 }
 
@@ -121,10 +183,10 @@ fn a_forked_child_is_refused() {
     let (source, program) = (folder.path().join("forked.c"), folder.path().join("program"));
     std::fs::write(&source, FORKED).unwrap();
     let mut build = Command::new("cc");
-    build.args(["-D_POSIX_C_SOURCE=200809L", "-std=c99", "-Wall", "-Werror", "-I"]).arg(here("")).arg(&source);
-    build.arg("-o").arg(&program).arg(format!("-L{}", libraries().display())).arg("-leyebox_c");
+    build.args(["-D_POSIX_C_SOURCE=200809L", "-std=c99", "-Wall", "-Werror"]).arg(&source);
+    build.arg("-o").arg(&program).args(flags("eyebox"));
     said(build.output().unwrap());
-    let ran = Command::new("timeout").arg("60").arg(&program).env("LD_LIBRARY_PATH", libraries()).output().unwrap();
+    let ran = finds_library(Command::new("timeout").arg("60").arg(&program)).output().unwrap();
     assert_eq!(said(ran), "parent ok\n");
 }
 
