@@ -248,6 +248,8 @@ fn contrast(layout: &Layout, capture: &Picture, pattern: Pattern) -> f64 {
 /// standard deviation.
 fn spread(layout: &Layout, capture: &Picture) -> (f64, f64, f64) {
     let rows = layout.levels(0);
+    // Rows at the edge may share their colors with the next area.
+    let rows = rows.start + 1..rows.end - 1;
     let (mut count, mut off, mut largest, mut squares) = (0.0, 0.0, 0.0_f64, 0.0);
     for column in 1..layout.size[1] - 1 {
         let mut values: Vec<f64> = rows.clone().map(|row| capture.at(row, column, 1)).collect();
