@@ -32,7 +32,7 @@ stage "the Python package as a wheel, with its long tests"
 EYEBOX=$target/release/eyebox tools/python.sh wheel
 
 stage "tests, at the ends of every range and for ten minutes of playing"
-EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 EYEBOX_KILLS=200 cargo test --release --workspace
+EYEBOX_LINK=full EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 EYEBOX_KILLS=200 cargo test --release --workspace
 
 # The transforms must not depend on the size of a subgroup: 4 and 16 lanes instead of this machine's 8.
 for width in 128 512; do

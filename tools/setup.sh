@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes this machine able to run everything: the Vulkan loader, a software Vulkan (lavapipe), the validation layer, a
-# virtual X display and a linker. Installs only what is missing, and says nothing when that is nothing.
+# virtual X display, Xorg's dummy driver, Weston and a linker. Installs only what is missing, and says nothing when that
+# is nothing.
 # Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
 # Rust itself (cargo) is assumed.
 # tools/setup.sh windows does the same for what builds for Windows and runs it: MinGW's linker and Wine, 1 GB on the disk.
@@ -31,7 +32,8 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
     else
         # What windows load at run time comes last.
         for package in libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers xvfb \
-            libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 libxkbcommon-x11-0; do
+            xserver-xorg-core xserver-xorg-video-dummy weston libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 \
+            libxkbcommon-x11-0; do
             status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
             [[ $status == "install ok installed" ]] || missing+=("$package")
         done
@@ -86,6 +88,8 @@ else
     manifest 'icd.d/*.json' || missing+=("a Vulkan driver; Mesa's lavapipe runs on any CPU")
     manifest 'explicit_layer.d/*validation*.json' || missing+=("the Khronos validation layer")
     command -v Xvfb >/dev/null || missing+=("Xvfb")
+    command -v Xorg >/dev/null || missing+=("Xorg with the dummy driver")
+    command -v weston >/dev/null || missing+=("Weston, for windows on Wayland")
     for library in libX11.so.6 libX11-xcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon.so.0 libxkbcommon-x11.so.0; do
         [[ $libraries == *"$library"* ]] || missing+=("$library, for windows")
     done

@@ -4,6 +4,7 @@
 //! has no cursor and no frame. Not every system reports the effect of a compositor on it. On the output of an SLM, run
 //! no compositor, or let full-screen windows bypass it.
 
+use super::link::{Link, LinkSystem};
 use super::window::{OrdinaryWindow, Queue, Windows};
 use super::{Event, Interference, Monitor, PresentError, no_desktop, system};
 use eyebox_base::reason;
@@ -147,6 +148,15 @@ impl Desktop {
         Monitor::choose(&self.monitors(), wanted, size)
     }
 
+    /// Checks the link to a monitor without a window, and changes nothing but what a killed session left.
+    pub fn link(&self, monitor: &Monitor) -> Link {
+        let name = || Some(monitor.name.clone());
+        if system::is_wayland(&self.event_loop) {
+            return Link::unknown(LinkSystem::Wayland, name());
+        }
+        system::link(monitor).unwrap_or_else(|| Link::unknown(LinkSystem::Other, name()))
+    }
+
     /// Opens a window over all of a monitor.
     pub(super) fn cover(mut self, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
         let [height, width] = monitor.size.map(|n| n as u32);
@@ -179,7 +189,8 @@ impl Desktop {
             self.pump()?;
         }
         self.handler.under = Some((monitor.clone(), Instant::now()));
-        Ok(OnDesktop { desktop: self, window, observer: system::Observer::open(monitor) })
+        let observer = system::Observer::open(monitor, &window);
+        Ok(OnDesktop { desktop: self, window, observer })
     }
 
     fn pump(&mut self) -> Result<(), PresentError> {
@@ -250,6 +261,11 @@ impl OnDesktop {
             None => Ok(()),
             Some(reason) => Err(PresentError::display("the window", reason.clone())),
         }
+    }
+
+    /// Returns the link to the monitor as the window found it, if the system names one.
+    pub(super) fn link(&self) -> Option<&Link> {
+        self.observer.as_ref().map(system::Observer::link)
     }
 
     /// Returns the interference with the monitor that began since the last call.

@@ -10,6 +10,7 @@
 #![allow(unsafe_code)]
 
 use super::connectors::{Connector, connectors};
+use super::link::{Link, console};
 use super::modes::{DirectDisplay, DirectMode, choose};
 use super::surface::{TakenDisplay, Target};
 use super::swapchain::{Policy, Swapchain};
@@ -20,6 +21,9 @@ use eyebox_compute::gpu::{EngineError, Gpu, Instance, has};
 use std::fs::{File, OpenOptions};
 use std::path::Path;
 use std::sync::Arc;
+
+/// The folder in which the kernel lists connectors.
+const CLASSES: &str = "/sys/class/drm";
 
 fn refused(reason: impl ToString) -> PresentError {
     PresentError::display("direct display", reason.to_string())
@@ -42,6 +46,11 @@ pub fn direct_displays() -> Result<Vec<DirectDisplay>, PresentError> {
     Displays::of(&Arc::new(instance)).map(|all| all.found).map_err(refused)
 }
 
+/// Checks the link to a display without a desktop, for a mode of these rows and columns.
+pub fn direct_link(display: &DirectDisplay, size: [usize; 2]) -> Link {
+    console::link(Path::new(CLASSES), &display.name, size)
+}
+
 impl DisplayPresenter {
     /// Takes the display that `wanted` names by its index, its connector or its monitor, in a mode of exactly this
     /// size. Without a name, it takes the first display with such a mode. The presenter uses this device, or the device
@@ -62,9 +71,10 @@ impl DisplayPresenter {
         let found = all.found[index].clone();
         let rate = Rate::from_hz(f64::from(found.modes[mode].millihertz) / 1000.0).ok();
         let taken = all.acquire(index, mode).map_err(refused)?;
+        let link = console::link(Path::new(CLASSES), &found.name, size);
         // SAFETY: no window is concerned.
         let swapchain = unsafe { Swapchain::on(gpu, Target::Direct(taken), Policy::Exact(size)) }.map_err(refused)?;
-        Ok(Self::on_display(swapchain, format!("display {found}"), rate, clock))
+        Ok(Self::on_display(swapchain, format!("display {found}"), rate, clock, Some(link)))
     }
 }
 
@@ -90,7 +100,7 @@ impl Displays {
         let acquire = acquire.then(|| ext::acquire_drm_display::Instance::new(entry, raw));
         let (found, handles, instance) = (Vec::new(), Vec::new(), Arc::clone(instance));
         let mut all = Self { found, handles, calls, acquire, release, instance };
-        let plugged = connectors(Path::new("/sys/class/drm"), Path::new("/dev/dri"));
+        let plugged = connectors(Path::new(CLASSES), Path::new("/dev/dri"));
         // SAFETY: the instance is valid.
         let devices = unsafe { all.instance.raw.enumerate_physical_devices() }.unwrap_or_default();
         devices.into_iter().for_each(|device| all.ask(device, &plugged));

@@ -1,6 +1,7 @@
 //! Presents on a display, through a window over a monitor or directly without a desktop.
 
 use super::desktop::{Desktop, OnDesktop};
+use super::link::Link;
 use super::swapchain::{Policy, Swapchain};
 use super::system::handle_of;
 use super::timing::PresentTiming;
@@ -16,6 +17,8 @@ pub struct DisplayPresenter {
     pub rate: Option<Rate>,
     clock: RealClock,
     window: Option<OnDesktop>,
+    /// The link without a desktop.
+    link: Option<Link>,
 }
 
 impl Desktop {
@@ -33,14 +36,20 @@ impl Desktop {
         let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
             .map_err(|e| PresentError::display("the window", e.to_string()))?;
         let name = format!("a window on monitor {monitor}");
-        Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on) })
+        Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on), link: None })
     }
 }
 
 impl DisplayPresenter {
     #[cfg(feature = "direct-display")]
-    pub(super) fn on_display(swapchain: Swapchain, name: String, rate: Option<Rate>, clock: RealClock) -> Self {
-        Self { swapchain, name, rate, clock, window: None }
+    pub(super) fn on_display(
+        swapchain: Swapchain,
+        name: String,
+        rate: Option<Rate>,
+        clock: RealClock,
+        link: Option<Link>,
+    ) -> Self {
+        Self { swapchain, name, rate, clock, window: None, link }
     }
 
     /// The device that shows the frames, for engines, encoders and other windows.
@@ -100,6 +109,13 @@ impl Presenter for DisplayPresenter {
 
     fn event(&mut self) -> Option<Event> {
         self.window.as_mut()?.event()
+    }
+
+    fn link(&self) -> Option<&Link> {
+        match &self.window {
+            Some(window) => window.link(),
+            None => self.link.as_ref(),
+        }
     }
 
     fn interference(&mut self) -> Vec<Interference> {

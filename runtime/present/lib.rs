@@ -11,8 +11,10 @@
 //! `recreate` replaces a swapchain that is out of date. `timing` measures when pictures light up. `direct` takes
 //! displays, with their `modes` and the `connectors` of the system. `monitor` selects a monitor of a desktop. `system`
 //! holds the differences between desktops. `x_server` handles the loss of an X server. `interference` names the effects
-//! of a desktop on levels and light, and `x_observer` reads them. `clock` is real or simulated, and `rate` is an exact
-//! frequency.
+//! of a desktop on levels and light. `link` finds them and sets them right, and `x_observer` runs its checks. `clock` is
+//! real or simulated, and `rate` is an exact frequency.
+//!
+//! [`test_picture`] draws a picture for the link, and [`judge_capture`] finds what the link changed in it.
 //!
 //! [`plm`] sets up the controllers of phase light modulators.
 //!
@@ -27,6 +29,7 @@ mod desktop;
 mod direct;
 mod display;
 mod interference;
+mod link;
 #[cfg(feature = "direct-display")]
 mod modes;
 mod monitor;
@@ -45,6 +48,7 @@ mod swapchain_tests;
 #[cfg_attr(not(any(unix, windows)), path = "system_other.rs")]
 #[cfg_attr(target_vendor = "apple", path = "system_other.rs")]
 mod system;
+mod test_picture;
 mod timing;
 pub mod trigger;
 #[cfg(not(all(unix, not(target_vendor = "apple"))))]
@@ -58,9 +62,10 @@ mod x_server;
 pub use clock::{Clock, RealClock, SimulatedClock};
 pub use desktop::Desktop;
 #[cfg(feature = "direct-display")]
-pub use direct::direct_displays;
+pub use direct::{direct_displays, direct_link};
 pub use display::DisplayPresenter;
 pub use interference::Interference;
+pub use link::{Link, LinkCheck, LinkPart, LinkState, LinkSystem};
 #[cfg(feature = "direct-display")]
 pub use modes::{DirectDisplay, DirectMode};
 pub use monitor::Monitor;
@@ -70,6 +75,7 @@ pub use rate::{Rate, SECOND_NS};
 pub use sink::Sink;
 pub use surface::WindowHandle;
 pub use swapchain::{Policy, Swapchain};
+pub use test_picture::{CaptureReport, LinkFault, TestPictureError, judge_capture, test_picture};
 pub use timing::PresentTiming;
 pub use window::{OrdinaryWindow, WindowEvent, WindowKey};
 
@@ -90,6 +96,9 @@ pub enum PresentError {
     /// A file for video frames failed.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A test picture or its capture is unusable.
+    #[error(transparent)]
+    TestPicture(#[from] TestPictureError),
     /// The display was rejected or lost.
     #[error("{presenter}: {reason}")]
     Display {

@@ -1,5 +1,6 @@
 //! Defines presenters, which take video frames in order and report when they lit up.
 
+use super::link::Link;
 use super::{Interference, PresentError};
 use eyebox_base::reason;
 use eyebox_compute::gpu::{Gpu, Pictures, PixelOrder};
@@ -77,6 +78,11 @@ pub trait Presenter {
     /// [`PresentError::Display`] or [`PresentError::File`] if that fails.
     fn finish(&mut self) -> Result<(), PresentError> {
         Ok(())
+    }
+
+    /// Returns the link between the swapchain and the panel, as it was when the presenter was opened.
+    fn link(&self) -> Option<&Link> {
+        None
     }
 
     /// Returns the changes or blanking of the display's picture that began since the last call, as far as the system

@@ -3,7 +3,7 @@
 //! `system_windows` and `system_other` have the same functions for other systems.
 
 use super::surface::WindowHandle;
-pub(super) use super::x_observer::Observer;
+pub(super) use super::x_observer::{Observer, link};
 pub(super) use super::x_server::{is_gone, survive};
 use super::{PresentError, no_desktop};
 use eyebox_base::reason;
@@ -13,6 +13,11 @@ use winit::event_loop::{EventLoop, EventLoopBuilder};
 use winit::platform::{wayland::EventLoopBuilderExtWayland, x11::EventLoopBuilderExtX11};
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use winit::window::Window as SystemWindow;
+
+/// True if the desktop is a Wayland compositor.
+pub(super) fn is_wayland(desktop: &impl HasDisplayHandle) -> bool {
+    desktop.display_handle().is_ok_and(|handle| matches!(handle.as_raw(), RawDisplayHandle::Wayland(_)))
+}
 
 /// The remedy for a missing desktop.
 pub(super) const MISSING: &str = "set DISPLAY or WAYLAND_DISPLAY";

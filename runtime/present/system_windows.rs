@@ -3,7 +3,7 @@
 use super::surface::WindowHandle;
 #[cfg(feature = "direct-display")]
 pub(super) use super::unobserved::card_number;
-pub(super) use super::unobserved::{MISSING, Observer, is_gone, survive};
+pub(super) use super::unobserved::{MISSING, Observer, is_gone, is_wayland, link, survive};
 use super::{PresentError, no_desktop};
 use eyebox_base::reason;
 use std::ffi::c_void;

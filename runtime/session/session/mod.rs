@@ -110,6 +110,7 @@ pub use playback::connection::ControllerConnection;
 pub use playback::controller::{ControllerEvent, ControllerReport, leds_of_planes};
 pub use playback::output::{Output, SinkFile};
 pub use playback::pattern_output::PatternOutput;
+pub use playback::picture_output::{PictureOutput, video_frame_size};
 pub use playback::player::{Command, PresentedFrame};
 pub use playback::pulses::PulseReport;
 pub use playback::report::{Report, Timing};

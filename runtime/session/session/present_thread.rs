@@ -2,7 +2,7 @@
 
 use crate::gpu::{Gpu, Messages};
 use crate::present::plm::SOURCE_TIME;
-use crate::present::{Interference, SECOND_NS};
+use crate::present::{Interference, Link, SECOND_NS};
 use crate::session::feeds::following::HandedOver;
 use crate::session::feeds::statistics::{Ending, Statistics};
 use crate::session::feeds::{ActiveContent, ContentSetup};
@@ -38,6 +38,7 @@ pub(super) struct PresentThread {
     content_since_ns: Option<i64>,
     messages: Vec<Messages>,
     interference: Vec<Interference>,
+    link: Option<Link>,
     controller: Option<ControllerThread>,
     triggers: Option<TriggerThread>,
     pulses: Option<PulseThread>,
@@ -98,6 +99,9 @@ impl PresentThread {
             controller.watch(mode_rate, shared.notes.clone(), trace.track("controller"))
         };
         let controller = controller.map(watch).transpose()?;
+        let link = display.presenter().link().cloned();
+        link.iter().flat_map(Link::notes).for_each(|note| shared.notes.send(note));
+        let interference = link.iter().flat_map(Link::wrong).cloned().collect();
         let ContentSetup { running, schedule, idle, sub_frames } = setup;
         let simulated = display.clock.is_simulated();
         let recording =
@@ -138,7 +142,8 @@ impl PresentThread {
             most_ns: options.duration.map(as_ns),
             content_since_ns: None,
             messages,
-            interference: Vec::new(),
+            interference,
+            link,
             controller,
             triggers,
             pulses,
@@ -255,6 +260,7 @@ impl PresentThread {
             set_frames: schedule.set_frames,
             margin_ms: self.player.pacer.margin_ns as f64 / 1e6,
             interference: self.interference,
+            link: self.link,
             ..Statistics::default()
         };
         let mut tracks = vec![self.player.track];

@@ -27,6 +27,8 @@ mod interrupted;
 mod joint_color;
 mod kept;
 #[cfg(target_os = "linux")]
+mod link;
+#[cfg(target_os = "linux")]
 mod live;
 mod mask;
 mod model;
@@ -51,12 +53,16 @@ mod show;
 mod simulated;
 mod source;
 mod sources;
+#[cfg(target_os = "linux")]
+mod test_picture;
 mod tiled;
 mod trackers;
 mod tradeoff;
 mod tree;
 mod units;
 mod usage;
+#[cfg(target_os = "linux")]
+mod wayland;
 #[cfg(target_os = "linux")]
 mod window;
 #[cfg(target_os = "linux")]

@@ -1,6 +1,6 @@
 //! Holds the statistics of a session.
 
-use crate::present::Interference;
+use crate::present::{Interference, Link};
 use crate::session::feeds::showing::ContentReport;
 use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::latency::Latency;
@@ -67,6 +67,8 @@ pub struct Statistics {
     /// The events that changed or blanked the picture of the display, in the order of their beginning, as far as the
     /// system reports them.
     pub interference: Vec<Interference>,
+    /// The link between the swapchain and the panel at the beginning, if a display showed the session.
+    pub link: Option<Link>,
     /// The statistics of the display's controller, if it has one.
     pub controller: Option<ControllerReport>,
     /// The pulses that were given with the light of sets, if the display has `[trigger_out]`.
@@ -144,6 +146,9 @@ impl Statistics {
         all["video_frames_per_set"] = json!(self.set_frames);
         all["margin_ms"] = json!(self.margin_ms);
         all["interference"] = json!(self.interference);
+        if let Some(link) = &self.link {
+            all["link"] = json!(link);
+        }
         if let Some(controller) = &self.controller {
             all["controller"] = controller.to_json();
         }

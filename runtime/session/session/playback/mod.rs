@@ -8,6 +8,7 @@ pub(crate) mod on_screen;
 pub(crate) mod output;
 pub(crate) mod pacing;
 pub(crate) mod pattern_output;
+pub(crate) mod picture_output;
 pub(crate) mod player;
 pub(crate) mod pulses;
 pub(crate) mod record;

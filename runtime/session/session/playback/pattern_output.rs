@@ -3,30 +3,26 @@
 use crate::calibrate::ShowsPatterns;
 use crate::encode::{EncodeError, Encoder, PhaseSet};
 use crate::optics::{Color, Display};
-use crate::present::Event;
 use crate::present::plm::{Identity, PLANES, PlmError, SOURCE_TIME, plane_of_bit};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::controller::{ControllerReport, ControllerThread, PreparedController};
-use crate::session::playback::output::{OpenDisplay, Output};
+use crate::session::playback::output::Output;
+use crate::session::playback::picture_output::PictureOutput;
 use eyebox_base::reason;
 use std::time::{Duration, Instant};
 
 /// The largest number of sub-frames that a video frame may hold.
 const MOST: usize = 24;
-/// After this time without feedback, a pattern is assumed to have lit up.
-const LIT: Duration = Duration::from_secs(1);
 /// The longest time from a picture on the display to running patterns of its controller.
 const CONTROLLER_STARTS: Duration = Duration::from_secs(25);
 
 /// Shows patterns in sequence. Each takes one video frame and stays until the next.
 pub struct PatternOutput {
     controller: Option<ControllerThread>,
-    display: OpenDisplay,
+    pictures: PictureOutput,
     encoders: Vec<(Color, Encoder)>,
-    settle: Duration,
-    shown: u64,
 }
 
 impl PatternOutput {
@@ -46,13 +42,14 @@ impl PatternOutput {
         let controller = PreparedController::of(first, encoders.len() > 1, output, None)?;
         let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
         let display = output.open([frames.height, frames.width, frames.channels], None, None, patience)?;
-        let rate = display.mode_rate.unwrap_or(display.rate);
+        let pictures = PictureOutput::on(display, settle);
+        let rate = pictures.rate();
         let watch = |c: PreparedController| c.watch(rate, Notes::default(), Trace::none().track("controller"));
         let controller = controller.map(watch).transpose()?;
         let dark = frames.bytes().to_vec();
-        let mut output = Self { controller, display, encoders, settle, shown: 0 };
+        let mut output = Self { controller, pictures, encoders };
         if output.controller.is_some() {
-            output.put(&dark)?;
+            output.pictures.show(&dark)?;
             output.wait_for_controller()?;
         }
         Ok(output)
@@ -67,7 +64,7 @@ impl PatternOutput {
             if controller.is_lost() || begun.elapsed() >= CONTROLLER_STARTS {
                 return Err(PlmError::NoSource { waited_ms: begun.elapsed().as_millis() as u64 }.into());
             }
-            self.display.pump()?;
+            self.pictures.pump()?;
             std::thread::sleep(Duration::from_millis(10));
         }
         Ok(())
@@ -97,7 +94,7 @@ impl PatternOutput {
         for pixel in frames.bytes_mut().chunks_exact_mut(3) {
             pixel[bit / 8] = 1 << (bit % 8);
         }
-        self.put(frames.frame(0))
+        self.pictures.show(frames.frame(0))
     }
 
     /// Shows a level on the left half of the modulator, and level 0 on the right half.
@@ -123,7 +120,7 @@ impl PatternOutput {
         let row = |column: usize| if column < width / 2 { own } else { zero };
         let phases: Vec<f32> = (0..height * width).map(|pixel| row(pixel % width)).collect();
         let frame = encode_repeated(encoder, &phases)?;
-        self.put(&frame)
+        self.pictures.show(&frame)
     }
 
     /// Closes the output, and puts the controller to sleep. Returns its report.
@@ -133,36 +130,6 @@ impl PatternOutput {
     pub fn finish(mut self) -> Result<Option<ControllerReport>, SessionError> {
         let stopped = self.controller.take().map(ControllerThread::stop).transpose()?;
         Ok(stopped.map(|(report, _)| report))
-    }
-
-    /// Shows a video frame and waits until it is stable.
-    fn put(&mut self, frame: &[u8]) -> Result<(), SessionError> {
-        let clock = std::rc::Rc::clone(&self.display.clock);
-        let presenter = self.display.presenter();
-        // The feedback of the second of two frames shows that the first is on, and the last one stays.
-        let first = self.shown + 1;
-        for id in [first, first + 1] {
-            presenter.upload(frame)?;
-            presenter.present(id, clock.now_ns())?;
-        }
-        self.shown = first + 1;
-        let begun = Instant::now();
-        let mut lit = false;
-        while !lit && begun.elapsed() < LIT {
-            self.display.pump()?;
-            let presenter = self.display.presenter();
-            while let Some(event) = presenter.event() {
-                if event == Event::Close {
-                    return Err(reason!("window-closed", "its window was closed").into());
-                }
-            }
-            while let Some(feedback) = presenter.feedback() {
-                lit |= feedback.id >= first;
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
-        std::thread::sleep(self.settle);
-        Ok(())
     }
 }
 
@@ -176,7 +143,7 @@ impl ShowsPatterns for PatternOutput {
             return Err(format!("the output was opened without the color {color}").into());
         };
         let frame = encode_repeated(encoder, phases)?;
-        Ok(self.put(&frame)?)
+        Ok(self.pictures.show(&frame)?)
     }
 }
 

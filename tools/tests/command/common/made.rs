@@ -8,16 +8,23 @@ use std::path::Path;
 
 /// Makes a hologram of 36 x 64 pixels with `frames` sub-frames in the display's colors. Each `salt` gives other phases.
 pub fn hologram(display: &Display, frames: usize, salt: usize) -> Hologram {
+    hologram_of([36, 64], display, frames, salt)
+}
+
+/// Makes the same with these rows and columns.
+pub fn hologram_of([height, width]: [usize; 2], display: &Display, frames: usize, salt: usize) -> Hologram {
     let color = |(i, w): (usize, &eyebox::low_level::optics::Wavelength)| ColorHologram {
         color: Some(w.color),
         wavelength: w.wavelength,
         exposure: 0.4,
         efficiency: 0.4,
-        phases: (0..frames * 36 * 64).map(|k| ((k * 7919 + i * 31 + salt * 977) % 6283) as f32 * 1e-3 - 3.0).collect(),
+        phases: (0..frames * height * width)
+            .map(|k| ((k * 7919 + i * 31 + salt * 977) % 6283) as f32 * 1e-3 - 3.0)
+            .collect(),
     };
     Hologram {
-        height: 36,
-        width: 64,
+        height,
+        width,
         ..Hologram::on(display, frames, display.wavelengths.iter().enumerate().map(color).collect())
     }
 }

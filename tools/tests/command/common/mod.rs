@@ -11,6 +11,8 @@ mod printed;
 #[cfg(target_os = "linux")]
 pub mod screen;
 #[cfg(target_os = "linux")]
+pub mod xorg;
+#[cfg(target_os = "linux")]
 pub mod xvfb;
 
 pub use printed::Printed;

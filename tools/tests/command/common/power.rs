@@ -19,7 +19,10 @@ const FIRST_PORT: u16 = 6000;
 /// The major opcode of DPMS in this server. Xvfb gives the numbers from 128 on to its own extensions, which are fewer
 /// than 50.
 const DPMS: u8 = 200;
+const DPMS_GET_TIMEOUTS: u8 = 2;
+const DPMS_SET_TIMEOUTS: u8 = 3;
 const DPMS_INFO: u8 = 7;
+const NO_OPERATION: u8 = 127;
 const QUERY_EXTENSION: u8 = 98;
 const GET_INPUT_FOCUS: u8 = 43;
 
@@ -39,6 +42,8 @@ struct State {
     level: AtomicU16,
     /// Number of reads of this level by programs since it was set.
     read: AtomicU16,
+    /// Seconds to standby, suspend and off.
+    timeouts: Mutex<[u16; 3]>,
 }
 
 impl PowerSaving {
@@ -59,6 +64,16 @@ impl PowerSaving {
         Self { name: format!("127.0.0.1:{number}"), state }
     }
 
+    /// Returns the seconds to standby, suspend and off.
+    pub fn timeouts(&self) -> [u16; 3] {
+        *self.state.timeouts.lock().expect("no panic")
+    }
+
+    /// Sets the seconds to standby, suspend and off.
+    pub fn set_timeouts(&self, timeouts: [u16; 3]) {
+        *self.state.timeouts.lock().expect("no panic") = timeouts;
+    }
+
     /// Changes the level and waits until a program has read it.
     pub fn set(&self, level: u16) {
         self.state.level.store(level, Ordering::SeqCst);
@@ -70,12 +85,12 @@ impl PowerSaving {
 }
 
 /// Forwards the data of a connection until one side closes it.
-fn serve(program: TcpStream, server: UnixStream, state: &State) {
-    let answers = Answers::default();
+fn serve(program: TcpStream, server: UnixStream, state: &Arc<State>) {
+    let (answers, shared) = (Answers::default(), Arc::clone(state));
     let (from, to, known) =
         (program.try_clone().expect("a socket"), server.try_clone().expect("a socket"), answers.clone());
     spawn(move || {
-        let _ = requests(&from, &to, &known);
+        let _ = requests(&from, &to, &known, &shared);
         let _ = to.shutdown(std::net::Shutdown::Both);
     });
     let _ = replies(&server, &program, &answers, state);
@@ -97,7 +112,7 @@ fn read_on(mut from: impl Read, bytes: &mut Vec<u8>, count: usize) -> io::Result
     from.read_exact(&mut bytes[start..])
 }
 
-fn requests(from: &TcpStream, mut to: &UnixStream, answers: &Answers) -> io::Result<()> {
+fn requests(from: &TcpStream, mut to: &UnixStream, answers: &Answers, state: &State) -> io::Result<()> {
     let mut setup = Vec::new();
     read_on(from, &mut setup, 12)?;
     assert_eq!(setup[0], b'l', "this server understands little endian programs");
@@ -120,10 +135,21 @@ fn requests(from: &TcpStream, mut to: &UnixStream, answers: &Answers) -> io::Res
         if request[0] == QUERY_EXTENSION && request[8..].starts_with(b"DPMS") {
             answers.lock().expect("no panic").insert(sequence, present);
         } else if request[0] == DPMS {
-            assert_eq!(request[1], DPMS_INFO, "this server answers for the state of the monitor only");
             // GetInputFocus has a reply of the same length, which keeps the order of the replies.
+            let answer: fn(&mut [u8], &State) = match request[1] {
+                DPMS_INFO => info,
+                DPMS_GET_TIMEOUTS => get_timeouts,
+                DPMS_SET_TIMEOUTS => {
+                    let values = [4, 6, 8].map(|at| number(&request[at..]));
+                    *state.timeouts.lock().expect("no panic") = values;
+                    request[0] = NO_OPERATION;
+                    to.write_all(&request)?;
+                    continue;
+                }
+                other => panic!("this server has no request {other} of DPMS"),
+            };
             request[..2].copy_from_slice(&[GET_INPUT_FOCUS, 0]);
-            answers.lock().expect("no panic").insert(sequence, info);
+            answers.lock().expect("no panic").insert(sequence, answer);
         }
         to.write_all(&request)?;
     }
@@ -163,4 +189,12 @@ fn info(reply: &mut [u8], state: &State) {
     reply[8..10].copy_from_slice(&state.level.load(Ordering::SeqCst).to_le_bytes());
     reply[10] = 1;
     state.read.fetch_add(1, Ordering::SeqCst);
+}
+
+/// Changes a reply so that it has the timeouts.
+fn get_timeouts(reply: &mut [u8], state: &State) {
+    let timeouts = *state.timeouts.lock().expect("no panic");
+    for (at, value) in [8, 10, 12].into_iter().zip(timeouts) {
+        reply[at..at + 2].copy_from_slice(&value.to_le_bytes());
+    }
 }
