@@ -117,7 +117,7 @@ impl Interference {
     fn describe(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::GammaRamp { output, levels, corrected } => {
-                write!(f, "output {output}: its gamma ramp changes levels by up to {levels} of 255. ")?;
+                write!(f, "the gamma ramp of output {output} changes levels by up to {levels} of 255. ")?;
                 f.write_str(match corrected {
                     true => "eyebox loads a linear ramp until the end",
                     false => "Switch night light and color profiles off",
@@ -129,26 +129,26 @@ impl Interference {
                 "a compositor runs and may convert the picture. eyebox requests that it leaves the window alone. \
                  Switch it off on the screen of an SLM",
             ),
-            Self::ColorMatrix { output } => write!(f, "output {output}: its color matrix changes levels"),
-            Self::Transform { output } => write!(f, "output {output}: it scales or distorts the picture"),
+            Self::ColorMatrix { output } => write!(f, "the color matrix of output {output} changes levels"),
+            Self::Transform { output } => write!(f, "output {output} scales or distorts the picture"),
             Self::Rotation { output, degrees, mirrored } => {
                 let mirrored = if *mirrored { " and mirrors it" } else { "" };
-                write!(f, "output {output}: it rotates the picture by {degrees} degrees{mirrored}")
+                write!(f, "output {output} rotates the picture by {degrees} degrees{mirrored}")
             }
             Self::ModeSize { output, mode: [rows, columns], panel: [all, wide] } => write!(
                 f,
-                "output {output}: its mode has {rows}x{columns} pixels and its panel {all}x{wide}, so the picture is \
+                "the mode of output {output} has {rows}x{columns} pixels and its panel {all}x{wide}, so the picture is \
                  scaled or has a border"
             ),
             Self::LimitedRange { output, setting } => write!(
                 f,
-                "output {output}: with 'Broadcast RGB' = {setting} it sends the levels 16 to 235, and 36 pairs of \
+                "with 'Broadcast RGB' = {setting}, output {output} sends the levels 16 to 235, and 36 pairs of \
                  levels become equal"
             ),
             Self::Property { output, name, value, wanted } => {
-                write!(f, "output {output}: '{name}' is {value}, and {wanted} leaves the picture unchanged")
+                write!(f, "'{name}' of output {output} is {value}, and {wanted} leaves the picture unchanged")
             }
-            Self::NotLit { output } => write!(f, "output {output}: the kernel reports that it is off"),
+            Self::NotLit { output } => write!(f, "the kernel reports that output {output} is off"),
         }
     }
 }

@@ -6,8 +6,7 @@
 //! [`Policy`] decides if every picture counts or only the newest. All swapchains of a program share one
 //! [`Gpu`](eyebox_compute::gpu::Gpu), which is opened to present.
 //!
-//! The modules divide the work as follows.
-//! `surface` is the target of a swapchain. `slot` is a picture in flight, and `copy` writes it into an image.
+//! The modules divide the work as follows. `surface` is the target of a swapchain. `slot` is a picture in flight, and `copy` writes it into an image.
 //! `recreate` replaces a swapchain that is out of date. `timing` measures when pictures light up. `direct` takes
 //! displays, with their `modes` and the `connectors` of the system. `monitor` selects a monitor of a desktop. `system`
 //! holds the differences between desktops. `x_server` handles the loss of an X server. `interference` names the effects

@@ -284,8 +284,8 @@ extern "C" {
 // another version and must not continue.
 uint32_t eyebox_interface(void);
 
-// Returns the cause of the last failed call of this thread, as one sentence in UTF-8. It is empty before the first
-// failure. eyebox owns the text. It stays valid and unchanged until the same thread ends, or calls `eyebox_last_error`
+// Returns the cause of the last failed call of this thread, as one sentence in UTF-8 of at most 2047 bytes. It is empty
+// before the first failure. eyebox owns the text. It stays valid and unchanged until the same thread ends, or calls `eyebox_last_error`
 // after another failure.
 const char *eyebox_last_error(void);
 

@@ -1,6 +1,6 @@
 //! Decides if an output in automatic mode sends all levels, or 16 to 235 only.
 //!
-//! With the automatic setting, the drivers of Linux send the limited range to HDMI and DisplayPort sinks. This holds in
+//! The drivers of Linux, by their automatic setting, send the limited range to HDMI and DisplayPort sinks. This holds in
 //! all modes of the standard CTA-861 but 640 x 480 (`drm_default_rgb_quant_range`). DVI sinks receive the full range.
 
 /// The timing of a mode.

@@ -146,7 +146,7 @@ impl Layout {
 
 /// Draws the test picture of these rows and columns, (row, column, channel) with red first.
 ///
-/// From top to bottom, it has all levels of gray, red, green and blue, checkerboards of single pixels of the levels 0
+/// It has all levels of gray, red, green and blue at the top. Below are checkerboards of single pixels of the levels 0
 /// and 255 and of 127 and 128, columns and rows that alternate between red and blue, and marks without symmetry. A
 /// frame of one white pixel is around it.
 ///

@@ -114,7 +114,7 @@ fn undone(cells: &Cells, quarters: usize, mirrored: bool) -> Cells {
     let last = CELLS - 1;
     let from = |i: usize| {
         let (row, column) = (i / CELLS, i % CELLS);
-        // As `turned` does for the number of right angles that is left to a whole turn.
+        // This is `turned` by the right angles that are left to a whole turn.
         let (row, column) = match (4 - quarters) % 4 {
             0 => (row, column),
             1 => (last - column, row),

@@ -75,7 +75,7 @@ fn print(display: &Display, link: Option<Option<&Link>>, as_json: bool) {
     common::say_model_age(display);
     match link {
         Some(Some(link)) => link::print(link),
-        Some(None) => eprintln!("link: not checked, because no monitor has the size of the video frames"),
+        Some(None) => eprintln!("the link was not checked, because no monitor has the size of the video frames"),
         None => {}
     }
 }

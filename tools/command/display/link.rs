@@ -75,7 +75,7 @@ pub fn print(link: &Link) {
     };
     println!("link to output {}: {system}", link.output.as_deref().unwrap_or("unknown"));
     if link.recovered {
-        println!("  put back: the gamma ramp or power saving that a killed session had changed");
+        println!("  the gamma ramp or power saving that a killed session had changed was put back");
     }
     for check in &link.checks {
         let found = || check.found.as_ref().map(Interference::to_string).unwrap_or_default();

@@ -73,7 +73,7 @@ fn show(to: &OutputTo, size: [usize; 2], picture: &[u8]) -> Result<(), Failure> 
 fn in_words(fault: &LinkFault) -> String {
     match fault {
         LinkFault::LimitedRange => {
-            "limited range: the link sends the levels 16 to 235. Set 'Broadcast RGB' to Full (xrandr)".into()
+            "the link sends the limited range of levels, 16 to 235. Set 'Broadcast RGB' to Full (xrandr)".into()
         }
         LinkFault::Levels { shift: [red, green, blue] } => format!(
             "levels are shifted by up to {red:.0} (red), {green:.0} (green) and {blue:.0} (blue). Load a linear gamma \
@@ -87,7 +87,7 @@ fn in_words(fault: &LinkFault) -> String {
             format!("colors have a lower resolution ({kind}). Select RGB output, or fewer bits per channel")
         }
         LinkFault::Dither { share, levels } => format!(
-            "dither: {:.0} % of pixels are off by up to {levels:.0} levels. Switch dithering off",
+            "the link dithers. {:.0} % of pixels are off by up to {levels:.0} levels. Switch dithering off",
             100.0 * share
         ),
         LinkFault::Scaled { size: [rows, columns], inside } => {
@@ -95,7 +95,7 @@ fn in_words(fault: &LinkFault) -> String {
                 format!(", and the picture fills the rows {top} to {bottom} and the columns {left} to {right}")
             });
             format!(
-                "scaled or moved: the capture has {rows}x{columns} pixels{inside}. Switch scaling and underscan off"
+                "the picture was scaled or moved. The capture has {rows}x{columns} pixels{inside}. Switch scaling and underscan off"
             )
         }
         LinkFault::Turned { degrees, mirrored } => {

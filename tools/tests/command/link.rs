@@ -101,7 +101,7 @@ fn a_ramp_is_linear_while_a_hologram_shows_and_put_back_on_every_way_out() {
         assert_eq!(ended(process).0, Some(3));
         xorg.wait_for_ramp(NIGHT);
     }
-    // Nothing runs after a kill, so the next start puts it back.
+    // A killed session puts nothing back, so the next start does.
     let (process, _) = started(&[]);
     signal(&process, "-KILL");
     assert_eq!(ended(process).0, None);

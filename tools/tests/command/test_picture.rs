@@ -39,7 +39,7 @@ fn captures_of_the_picture_name_the_faults() {
     assert!(words.contains("Broadcast RGB") && words.contains("36"), "{words}");
     save(at, "gray.png", [120, 300], &vec![77; 3 * 120 * 300]);
     let refused = refusal(at, &["display", "check", "bench.toml", "--captured", "gray.png"]);
-    assert_eq!(refused.code, "present/test-picture/not-a-capture");
+    assert_eq!(refused.code, "test-picture/not-a-capture");
     let missing = refusal(at, &["display", "check", "bench.toml", "--captured", "none.png"]);
     assert_eq!(missing.code, "file/read");
     std::fs::write(at.join("broken.png"), b"\x89PNG").expect("written");
