@@ -151,7 +151,7 @@ impl Layout {
 /// frame of one white pixel is around it.
 ///
 /// # Errors
-/// [`TestPictureError::TooSmall`].
+/// [`TestPictureError::TooSmall`] for a size without room for all levels.
 pub fn test_picture(size: [usize; 2]) -> Result<Vec<u8>, TestPictureError> {
     let layout = Layout::new(size)?;
     let [height, width] = size;
