@@ -65,3 +65,5 @@ class DisplayFields(TypedDict, total=False):
     prescription: Mapping[str, Any] | None
     viewing: Mapping[str, Any] | None
     device: Mapping[str, Any] | None
+    trigger_out: Mapping[str, Any] | None
+    trigger_in: Mapping[str, Any] | None

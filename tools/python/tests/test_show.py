@@ -1,6 +1,7 @@
 """Tests that Python shows the same as the command and content of another process, and that no session hangs."""
 
 import contextlib
+import sys
 import threading
 import time
 
@@ -155,7 +156,7 @@ def test_what_makes_no_sense(tmp_path, hologram, display):
         eyebox.Session()
 
 
-def test_a_function_is_called_with_the_light_of_each_set(hologram, display):
+def test_a_function_is_called_with_the_light_of_each_set(hologram, display, monkeypatch):
     lights = []
     with eyebox.show(hologram, display, clock="simulated", seconds=0.5, on_light=lights.append) as session:
         frames = list(session)
@@ -168,9 +169,11 @@ def test_a_function_is_called_with_the_light_of_each_set(hologram, display):
     def fails(light):
         raise RuntimeError(f"set {light.set}")
 
-    with pytest.warns(pytest.PytestUnraisableExceptionWarning, match="set 0"):
-        with eyebox.show(hologram, display, clock="simulated", seconds=0.1, on_light=fails) as session:
-            assert list(session)
+    failures = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda failure: failures.append(str(failure.exc_value)))
+    with eyebox.show(hologram, display, clock="simulated", seconds=0.1, on_light=fails) as session:
+        assert list(session)
+    assert failures[0] == "set 0" and session.statistics["ended_by"] == "the duration"
     with pytest.raises(TypeError, match="on_light"):
         eyebox.show(hologram, display, on_light=3)
     # A session that nobody stops ends with its object.
