@@ -8,7 +8,9 @@
 
 #[cfg(feature = "direct-display")]
 pub(super) mod console;
+#[cfg(all(unix, not(target_vendor = "apple")))]
 mod properties;
+#[cfg(all(unix, not(target_vendor = "apple")))]
 mod range;
 mod report;
 #[cfg(all(unix, not(target_vendor = "apple")))]

@@ -98,6 +98,7 @@ impl LinkCheck {
     }
 
     /// A part that was, or will be, set right.
+    #[cfg(all(unix, not(target_vendor = "apple")))]
     pub(crate) fn set(part: LinkPart, state: LinkState, found: Interference) -> Self {
         Self { part, state, found: Some(found) }
     }
