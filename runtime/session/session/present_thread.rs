@@ -114,8 +114,12 @@ impl PresentThread {
                     bench.trigger_in.map(|trigger| PulseThread::start(&trigger, clock, record, shared.notes.clone()));
                 (pulses.transpose()?, bench.trigger_out)
             }
-            // In simulated time nothing outside can keep step.
-            None => (None, None),
+            None => {
+                if bench.trigger_in.is_some() || bench.trigger_out.is_some() {
+                    shared.notes.send("the clock is simulated, so no pulse of a trigger is given or taken");
+                }
+                (None, None)
+            }
         };
         let triggers = TriggerThread::start(
             trigger_out,

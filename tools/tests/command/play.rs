@@ -200,7 +200,7 @@ fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
         let refusal = Refusal::of(&answer);
         assert!(refusal.code.starts_with("present/display/no-"), "{refusal:?}");
     }
-    refused(at, &[&show[..], &["direct", "--record", "r"]].concat(), "arguments/without-offscreen");
+    refused(at, &[&show[..], &["direct", "--clock", "simulated"]].concat(), "arguments/without-offscreen");
 }
 
 /// The first ctrl-C is enough. It leaves the idle picture, which has phase 0 everywhere.
@@ -272,13 +272,42 @@ fn what_cannot_be_shown_is_refused_in_one_sentence() {
         &["show", "s.zarr", "--size", "48x64", "--loop", "--clock", "simulated"],
         "arguments/endless --duration",
     );
-    refused(
-        at,
-        &["show", "s.zarr", "--size", "48x64", "--record", "r", "--clock", "real"],
-        "arguments/record-in-real-time --record",
-    );
     let before = eyebox(at, &["show", "s.zarr", "--size", "48x64", "--set", "show.speed=5000"]);
     assert_eq!(before.status.code(), Some(2));
+}
+
+/// The list of pulses is beside the pictures of a recording in real time.
+#[test]
+fn pulses_with_the_light_are_sent_and_listed() {
+    let here = tempfile::tempdir().unwrap();
+    let at = here.path();
+    sequence(at);
+    done(at, &["display", "new", "fields", "-o", "bench.toml"]);
+    let receiver = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let bench = std::fs::read_to_string(at.join("bench.toml")).unwrap();
+    let address = receiver.local_addr().unwrap();
+    let table = format!("\n[trigger_out]\nudp = \"{address}\"\nsignal = \"number\"\n");
+    std::fs::write(at.join("bench.toml"), bench + &table).unwrap();
+    let show = ["show", "s.zarr", "--display", "bench.toml", "--size", "48x64", "--record", "r", "--stats", "s.json"];
+    done(at, &[&show[..], &["--clock", "real"]].concat());
+    let list = std::fs::read_to_string(at.join("r/triggers.csv")).unwrap();
+    let pulse = |state: &str| list.lines().filter(|line| line.ends_with(state)).count() as u64;
+    let stats = json(&at.join("s.json"));
+    assert_eq!(stats["trigger_out"]["sent"], pulse(",sent"));
+    assert_eq!(stats["trigger_out"]["late"], pulse(",late"));
+    assert_eq!(list.lines().count() as u64 - 1, pulse(",sent") + pulse(",late"));
+    assert!(pulse(",sent") > 0, "{list}");
+    receiver.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+    let first: u8 =
+        list.lines().find(|line| line.ends_with(",sent")).unwrap().split(',').next().unwrap().parse().unwrap();
+    let mut byte = [0];
+    receiver.recv(&mut byte).unwrap();
+    assert_eq!(byte, [first]);
+    // In simulated time there is no list.
+    let mut again = show;
+    again[7] = "r2";
+    done(at, &again);
+    assert!(at.join("r2/shown.csv").exists() && !at.join("r2/triggers.csv").exists());
 }
 
 #[test]
