@@ -28,9 +28,14 @@ pub(super) fn open_output(address: &str, trigger: &TriggerOut) -> Result<Box<dyn
 
 impl TriggerOutput for UdpOutput {
     fn pulse(&mut self, number: u64) -> Result<Given, TriggerError> {
-        match self.socket.send(&[self.byte.unwrap_or(number as u8)]) {
+        let byte = [self.byte.unwrap_or(number as u8)];
+        // Without a receiver, the system reports the refusal of an earlier datagram, and does not send this one.
+        let sent = match self.socket.send(&byte) {
+            Err(error) if error.kind() == ErrorKind::ConnectionRefused => self.socket.send(&byte),
+            sent => sent,
+        };
+        match sent {
             Ok(_) => Ok(Given::Sent),
-            // Without a receiver, the system reports the refusal of an earlier datagram.
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::ConnectionRefused) => {
                 Ok(Given::Full)
             }
