@@ -43,7 +43,7 @@ pub enum Display {
     TestPicture(test_picture::TestPicture),
     /// Set the controller of a display up and run it, for pictures of other programs
     #[command(
-        after_help = "Examples:\n  eyebox display connect bench.toml\n  eyebox display connect plm --duration 60 --json\n\nWithout [device] in its file, the display has a DLPC900 on DisplayPort (docs/plm.md). The controller sleeps again on ctrl-C\nand after --duration. Ends with 3 if the controller is lost."
+        after_help = "Examples:\n  eyebox display connect bench.toml\n  eyebox display connect plm --duration 60 --json\n\nWithout [device] in its file, the display has a DLPC900 on DisplayPort (docs/plm.md). The controller sleeps again on ctrl-C\nand after --duration. Ends with 3 if the controller is\nstill lost."
     )]
     Connect(connect::Connect),
     /// Fit a model of the display to pictures of it

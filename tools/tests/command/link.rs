@@ -262,7 +262,7 @@ fn covers_the_right_monitor(at: &Path, xorg: &Xorg) {
         let _ = std::fs::remove_dir_all(at.join("x.zarr"));
         hologram(at, size);
         for name in names {
-            let process = show(at, &xorg.name, size, &["--output", name]);
+            let process = show(at, &xorg.name, size, &["--output", name, "--duration", "2"]);
             let since = Instant::now();
             let wanted = ([left, 0], size.map(|n| n as u16));
             // A window may be moved before it has its place.
@@ -270,7 +270,6 @@ fn covers_the_right_monitor(at: &Path, xorg: &Xorg) {
                 assert!(since.elapsed() < Duration::from_secs(60), "{name}: {:?}", xorg.windows());
                 std::thread::sleep(Duration::from_millis(10));
             }
-            signal(&process, "-INT");
             let (code, said) = ended(process);
             assert_eq!(code, Some(0), "{name}: {said}");
         }

@@ -276,7 +276,7 @@ fn what_cannot_be_shown_is_refused_in_one_sentence() {
     assert_eq!(before.status.code(), Some(2));
 }
 
-/// The list of pulses is beside the pictures of a recording in real time.
+/// A recording in real time has the list of pulses in its folder.
 #[test]
 fn pulses_with_the_light_are_sent_and_listed() {
     let here = tempfile::tempdir().unwrap();
