@@ -39,6 +39,9 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
         done
         # Rust links through the C compiler's driver.
         command -v cc >/dev/null || missing+=(gcc libc6-dev)
+        # Programs in C find the library through these.
+        command -v pkg-config >/dev/null || missing+=(pkg-config)
+        command -v cmake >/dev/null || missing+=(cmake)
     fi
     ((${#missing[@]})) || exit 0
 
