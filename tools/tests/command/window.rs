@@ -65,7 +65,7 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
         (&["--output", "window:0"], "present/display/monitor 36x64 60x80"),
         (&["--output", "window:60x80"], "present/display/monitor 36x64 60x80"),
         (&["--output", "window:SLM"], "present/display/no-such-monitor SLM"),
-        (&["--record", "r", "--duration", "1"], "arguments/without-offscreen offscreen"),
+        (&["--clock", "simulated", "--duration", "1"], "arguments/without-offscreen offscreen"),
     ] {
         let answer = play(here.path(), &screen, "planes24", more).output().expect("it runs");
         let text = said(&answer);
