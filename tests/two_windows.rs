@@ -68,8 +68,8 @@ fn windows(pixels: &Path) {
     let monitor = desktop.choose(None, SCREEN).expect("a monitor");
     let mut playing = desktop.fullscreen(&gpu, &monitor, RealClock::start()).expect("a window");
     let mut preview = {
-        let desktop = playing.desktop().expect("its desktop");
-        PreviewWindow::open(&gpu, desktop, "preview", SMALL).expect("a preview")
+        let mut desktop = playing.desktop().expect("its desktop");
+        PreviewWindow::open(&gpu, &mut desktop, "preview", SMALL).expect("a preview")
     };
     // Both windows share one device.
     assert!(playing.gpu().is(&gpu) && preview.gpu().is(&gpu));

@@ -34,6 +34,11 @@ impl<T> Mailbox<T> {
         Self { shared: Arc::new((Mutex::new(VecDeque::with_capacity(capacity)), Condvar::new())), capacity }
     }
 
+    /// Returns the largest number of values.
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
     /// Puts a value in, or gives it back if there is no room.
     pub fn put(&self, value: T) -> Result<(), T> {
         self.added(self.lock(), value)

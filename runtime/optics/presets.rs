@@ -2,6 +2,7 @@
 
 use super::Packing::{self, Fields, Grey8, Planes8, Planes24};
 use super::device::without_apparatus;
+use super::two_eyes::refuse_two;
 use super::{Color, Display, Encoding, Geometry, OpticsError, Wavelength};
 use eyebox_base::files::{FileRecord, read};
 use std::path::Path;
@@ -125,6 +126,7 @@ impl Display {
             presets: PRESETS.join(", "),
             reason: e.to_string().into(),
         })?;
+        refuse_two(&text, name)?;
         let mut display = Self::from_toml(&text, name)?;
         display.file = Some(FileRecord::of_text(Path::new(name), &without_apparatus(&text)));
         Ok(display)

@@ -8,7 +8,9 @@ use super::link::{Link, LinkSystem};
 use super::window::{OrdinaryWindow, Queue, Windows};
 use super::{Event, Interference, Monitor, PresentError, no_desktop, system};
 use eyebox_base::reason;
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -33,21 +35,39 @@ struct Handler {
     made: Option<Result<SystemWindow, String>>,
     events: VecDeque<Event>,
     windows: Windows,
-    /// The monitor under the window, and the time of its last check.
-    under: Option<(Monitor, Instant)>,
-    /// The reason why nothing more can be shown.
+    /// The windows over monitors.
+    covering: Vec<Covering>,
+    /// The reason why no window shows any more.
+    lost: Option<String>,
+}
+
+/// A window over a monitor.
+struct Covering {
+    window: WindowId,
+    monitor: Monitor,
+    /// The time of the last check that the monitor is present.
+    seen: Instant,
+    /// The reason why the window shows nothing any more.
     lost: Option<String>,
 }
 
 impl Handler {
     /// On some desktops a window outlives its monitor, and then shows on nothing.
-    fn look_for_monitor(&mut self, event_loop: &ActiveEventLoop) {
-        let Some((monitor, seen)) = self.under.as_mut().filter(|u| u.1.elapsed() >= LOOK) else { return };
-        *seen = Instant::now();
-        let now = event_loop.available_monitors().map(|m| (m.name(), [m.size().height, m.size().width]));
-        if !monitor.is_among(now) {
-            self.lost = Some(format!("monitor {monitor} is gone, or has another mode"));
+    fn look_for_monitors(&mut self, event_loop: &ActiveEventLoop) {
+        for covering in self.covering.iter_mut().filter(|covering| covering.seen.elapsed() >= LOOK) {
+            covering.seen = Instant::now();
+            let now = event_loop.available_monitors().map(|m| (m.name(), [m.size().height, m.size().width]));
+            let monitor = &covering.monitor;
+            if !monitor.is_among(now) {
+                covering.lost = Some(format!("monitor {monitor} is gone, or has another mode"));
+            }
         }
+    }
+
+    /// Returns the reason why a window shows nothing any more.
+    fn lost(&self, window: WindowId) -> Option<&String> {
+        let of = |covering: &Covering| covering.window == window;
+        self.lost.as_ref().or_else(|| self.covering.iter().find(|covering| of(covering))?.lost.as_ref())
     }
 
     fn make(&mut self, event_loop: &ActiveEventLoop) {
@@ -86,7 +106,7 @@ impl ApplicationHandler for Handler {
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         self.make(event_loop);
-        self.look_for_monitor(event_loop);
+        self.look_for_monitors(event_loop);
     }
 
     fn suspended(&mut self, _: &ActiveEventLoop) {
@@ -99,7 +119,11 @@ impl ApplicationHandler for Handler {
         }
         match event {
             WindowEvent::CloseRequested => self.events.push_back(Event::Close),
-            WindowEvent::Destroyed => self.lost = Some("another program destroyed it".into()),
+            WindowEvent::Destroyed => {
+                for covering in self.covering.iter_mut().filter(|covering| covering.window == id) {
+                    covering.lost = Some("another program destroyed it".into());
+                }
+            }
             WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if event.state == ElementState::Pressed => {
                 self.key(&event.logical_key);
             }
@@ -148,6 +172,26 @@ impl Desktop {
         Monitor::choose(&self.monitors(), wanted, size)
     }
 
+    /// The monitors of the left and the right eye, chosen as [`choose`](Self::choose) does. Without names they are the
+    /// first two monitors of `size`.
+    ///
+    /// # Errors
+    /// [`PresentError::Display`] with a sentence.
+    pub fn choose_two(&self, [left, right]: [Option<&str>; 2], size: [usize; 2]) -> Result<[Monitor; 2], PresentError> {
+        let monitors = self.monitors();
+        let named = right.map(|name| Monitor::choose(&monitors, Some(name), size)).transpose()?;
+        let without = |taken: &Monitor| -> Vec<Monitor> {
+            monitors.iter().filter(|monitor| monitor.index != taken.index).cloned().collect()
+        };
+        let others = named.as_ref().map_or_else(|| monitors.clone(), without);
+        let left = Monitor::choose(if left.is_some() { &monitors } else { &others }, left, size)?;
+        let right = named.map_or_else(|| Monitor::choose(&without(&left), None, size), Ok)?;
+        if left.index == right.index {
+            return Err(no_desktop(reason!("same-monitor", "both eyes have monitor {left}: each eye needs its own")));
+        }
+        Ok([left, right])
+    }
+
     /// Checks the link to a monitor without a window, and changes nothing but what a killed session left.
     pub fn link(&self, monitor: &Monitor) -> Link {
         let name = || Some(monitor.name.clone());
@@ -158,7 +202,15 @@ impl Desktop {
     }
 
     /// Opens a window over all of a monitor.
-    pub(super) fn cover(mut self, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
+    pub(super) fn cover(desktop: &SharedDesktop, monitor: &Monitor) -> Result<OnDesktop, PresentError> {
+        let (window, observer) = desktop.borrow_mut().covering_window(monitor)?;
+        Ok(OnDesktop { desktop: Rc::clone(desktop), window, observer })
+    }
+
+    fn covering_window(
+        &mut self,
+        monitor: &Monitor,
+    ) -> Result<(Arc<SystemWindow>, Option<system::Observer>), PresentError> {
         let [height, width] = monitor.size.map(|n| n as u32);
         let over = self.handler.monitors[monitor.index].clone();
         let attributes = SystemWindow::default_attributes()
@@ -188,9 +240,10 @@ impl Desktop {
             std::thread::sleep(Duration::from_millis(5));
             self.pump()?;
         }
-        self.handler.under = Some((monitor.clone(), Instant::now()));
+        let (monitor_under, seen) = (monitor.clone(), Instant::now());
+        self.handler.covering.push(Covering { window: window.id(), monitor: monitor_under, seen, lost: None });
         let observer = system::Observer::open(monitor, &window);
-        Ok(OnDesktop { desktop: self, window, observer })
+        Ok((window, observer))
     }
 
     fn pump(&mut self) -> Result<(), PresentError> {
@@ -244,9 +297,12 @@ impl Desktop {
     }
 }
 
+/// A desktop that several windows over monitors share.
+pub type SharedDesktop = Rc<RefCell<Desktop>>;
+
 /// A window that covers a monitor, with its desktop.
 pub(super) struct OnDesktop {
-    pub(super) desktop: Desktop,
+    pub(super) desktop: SharedDesktop,
     pub(super) window: Arc<SystemWindow>,
     observer: Option<system::Observer>,
 }
@@ -254,10 +310,11 @@ pub(super) struct OnDesktop {
 impl OnDesktop {
     /// Checks that pictures can still be shown, and returns the reason if not.
     pub(super) fn check(&mut self) -> Result<(), PresentError> {
+        let mut desktop = self.desktop.borrow_mut();
         if system::is_gone() {
-            self.desktop.pump()?;
+            desktop.pump()?;
         }
-        match &self.desktop.handler.lost {
+        match desktop.handler.lost(self.window.id()) {
             None => Ok(()),
             Some(reason) => Err(PresentError::display("the window", reason.clone())),
         }
@@ -275,18 +332,18 @@ impl OnDesktop {
 
     /// Returns the desktop's reason, if it has one, for a failure that the driver reports.
     pub(super) fn explain(&mut self) -> Result<(), PresentError> {
-        self.desktop.pump()?;
+        self.desktop.borrow_mut().pump()?;
         self.check()
     }
 
     pub(super) fn event(&mut self) -> Option<Event> {
-        let handler = &self.desktop.handler;
-        if handler.events.is_empty()
-            && let Err(PresentError::Display { reason, .. }) = self.desktop.pump()
+        let mut desktop = self.desktop.borrow_mut();
+        if desktop.handler.events.is_empty()
+            && let Err(PresentError::Display { reason, .. }) = desktop.pump()
         {
             // The next picture reports this.
-            self.desktop.handler.lost.get_or_insert(reason.to_string());
+            desktop.handler.lost.get_or_insert(reason.to_string());
         }
-        self.desktop.handler.events.pop_front()
+        desktop.handler.events.pop_front()
     }
 }

@@ -1,12 +1,14 @@
 //! Presents on a display, through a window over a monitor or directly without a desktop.
 
-use super::desktop::{Desktop, OnDesktop};
+use super::desktop::{Desktop, OnDesktop, SharedDesktop};
 use super::link::Link;
 use super::swapchain::{Policy, Swapchain};
 use super::system::handle_of;
 use super::timing::PresentTiming;
 use super::{Event, Feedback, Interference, Monitor, PresentError, Presenter, Rate, RealClock};
 use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
+use std::cell::{RefCell, RefMut};
+use std::rc::Rc;
 
 /// Shows video frames on a display, with a swapchain of exactly its size.
 pub struct DisplayPresenter {
@@ -29,7 +31,34 @@ impl Desktop {
     /// [`PresentError::Display`] if the window does not open with the monitor's size, or if Vulkan cannot show
     /// unchanged bytes in it.
     pub fn fullscreen(self, gpu: &Gpu, monitor: &Monitor, clock: RealClock) -> Result<DisplayPresenter, PresentError> {
-        let on = self.cover(monitor)?;
+        Self::covering(&Rc::new(RefCell::new(self)), gpu, monitor, clock)
+    }
+
+    /// Opens a window over each of two monitors, as [`fullscreen`](Self::fullscreen) does over one.
+    ///
+    /// # Errors
+    /// The errors of [`fullscreen`](Self::fullscreen).
+    pub fn fullscreen_on_two(
+        self,
+        gpu: &Gpu,
+        monitors: [&Monitor; 2],
+        clock: RealClock,
+    ) -> Result<[DisplayPresenter; 2], PresentError> {
+        let desktop = Rc::new(RefCell::new(self));
+        let [left, right] = monitors;
+        let left = Self::covering(&desktop, gpu, left, clock)?;
+        // The device of the first window shows in both, so that one loss of the device is one error.
+        let right = Self::covering(&desktop, left.gpu(), right, clock)?;
+        Ok([left, right])
+    }
+
+    fn covering(
+        desktop: &SharedDesktop,
+        gpu: &Gpu,
+        monitor: &Monitor,
+        clock: RealClock,
+    ) -> Result<DisplayPresenter, PresentError> {
+        let on = Self::cover(desktop, monitor)?;
         let handle = handle_of(&on.window)?;
         // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
         #[allow(unsafe_code)]
@@ -58,8 +87,13 @@ impl DisplayPresenter {
     }
 
     /// The desktop of the window, for other windows on it. Their events arrive while this window's events are read.
-    pub fn desktop(&mut self) -> Option<&mut Desktop> {
-        self.window.as_mut().map(|window| &mut window.desktop)
+    pub fn desktop(&mut self) -> Option<RefMut<'_, Desktop>> {
+        self.window.as_mut().map(|window| window.desktop.borrow_mut())
+    }
+
+    /// The desktop of the window, to be shared with other windows.
+    pub fn shared_desktop(&self) -> Option<SharedDesktop> {
+        self.window.as_ref().map(|window| Rc::clone(&window.desktop))
     }
 
     fn explained(&mut self, done: Result<(), EngineError>) -> Result<(), PresentError> {

@@ -50,6 +50,7 @@ mod system;
 mod test_picture;
 mod timing;
 pub mod trigger;
+mod two_panels;
 #[cfg(not(all(unix, not(target_vendor = "apple"))))]
 mod unobserved;
 mod window;
@@ -59,7 +60,7 @@ mod x_observer;
 mod x_server;
 
 pub use clock::{Clock, RealClock, SimulatedClock};
-pub use desktop::Desktop;
+pub use desktop::{Desktop, SharedDesktop};
 #[cfg(feature = "direct-display")]
 pub use direct::{direct_displays, direct_link};
 pub use display::DisplayPresenter;
@@ -76,6 +77,7 @@ pub use surface::WindowHandle;
 pub use swapchain::{Policy, Swapchain};
 pub use test_picture::{CaptureReport, LinkFault, TestPictureError, judge_capture, test_picture};
 pub use timing::PresentTiming;
+pub use two_panels::{Apart, TwoPanels};
 pub use window::{OrdinaryWindow, WindowEvent, WindowKey};
 
 use eyebox_base::error::Reason;

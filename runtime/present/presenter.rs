@@ -1,6 +1,7 @@
 //! Defines presenters, which take video frames in order and report when they lit up.
 
 use super::link::Link;
+use super::two_panels::Apart;
 use super::{Interference, PresentError};
 use eyebox_base::reason;
 use eyebox_compute::gpu::{Gpu, Pictures, PixelOrder};
@@ -82,6 +83,21 @@ pub trait Presenter {
 
     /// Returns the link between the swapchain and the panel, as it was when the presenter was opened.
     fn link(&self) -> Option<&Link> {
+        None
+    }
+
+    /// Returns the links of all panels, the left one first.
+    fn links(&self) -> Vec<&Link> {
+        self.link().into_iter().collect()
+    }
+
+    /// Returns what happened to one panel of several since the last call, in words for notes.
+    fn panel_notes(&mut self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Returns how far apart the panels lit their video frames, if there are two.
+    fn apart(&self) -> Option<Apart> {
         None
     }
 

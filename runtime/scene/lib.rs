@@ -92,6 +92,7 @@ pub use light_field::photographs::{MadeViews, ViewSynthesis};
 pub use light_field::pyramid::{Level, Pyramid, ViewsOnDevice};
 pub use light_field::request::Request;
 pub use light_field::resize::{Fit, Resize, crop_share, crop_share_adjoint, shrink_to_share};
+pub use read::eyes::of_two_eyes;
 pub use read::frames::{frames, sequence};
 pub use read::identity::{digest, digest_of_picture, path_and_options};
 pub use read::inspect::{Exposure, Inspection, contact_sheet, inspect};

@@ -155,6 +155,17 @@ pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<Li
     Ok(scene::load(&args.scene, &request(args, &maps, display, colors))?)
 }
 
+/// Returns the sources of one scene for the left and the right eye, at these places in meters to the right.
+pub fn scene_of_eyes(
+    args: &SceneArgs,
+    display: &Display,
+    colors: &[Color],
+    eyes: [f64; 2],
+) -> Result<[String; 2], Failure> {
+    let maps = maps_of(args)?;
+    Ok(scene::of_two_eyes(&args.scene, &request(args, &maps, display, colors), eyes)?)
+}
+
 /// Loads the scene as it is read, whatever its order, with a report about it.
 pub fn inspect(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<(Inspection, LightField), Failure> {
     let maps = maps_of(args)?;

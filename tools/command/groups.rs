@@ -54,7 +54,7 @@ pub enum Colors {
 }
 
 /// The engine, in every command that computes.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct EngineArgs {
     /// Engine (auto, cpu, vulkan or vulkan-from:KERNEL). With auto, a real GPU computes if there is one, otherwise the
     /// CPU. With vulkan, a software device counts, too. With vulkan-from:KERNEL, the kernels before KERNEL run on the
@@ -66,7 +66,7 @@ pub struct EngineArgs {
 }
 
 /// The Vulkan device, in every command that uses one.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct DeviceArgs {
     /// Vulkan device by its number or a part of its name (eyebox device list) [default: the best one]
     #[arg(help_heading = "Engine", long, value_name = "N|NAME")]

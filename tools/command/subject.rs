@@ -32,7 +32,7 @@ pub struct SubjectArgs {
 }
 
 /// The options for reading or solving the content.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct SubjectOptions {
     /// Scene of a hologram [default: the one it was solved from]
     #[arg(help_heading = "Scene", long, value_name = "SCENE")]

@@ -153,6 +153,42 @@ fn items_of(name: &str, parameters: &Parameters, canvas: Canvas, unit: f64) -> V
     items
 }
 
+/// The largest displacement of content at one unit of depth, in scene units. Beyond it, the cloth would be seen from
+/// below.
+const LARGEST_TILT: f64 = 0.4;
+
+/// Returns the same scene for cameras that are moved by these distances (meters to the right). Without a stated span,
+/// the depth span is so small that all of them see the scene.
+///
+/// # Errors
+/// [`SceneError::Builtin`] for an unknown scene or parameter.
+pub(super) fn from_places<const N: usize>(
+    source: &str,
+    request: &Request,
+    places: [f64; N],
+) -> Result<[String; N], SceneError> {
+    let (name, parameters) = parse(source)?;
+    let (display, n) = (request.display, request.views as f64);
+    let (head, query) = source.split_once('?').unwrap_or((source, ""));
+    let kept = query.split('&').filter(|pair| !pair.is_empty() && !pair.starts_with("camera="));
+    let mut options: Vec<String> = kept.map(str::to_owned).collect();
+    let cameras = places.map(|place| parameters.camera + place);
+    if name != "plane" && parameters.span.is_none() {
+        let (height, width) = display.picture_size();
+        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / n);
+        let reach = cameras.iter().map(|camera| camera.abs()).fold(0.0, f64::max) + cell * (n - 1.0) / 2.0;
+        let per_metre = f64::from(Canvas { height, width }.pixel()) / (display.focal_length * display.picture_pixel());
+        let span = half_span(display).min(LARGEST_TILT / (per_metre * reach).max(f64::MIN_POSITIVE));
+        // It is rounded down, so that the scene stays within the limit.
+        options.push(format!("span={}", (span * 1e7).floor() / 1e4));
+    }
+    Ok(cameras.map(|camera| {
+        let camera = format!("camera={}", (camera * 1e7).round() / 1e4);
+        let options: Vec<&str> = options.iter().map(String::as_str).chain([camera.as_str()]).collect();
+        format!("builtin:{head}?{}", options.join("&"))
+    }))
+}
+
 /// Renders `builtin:source` at the display's resolution.
 ///
 /// # Errors
@@ -175,8 +211,8 @@ pub(super) fn load(source: &str, request: &Request) -> Result<LightField, SceneE
     // The disparity is in pixels per view at the near end of the span (OPTICS 3), and the step is in scene units.
     let disparity = unit * cell / (display.focal_length * display.picture_pixel());
     let step = disparity * f64::from(canvas.pixel());
-    // Textures extend as far as views see them. Beyond this limit, the cloth would be seen from below.
-    let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { 0.4 };
+    // Textures extend as far as views see them.
+    let limit = if name == "plane" { f64::max(1.0, 16.0 * f64::from(canvas.pixel())) } else { LARGEST_TILT };
     let middle = (n as f64 - 1.0) / 2.0;
     let must = "smaller at these depths, because the outer views would see content displaced out of the picture";
     if step * middle > limit {

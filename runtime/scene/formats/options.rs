@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Lists of the options, for people.
 const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
-pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
+pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, with a depth map camera=MM, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
 
 /// Returns the path of a source that is not a built-in scene, and its options. A file name may have a question mark
 /// itself.
@@ -40,6 +40,8 @@ pub(crate) struct Options {
     pub array: Option<String>,
     /// The arrangement of views in a picture.
     pub tiling: Option<Tiling>,
+    /// Position of the middle of the views along x, in meters of the pupil plane. It is for a picture with a depth map.
+    pub camera: f64,
 }
 
 /// Reads the value of white.
@@ -66,6 +68,12 @@ impl Options {
                 ("linear", "") => options.tone.transfer = Some(Transfer::Linear),
                 ("full_scale", value) => options.tone.full_scale = Some(full_scale(value)?),
                 ("array", name) if is_array && !name.is_empty() => options.array = Some(name.into()),
+                ("camera", value) if !is_array => {
+                    let camera = value.parse::<f64>().ok().filter(|mm| mm.abs() <= 1e4);
+                    let must = "millimeters to the right, -10000 to 10000";
+                    options.camera =
+                        1e-3 * camera.ok_or_else(|| reason!("option-value", "'{part}': it must be {must}"))?;
+                }
                 ("mosaic", "") if !is_array => options.tiling = Some(Tiling::Views),
                 ("lenslets", "") if !is_array => options.tiling = Some(Tiling::Lenslets),
                 _ => return Err(reason!("option", "'{part}': {}", if is_array { ARRAYS } else { PICTURES })),

@@ -2,6 +2,7 @@
 
 pub(crate) mod admit;
 pub(crate) mod array;
+pub(crate) mod eyes;
 pub(crate) mod folder;
 pub(crate) mod frames;
 pub(crate) mod identity;

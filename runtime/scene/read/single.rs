@@ -3,7 +3,9 @@
 use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
     depth::map::{self, Map},
+    formats::options::{Options, parts},
     formats::still,
+    formats::video,
     light_field::field::by_color,
     light_field::near::{Meaning, Stated},
     light_field::resize::Resize,
@@ -26,6 +28,8 @@ pub struct Reprojection {
     /// Number of views along each axis over the eyebox.
     views: usize,
     cell: f64,
+    /// Position of the middle of the views, in cells to the right.
+    camera: f64,
     /// Smallest and largest disparity, in pixels from one cell to the next.
     ends: [f64; 2],
     per_pixel: f64,
@@ -74,6 +78,7 @@ impl Reprojection {
         if map.is_news {
             tracing::info!("{}: {}", map_path.display(), map.read_as);
         }
+        let camera = camera_of(path)?;
         let display = request.display;
         // The picture has its size on the display without the letterbox, which is added around the finished views.
         let (rows, columns) = display.picture_size();
@@ -83,7 +88,8 @@ impl Reprojection {
         let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
         let range = request.depth.map_or_else(
             || {
-                let half = builtin::half_span(display);
+                // Views from the side see as much parallax as those of the middle, so that eyes fuse the pictures.
+                let half = builtin::half_span(display).min(largest_span(display, camera));
                 [-half, half]
             },
             |[a, b]| [a.min(b), a.max(b)],
@@ -93,7 +99,7 @@ impl Reprojection {
             _ => request.views,
         };
         let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / views as f64);
-        let reach = reach(views as f64);
+        let reach = reach(views as f64) + camera.abs() / cell;
         let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
         let parallax = ends[0].abs().max(ends[1].abs()) * reach;
         if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
@@ -120,6 +126,7 @@ impl Reprojection {
             size: [rows, columns],
             views,
             cell,
+            camera: camera / cell,
             ends,
             per_pixel: display.focal_length * display.picture_pixel() / cell,
         })
@@ -149,7 +156,7 @@ impl Reprojection {
     /// display's picture.
     pub fn views(&self, color: Color, places: &[(f64, f64)]) -> Vec<Vec<f32>> {
         let one = |&(x, y): &(f64, f64)| {
-            let view = self.relief.view((x / self.cell) as f32, (y / self.cell) as f32);
+            let view = self.relief.view((x / self.cell + self.camera) as f32, (y / self.cell) as f32);
             self.place.apply(&view[color.channel()])
         };
         places.par_iter().map(one).collect()
@@ -161,10 +168,11 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
     let from = Reprojection::with_reach(path, request, |views| (views - 1.0) / 2.0)?;
     let n = from.views;
     let middle = (n as f32 - 1.0) / 2.0;
+    let camera = from.camera as f32;
     let views: Vec<Vec<Vec<f32>>> = (0..n * n)
         .into_par_iter()
         .map(|k| {
-            let view = from.relief.view((k % n) as f32 - middle, (k / n) as f32 - middle);
+            let view = from.relief.view((k % n) as f32 - middle + camera, (k / n) as f32 - middle);
             request.colors.iter().map(|color| from.place.apply(&view[color.channel()])).collect()
         })
         .collect();
@@ -181,6 +189,24 @@ pub(crate) fn load(path: &Path, request: &Request) -> Result<LightField, SceneEr
         made: None,
         name: from.name,
     })
+}
+
+/// Returns the position of the middle of the views that a source states, in meters to the right.
+fn camera_of(path: &Path) -> Result<f64, SceneError> {
+    let Some(text) = path.to_str() else { return Ok(0.0) };
+    if video::named(path).is_some() {
+        return Ok(0.0);
+    }
+    let options = Options::parse(parts(text).1, false);
+    Ok(options.map_err(|reason| SceneError::Options { scene: text.into(), reason })?.camera)
+}
+
+/// Returns half the depth span for which views around a camera displace content by at most a quarter of the picture
+/// (meters).
+fn largest_span(display: &Display, camera: f64) -> f64 {
+    let (height, width) = display.picture_size();
+    let reach = camera.abs() + 0.5 * display.eyebox_min();
+    0.24 * height.min(width) as f64 * display.focal_length * display.picture_pixel() / reach
 }
 
 /// Most bytes for views beyond the requested number.

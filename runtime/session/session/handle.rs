@@ -41,10 +41,7 @@ impl Session {
     /// Returns any [`SessionError`] that occurs before something is shown.
     pub fn start(content: impl Into<Content>, output: Output, options: SessionOptions) -> Result<Self, SessionError> {
         let content = content.into();
-        match &content {
-            Content::Play(play) => play.check()?,
-            Content::Live(live) => live.check()?,
-        }
+        content.check()?;
         // A display file has the same limits. A session notices its end only at the next video frame.
         if let Some(rate) = options.display_rate.filter(|rate| !(1.0..=100_000.0).contains(&rate.hz())) {
             let hz = rate.hz();
@@ -52,7 +49,7 @@ impl Session {
                 reason!("display-rate", "`display_rate` {hz}: it must be 1 to 100000 video frames per second").into()
             );
         }
-        let steered = matches!(&content, Content::Live(live) if live.steered);
+        let steered = content.is_steered();
         let shared = Arc::new(Shared {
             stop: AtomicBool::new(false),
             steered: Arc::new(AtomicBool::new(steered)),

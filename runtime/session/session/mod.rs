@@ -35,6 +35,7 @@
 //! | `latency` | measures every set that was shown, from the sample to the light |
 //! | `ticks` | hands video frames to a program with a display and a loop of its own, through a [`TickedSession`] |
 //! | `on_screen` | stores which version of a hologram is on the screen, for the camera of the [`BenchFollower`] |
+//! | `stereo` | shows the content of two eyes on one schedule |
 //! | `controller` | starts the controller of the display, checks it, and puts it to sleep |
 //! | `triggers`, `pulses` | give a pulse with the light of each set, and take pulses that advance content |
 //! | `marks` | makes the sync picture and the corner mark |
@@ -50,6 +51,7 @@ mod options;
 mod playback;
 mod present_thread;
 mod refinement;
+mod stereo;
 mod ticked;
 
 #[cfg(all(test, target_os = "linux"))]
@@ -124,6 +126,8 @@ pub use refinement::live_refiner::{EngineOpener, Followed, LiveRefiner, PhasesOf
 pub use refinement::pupil_tracker::TrackerCounts;
 pub use refinement::set_timing::SetTiming;
 pub use refinement::work_time::Cost;
+pub use stereo::report::TwoEyesReport;
+pub use stereo::two_eyed::TwoEyed;
 pub use ticked::TickedSession;
 // These items are shared with a study of simulated eyes.
 pub use content::shifted::shifted_problem;

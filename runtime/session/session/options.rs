@@ -1,5 +1,6 @@
 //! Defines the content and the options of a session, and the state that its handle and its threads share.
 
+use crate::encode::Encoder;
 use crate::gpu::Gpu;
 use crate::mailbox::Mailbox;
 use crate::present::Rate;
@@ -14,6 +15,8 @@ use crate::session::frame_log::notes::Notes;
 use crate::session::playback::player::{Command, PresentedFrame};
 use crate::session::playback::report::{Report, Timing};
 use crate::session::playback::triggers::LightObserver;
+use crate::session::stereo::joined::joined_size;
+use crate::session::stereo::two_eyed::{Eyes, TwoEyed};
 use crossbeam_utils::atomic::AtomicCell;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,6 +30,8 @@ pub enum Content {
     Play(Box<Play>),
     /// One hologram or successive scenes are refined for the tracked pupil.
     Live(Box<Live>),
+    /// The content of two eyes is shown on one schedule.
+    TwoEyed(Box<TwoEyed>),
 }
 
 impl From<Play> for Content {
@@ -38,6 +43,74 @@ impl From<Play> for Content {
 impl From<Live> for Content {
     fn from(live: Live) -> Self {
         Self::Live(Box::new(live))
+    }
+}
+
+impl From<TwoEyed> for Content {
+    fn from(both: TwoEyed) -> Self {
+        Self::TwoEyed(Box::new(both))
+    }
+}
+
+impl Content {
+    /// Checks the settings before anything is opened.
+    pub(super) fn check(&self) -> Result<(), SessionError> {
+        match self {
+            Self::Play(play) => play.check(),
+            Self::Live(live) => live.check(),
+            Self::TwoEyed(both) => both.check(),
+        }
+    }
+
+    /// Returns true if content is refined.
+    pub(super) fn is_refined(&self) -> bool {
+        match self {
+            Self::Play(_) => false,
+            Self::Live(_) => true,
+            Self::TwoEyed(both) => matches!(both.eyes, Eyes::Live(_)),
+        }
+    }
+
+    /// Returns true if content is refined for the tracked pupil from the start.
+    pub(super) fn is_steered(&self) -> bool {
+        match self {
+            Self::Play(_) => false,
+            Self::Live(live) => live.steered,
+            Self::TwoEyed(both) => matches!(&both.eyes, Eyes::Live([left, _]) if left.steered),
+        }
+    }
+
+    /// Returns true if all colors share each sub-frame.
+    pub(super) fn is_joint(&self) -> bool {
+        let of_play = |play: &Play| play.sequence.about().metadata.joint_color.is_some();
+        let of_live = |live: &Live| live.colors.iter().any(|color| color.laser.is_some());
+        match self {
+            Self::Play(play) => of_play(play),
+            Self::Live(live) => of_live(live),
+            Self::TwoEyed(both) => match &both.eyes {
+                Eyes::Play([left, _]) => of_play(left),
+                Eyes::Live([left, _]) => of_live(left),
+            },
+        }
+    }
+
+    /// Returns the encoders of all panels, the left one first.
+    pub(super) fn encoders(&self) -> Vec<&Encoder> {
+        match self {
+            Self::Play(play) => vec![&play.encoder],
+            Self::Live(live) => vec![&live.encoder],
+            Self::TwoEyed(both) => both.encoders().to_vec(),
+        }
+    }
+
+    /// Returns rows, columns and channels of the video frames of the output.
+    pub(super) fn frame_size(&self) -> [usize; 3] {
+        let frames = self.encoders()[0].frames();
+        let one = [frames.height, frames.width, frames.channels];
+        match self {
+            Self::TwoEyed(both) => joined_size(one, both.places),
+            _ => one,
+        }
     }
 }
 
@@ -102,7 +175,7 @@ pub struct Status {
     pub account: Account,
     /// The accuracy of the predicted times of video frames.
     pub timing: Timing,
-    /// The status of a live hologram, if the session shows one.
+    /// The status of a live hologram, if the session shows one. With two eyes it is that of the left eye.
     pub live: Option<LiveStatus>,
 }
 

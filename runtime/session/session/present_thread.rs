@@ -1,9 +1,11 @@
 //! Runs the present thread, which owns the display and waits only for the display.
 
+use crate::encode::Encoder;
 use crate::gpu::{Gpu, Messages};
+use crate::optics::Display;
 use crate::present::plm::SOURCE_TIME;
-use crate::present::{Interference, Link, SECOND_NS};
-use crate::session::feeds::following::HandedOver;
+use crate::present::{Interference, Link, Presenter, SECOND_NS};
+use crate::session::feeds::following::{HandedOver, LiveState};
 use crate::session::feeds::statistics::{Ending, Statistics};
 use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
@@ -18,11 +20,27 @@ use crate::session::playback::report::Report;
 use crate::session::playback::scheduler::Scheduler;
 use crate::session::playback::triggers::TriggerThread;
 use crate::session::refinement::set_timing::as_ns;
+use crate::session::stereo::report::TwoEyesReport;
 use eyebox_base::reason;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
+
+/// Returns the display whose triggers a session has. Of two panels it is the first one with triggers.
+fn bench_of(content: &Content) -> Display {
+    let encoders = content.encoders();
+    let has = |encoder: &&&Encoder| encoder.display().trigger_in.is_some() || encoder.display().trigger_out.is_some();
+    encoders.iter().find(has).unwrap_or(&encoders[0]).display().clone()
+}
+
+/// Returns the statistics of two eyes.
+fn two_eyes(running: &ActiveContent, presenter: &dyn Presenter, right_link: Option<Link>) -> Option<TwoEyesReport> {
+    let ActiveContent::Both(both) = running else { return None };
+    let [video_frames, differing] = both.counts;
+    let (stereo, apart) = (both.stereo, presenter.apart());
+    Some(TwoEyesReport { stereo, video_frames, differing, apart, right_link, ..TwoEyesReport::default() })
+}
 
 pub(super) struct PresentThread {
     shared: Arc<Shared>,
@@ -38,8 +56,9 @@ pub(super) struct PresentThread {
     content_since_ns: Option<i64>,
     messages: Vec<Messages>,
     interference: Vec<Interference>,
-    link: Option<Link>,
-    controller: Option<ControllerThread>,
+    /// The links and the controllers of all panels, the left one first.
+    link: Vec<Link>,
+    controllers: Vec<Option<ControllerThread>>,
     triggers: Option<TriggerThread>,
     pulses: Option<PulseThread>,
     // The display is the last field, so that objects on its desktop or its device are dropped before it.
@@ -55,22 +74,14 @@ impl PresentThread {
     ) -> Result<Self, SessionError> {
         let written = options.trace.as_deref().map(Trace::write).transpose()?;
         let trace = written.as_ref().map_or_else(Trace::none, Written::trace);
-        let (frames, newest, encoder_gpu) = match &content {
-            Content::Play(play) => (play.encoder.frames(), play.sequence.newest().cloned(), play.device.clone()),
-            Content::Live(live) => (live.encoder.frames(), None, None),
+        let (newest, encoder_gpu) = match &content {
+            Content::Play(play) => (play.sequence.newest().cloned(), play.device.clone()),
+            Content::Live(_) => (None, None),
+            Content::TwoEyed(both) => (None, both.device()),
         };
-        let size = [frames.height, frames.width, frames.channels];
-        let refined = matches!(content, Content::Live(_));
-        let together = match &content {
-            Content::Play(play) => play.sequence.about().metadata.joint_color.is_some(),
-            Content::Live(live) => live.colors.iter().any(|color| color.laser.is_some()),
-        };
-        let encoder = match &content {
-            Content::Play(play) => &play.encoder,
-            Content::Live(live) => &live.encoder,
-        };
-        let bench = encoder.display().clone();
-        if refined && bench.trigger_in.is_some() {
+        let size = content.frame_size();
+        let bench = bench_of(&content);
+        if content.is_refined() && bench.trigger_in.is_some() {
             return Err(reason!(
                 "trigger-in-refined",
                 "the display '{}' has [trigger_in], which advances sequences that are played, but this session refines \
@@ -80,8 +91,10 @@ impl PresentThread {
             .into());
         }
         // The monitor of a controller may appear only when its receiver is on.
-        let controller = PreparedController::of(encoder, together, output, options.controller)?;
-        let patience = if controller.is_some() { SOURCE_TIME } else { Duration::ZERO };
+        let mut given = options.controller;
+        let of = |encoder: &&Encoder| PreparedController::of(encoder, content.is_joint(), output, given.take());
+        let controllers = content.encoders().iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let patience = if controllers.iter().any(Option::is_some) { SOURCE_TIME } else { Duration::ZERO };
         let mut display = output.open(size, options.display_rate, options.gpu.as_ref(), patience)?;
         let notes = shared.notes.clone();
         let mut messages: Vec<Messages> = options.gpu.iter().map(Gpu::messages).collect();
@@ -91,15 +104,19 @@ impl PresentThread {
             Content::Play(play) => play.start(&display, notes, trace.clone())?,
             Content::Live(live) => {
                 let on_host = options.record.is_some() || options.observer.is_some();
-                live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace.clone())?
+                live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace.clone(), None)?
             }
+            Content::TwoEyed(both) => both.start(&mut display, &shared.steered, &notes, &trace)?,
         };
         let mode_rate = display.mode_rate.unwrap_or(display.rate);
-        let watch = |controller: PreparedController| {
-            controller.watch(mode_rate, shared.notes.clone(), trace.track("controller"))
+        let watch = |controller: Option<PreparedController>| {
+            let watch = |controller: PreparedController| {
+                controller.watch(mode_rate, shared.notes.clone(), trace.track("controller"))
+            };
+            controller.map(watch).transpose()
         };
-        let controller = controller.map(watch).transpose()?;
-        let link = display.presenter().link().cloned();
+        let controllers = controllers.into_iter().map(watch).collect::<Result<Vec<_>, _>>()?;
+        let link: Vec<Link> = display.presenter().links().into_iter().cloned().collect();
         link.iter().flat_map(Link::notes).for_each(|note| shared.notes.send(note));
         let interference = link.iter().flat_map(Link::wrong).cloned().collect();
         let ContentSetup { running, schedule, idle, sub_frames } = setup;
@@ -148,7 +165,7 @@ impl PresentThread {
             messages,
             interference,
             link,
-            controller,
+            controllers,
             triggers,
             pulses,
             display,
@@ -216,19 +233,25 @@ impl PresentThread {
             Flow::Ended => return Ok(Some(Ending::End)),
             Flow::Closed => return Ok(Some(Ending::Closed)),
         }
-        if let ActiveContent::Live(following) = running
-            && !following.after(handed_over, display)
-        {
-            return Ok(Some(Ending::Closed));
+        for following in running.lives_mut() {
+            if !following.after(handed_over, display) {
+                return Ok(Some(Ending::Closed));
+            }
+        }
+        if let (ActiveContent::Both(both), Some(_)) = (running, handed_over) {
+            both.handed_over();
         }
         // The duration also ends the wait for an application that never connects.
-        let waits = matches!(&self.running, ActiveContent::Live(following) if following.first_is_to_come);
+        let waits = self.running.lives().any(|following| following.first_is_to_come);
         if waits || self.player.scheduler.account().due > 0 {
             let (now_ns, period_ns) = (self.player.display_time_ns, self.player.rate().period_ns());
             let passed_ns = now_ns - *self.content_since_ns.get_or_insert(now_ns) + period_ns;
             if self.most_ns.is_some_and(|most_ns| passed_ns >= most_ns) {
                 return Ok(Some(Ending::Duration));
             }
+        }
+        for note in self.display.presenter().panel_notes() {
+            self.shared.notes.send(note);
         }
         for interference in self.display.presenter().interference() {
             self.shared.notes.send(interference.to_string());
@@ -238,10 +261,7 @@ impl PresentThread {
             seconds: self.seconds(),
             account: *self.player.scheduler.account(),
             timing: self.player.timing,
-            live: match &self.running {
-                ActiveContent::Play(_) => None,
-                ActiveContent::Live(following) => Some(following.status()),
-            },
+            live: self.running.lives().next().map(LiveState::status),
         });
         Ok(None)
     }
@@ -264,18 +284,29 @@ impl PresentThread {
             set_frames: schedule.set_frames,
             margin_ms: self.player.pacer.margin_ns as f64 / 1e6,
             interference: self.interference,
-            link: self.link,
+            two_eyes: two_eyes(&self.running, presenter, self.link.get(1).cloned()),
+            link: self.link.into_iter().next(),
             ..Statistics::default()
         };
         let mut tracks = vec![self.player.track];
-        match self.running {
-            ActiveContent::Play(stream) => tracks.extend(stream.stop()),
-            ActiveContent::Live(following) => {
-                result = result.and(following.followed());
-                let (live, more, kept) = following.stop();
-                result = result.and(kept);
-                statistics.live = Some(live);
-                tracks.extend(more);
+        let eyes = match self.running {
+            ActiveContent::Both(both) => Vec::from(both.eyes),
+            one => vec![one],
+        };
+        for (at, eye) in eyes.into_iter().enumerate() {
+            match eye {
+                ActiveContent::Play(stream) => tracks.extend(stream.stop()),
+                ActiveContent::Live(following) => {
+                    result = result.and(following.followed());
+                    let (live, more, kept) = following.stop();
+                    result = result.and(kept);
+                    match (at, &mut statistics.two_eyes) {
+                        (1, Some(both)) => both.right_live = Some(live),
+                        _ => statistics.live = Some(live),
+                    }
+                    tracks.extend(more);
+                }
+                ActiveContent::Both(_) => {}
             }
         }
         if let Some(triggers) = self.triggers.map(TriggerThread::stop) {
@@ -294,13 +325,17 @@ impl PresentThread {
             }
         }
         // The idle picture is on the display. The thread is stopped here, so that its report is complete.
-        if let Some(controller) = self.controller.map(ControllerThread::stop) {
-            match controller {
-                Ok((report, track)) => {
-                    statistics.controller = Some(report);
+        for (at, controller) in self.controllers.into_iter().enumerate() {
+            match controller.map(ControllerThread::stop) {
+                None => {}
+                Some(Ok((report, track))) => {
+                    match (at, &mut statistics.two_eyes) {
+                        (1, Some(both)) => both.right_controller = Some(report),
+                        _ => statistics.controller = Some(report),
+                    }
                     tracks.push(track);
                 }
-                Err(error) => result = result.and(Err(error)),
+                Some(Err(error)) => result = result.and(Err(error)),
             }
         }
         drop(tracks);

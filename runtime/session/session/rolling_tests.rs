@@ -83,7 +83,7 @@ fn every_video_frame_is_the_newest_sets_in_its_turn() {
     let rate = Rate::new(480, 1).unwrap();
     let frames = encoder_of("grey8").frames();
     assert_eq!(frames.count(), 8);
-    let (sender, mut source) = set_channel(&frames, || Ok::<_, SessionError>(None)).unwrap();
+    let (sender, mut source) = set_channel(&frames, 1, || Ok::<_, SessionError>(None)).unwrap();
     let schedule = Schedule {
         display_rate: rate,
         content_rate: rate,

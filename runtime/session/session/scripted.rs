@@ -39,6 +39,7 @@ impl Scripted {
             direct: None,
             with_phases: true,
             again: Box::new(move || Ok((LiveRefiner::new(parts.clone(), policy, cpu)?, None))),
+            pair: None,
             notes: frame_log::notes::Notes::default(),
             track: Trace::none().track("refine"),
         };

@@ -126,7 +126,7 @@ impl Encoder {
     /// Returns empty video frames for a set.
     pub fn frames(&self) -> VideoFrames {
         let [count, height, width, channels] = self.video_shape();
-        VideoFrames::new(count, height, width, channels)
+        VideoFrames::dark(count, height, width, channels)
     }
 
     /// Encodes a set into new frames.

@@ -62,7 +62,8 @@ pub struct VideoFrames {
 }
 
 impl VideoFrames {
-    pub(super) fn new(count: usize, height: usize, width: usize, channels: usize) -> Self {
+    /// Returns frames of zeros.
+    pub fn dark(count: usize, height: usize, width: usize, channels: usize) -> Self {
         Self { height, width, channels, bytes: vec![0; count * height * width * channels] }
     }
 

@@ -209,6 +209,11 @@ impl Line {
 
 /// Possible focus of eyes, dioptres. Values beyond are errors of the tracker.
 const FOCUS: std::ops::RangeInclusive<f64> = -10.0..=30.0;
+/// Returns true if eyes can focus at this many dioptres.
+pub(super) fn is_focus(dioptres: f64) -> bool {
+    FOCUS.contains(&dioptres)
+}
+
 /// Possible distances between eyes, mm.
 const BETWEEN_EYES: std::ops::RangeInclusive<f64> = 40.0..=85.0;
 /// Times beyond this are not times in any unit. It is 300 years of nanoseconds.
@@ -263,7 +268,7 @@ fn read(line: &[u8]) -> Result<Line, Reason> {
         ));
     }
     let focus = text.focus_d.or_else(|| vergence(readings[0], readings[1], text.ipd_mm?));
-    let focus_dioptres = focus.filter(|focus| FOCUS.contains(focus));
+    let focus_dioptres = focus.filter(|focus| is_focus(*focus));
     let time = |t: Option<f64>| t.filter(|t| t.abs() <= LATEST);
     Ok(Line {
         time: time(text.t),

@@ -34,6 +34,7 @@ mod sample;
 mod source;
 mod stream;
 mod time_unit;
+pub mod two_eyes;
 
 pub use clock::Unwrap;
 pub use error::TrackerError;

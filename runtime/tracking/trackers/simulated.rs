@@ -40,6 +40,10 @@ pub struct Settings {
     pub field: [f64; 2],
     /// Distance from the center of rotation to the pupil, meters.
     pub radius: f64,
+    /// Distance of the two eyes, meters. With 0, both are one eye.
+    pub ipd: f64,
+    /// Smallest and largest focus of fixations, dioptres. Both eyes turn towards it.
+    pub focus: [f64; 2],
 }
 
 impl Default for Settings {
@@ -56,6 +60,8 @@ impl Default for Settings {
             blink: [0.1, 0.3],
             field: [12f64.to_radians(), 8f64.to_radians()],
             radius: 11e-3,
+            ipd: 0.0,
+            focus: [0.0; 2],
         }
     }
 }
@@ -90,6 +96,17 @@ pub struct Truth {
     pub lid: f64,
     /// The current movement of the eye.
     pub doing: Doing,
+    /// Focus of the eye, dioptres.
+    pub dioptres: f64,
+}
+
+/// One of the two eyes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The left eye, which turns to the right towards near objects.
+    Left,
+    /// The right eye.
+    Right,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +123,8 @@ struct Segment {
     end_ns: u64,
     from: [f64; 2],
     to: [f64; 2],
+    /// The focus at the start and at the end, dioptres.
+    focus: [f64; 2],
     kind: Move,
 }
 
@@ -117,7 +136,10 @@ const LID_MOVES: f64 = 0.06;
 #[derive(Debug, Clone)]
 pub struct Eye {
     settings: Settings,
+    /// The eye whose position counts, or the middle between both.
+    side: Option<Side>,
     rng: Rng,
+    focus_rng: Rng,
     segments: VecDeque<Segment>,
     /// The times at which the lid begins to close and at which it is open again, nanoseconds.
     blinks: VecDeque<[u64; 2]>,
@@ -136,6 +158,7 @@ impl Eye {
     pub fn new(settings: Settings, start_ns: u64) -> Self {
         let mut rng = Rng::with_seed(settings.seed);
         let blink_rng = Rng::with_seed(settings.seed ^ 0x6c69_6473);
+        let focus_rng = Rng::with_seed(settings.seed ^ 0x6e65_6172);
         let mut wave = |amplitude: f64, hertz: f64| [amplitude, hertz * (0.8 + 0.4 * rng.f64()), TAU * rng.f64()];
         let arc_minute = (1.0f64 / 60.0).to_radians();
         // Drift of a few minutes of arc, and a tremor of a quarter of one near 85 Hz (Martinez-Conde et al. 2004).
@@ -154,13 +177,16 @@ impl Eye {
             end_ns: start_ns + seconds(settings.fixation[0].max(0.05)),
             from: [0.0; 2],
             to: [0.0; 2],
+            focus: [settings.focus[0]; 2],
             kind: Move::Rest,
         };
         let mut segments = VecDeque::with_capacity(REMEMBERED + 1);
         segments.push_back(rest);
         let mut eye = Self {
             settings,
+            side: None,
             rng,
+            focus_rng,
             segments,
             blinks: VecDeque::with_capacity(REMEMBERED + 1),
             blink_rng,
@@ -169,6 +195,12 @@ impl Eye {
         };
         eye.next_blink(start_ns);
         eye
+    }
+
+    /// The same eye as the left or the right one of two.
+    #[must_use]
+    pub fn of(self, side: Side) -> Self {
+        Self { side: Some(side), ..self }
     }
 
     /// The eye at a time.
@@ -188,7 +220,7 @@ impl Eye {
             Move::Rest => (0.0, Doing::Fixation),
             Move::Follow => (u, Doing::Pursuit),
             Move::Jump { early } => {
-                let landing = self.place(segment.to, segment.end_ns);
+                let landing = self.place(segment.to, segment.focus[1], segment.end_ns);
                 (
                     progress(u.powf(early)),
                     Doing::Saccade { began_ns: segment.start_ns, lands_ns: segment.end_ns, landing },
@@ -196,15 +228,31 @@ impl Eye {
             }
         };
         let at = |i: usize| segment.from[i] + (segment.to[i] - segment.from[i]) * share;
+        let dioptres = segment.focus[0] + (segment.focus[1] - segment.focus[0]) * share;
         let t = time_ns as f64 * 1e-9;
         let diameter = 4e-3 + waves(&self.breath, t);
         let lid = self.blinks.iter().map(|b| lid(*b, time_ns)).fold(1.0, f64::min);
-        Truth { position: self.place([at(0), at(1)], time_ns), diameter, lid, doing }
+        Truth { position: self.place([at(0), at(1)], dioptres, time_ns), diameter, lid, doing, dioptres }
+    }
+
+    /// The left or the right eye at a time.
+    fn seen(&mut self, side: Side, time_ns: u64) -> Truth {
+        self.side = Some(side);
+        let truth = self.at(time_ns);
+        self.side = None;
+        truth
     }
 
     /// The place of a direction in the pupil plane, with drift and tremor.
-    fn place(&self, direction: [f64; 2], time_ns: u64) -> [f64; 2] {
+    fn place(&self, direction: [f64; 2], dioptres: f64, time_ns: u64) -> [f64; 2] {
         let t = time_ns as f64 * 1e-9;
+        let inwards = (0.5 * self.settings.ipd * dioptres).atan();
+        let turned = match self.side {
+            None => 0.0,
+            Some(Side::Left) => inwards,
+            Some(Side::Right) => -inwards,
+        };
+        let direction = [direction[0] + turned, direction[1]];
         [0, 1].map(|i| self.settings.radius * (direction[i] + waves(&self.wander[i], t)).sin())
     }
 
@@ -251,7 +299,12 @@ impl Eye {
             }
         };
         let (start_ns, end_ns) = (last.end_ns, last.end_ns + seconds(lasts).max(1));
-        self.segments.push_back(Segment { start_ns, end_ns, from: last.to, to, kind });
+        let [near, far] = self.settings.focus;
+        let focus = match kind {
+            Move::Jump { .. } => near + (far - near) * self.focus_rng.f64(),
+            Move::Rest | Move::Follow => last.focus[1],
+        };
+        self.segments.push_back(Segment { start_ns, end_ns, from: last.to, to, focus: [last.focus[1], focus], kind });
         if self.segments.len() > REMEMBERED {
             self.segments.pop_front();
         }
@@ -317,8 +370,8 @@ impl SimulatedSource {
             return wrong("the rate must be 1 to 20000 Hz");
         }
         let s = &settings;
-        let lengths = [s.delay, s.jitter, s.noise, s.pursuit, s.blinks, s.radius, s.field[0], s.field[1]];
-        if !lengths.into_iter().chain(s.fixation).chain(s.blink).all(|v| (0.0..1e4).contains(&v)) {
+        let lengths = [s.delay, s.jitter, s.noise, s.pursuit, s.blinks, s.radius, s.ipd, s.field[0], s.field[1]];
+        if !lengths.into_iter().chain(s.fixation).chain(s.blink).chain(s.focus).all(|v| (0.0..1e4).contains(&v)) {
             return wrong("times, lengths and rates must be finite and not negative");
         }
         let noise = Rng::with_seed(settings.seed.wrapping_add(1));
@@ -339,12 +392,12 @@ impl SimulatedSource {
     fn sample(&mut self) -> Sample {
         let time_ns = self.start_ns + (self.count as f64 * 1e9 / self.settings.rate_hz) as u64;
         self.count += 1;
-        let truth = self.eye.at(time_ns);
         let late = self.settings.delay + self.settings.jitter * self.noise.f64();
         let mut sample = Sample::empty(time_ns + seconds(late));
         sample.time_ns = time_ns;
         sample.tracker_ns = i64::try_from(time_ns - self.start_ns).ok();
-        let mut eye = || {
+        let eyes = [Side::Left, Side::Right].map(|side| self.eye.seen(side, time_ns));
+        let mut eye = |truth: Truth| {
             // The visible part of a half-covered pupil has its center lower down.
             let covered = 1.0 - truth.lid;
             let position = [0, 1].map(|i| truth.position[i] + self.settings.noise * self.gauss());
@@ -355,7 +408,7 @@ impl SimulatedSource {
             reading.valid = truth.lid > 0.3;
             Some(reading.checked())
         };
-        (sample.left, sample.right) = (eye(), eye());
+        (sample.left, sample.right) = (eye(eyes[0]), eye(eyes[1]));
         sample
     }
 }

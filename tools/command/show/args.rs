@@ -49,6 +49,22 @@ impl OutputTo {
         }
     }
 
+    /// Returns the outputs of the left and the right eye. A name may hold both, as in `window:LEFT,RIGHT`.
+    pub fn of_two(&self) -> [Self; 2] {
+        let both = |name: &Option<String>| -> [Option<String>; 2] {
+            let name = name.as_deref();
+            match name.and_then(|name| name.split_once(',')) {
+                Some((left, right)) => [left, right].map(|one| Some(one.trim().to_owned())),
+                None => [name.map(str::to_owned), None],
+            }
+        };
+        match self {
+            Self::Window(name) => both(name).map(Self::Window),
+            Self::Direct(name) => both(name).map(Self::Direct),
+            other => [other.clone(), other.clone()],
+        }
+    }
+
     /// Returns it as a session takes it.
     pub fn output(&self, simulated: bool) -> Output {
         match self {
@@ -117,7 +133,7 @@ pub struct StreamArgs {
 }
 
 /// The table `show` of the settings.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct ShowSettings {
     /// Time from the beginning of a video frame to its light, ms
     #[arg(help_heading = "Display", long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative_in(MS))]

@@ -6,6 +6,7 @@ mod playback;
 mod session;
 pub mod tracked;
 mod tracking;
+mod two_eyes;
 mod viewing;
 
 pub use session::controller_line;
@@ -90,6 +91,9 @@ pub fn run(args: &Show) -> Result<(), Failure> {
     let tracked = args.live.tracker().is_some();
     if let Some(sink) = args.live.shown.output.sink() {
         sink.check()?;
+    }
+    if let Some(two) = two_eyes::display(&args.subject)? {
+        return two_eyes::show(args, &settings, &two);
     }
     let what = what(args)?;
     if let Some(camera) = &args.follow.camera {
@@ -178,13 +182,18 @@ fn is_phases(what: &str) -> bool {
 
 /// Loads the display. If no size is given, it has the size of the holograms in the file.
 fn display(args: &Show, file: Option<&Path>) -> Result<Display, Failure> {
-    let asked = &args.subject.display;
+    display_for(&args.subject, file)
+}
+
+/// Loads the display of these options, as [`display`] does.
+fn display_for(subject: &SubjectOptions, file: Option<&Path>) -> Result<Display, Failure> {
+    let asked = &subject.display;
     let sequence = file.filter(|file| !Phases::are_at(file)).map(Sequence::open).and_then(Result::ok);
     let mut display = match &sequence {
         Some(shown) => common::display_of(asked.display.as_deref(), asked.size, asked.force, shown.about())?,
         None => common::display(asked)?,
     };
-    args.subject.eye.replace(&mut display.prescription)?;
+    subject.eye.replace(&mut display.prescription)?;
     if let (Some(sequence), None, Some(_)) = (&sequence, asked.size, &asked.display) {
         let [_, _, height, width] = sequence.shape();
         (display.height, display.width) = (height, width);

@@ -8,7 +8,7 @@ use eyebox::low_level::encode;
 use eyebox::low_level::hologram::Sequence;
 use eyebox::low_level::optics::Display;
 use eyebox::low_level::reason;
-use eyebox::low_level::session::{self, Output, Session, SessionOptions, Statistics, Status};
+use eyebox::low_level::session::{self, Session, SessionOptions, Statistics, Status};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, UNIX_EPOCH};
@@ -37,15 +37,9 @@ pub struct Playing<'a> {
 /// Plays the holograms and prints the statistics.
 pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     let Playing { sequence, display, shown, stream, settings, engine, device, mut options, stats, prints } = playing;
-    let mut play = session::Play::new(sequence, &display)?;
+    let mut play = content(sequence, &display, stream, settings)?;
     let what = play.sequence.path().display().to_string();
-    let output = output(shown, stream, &options, stream.looped || play.looped)?;
-    play.rate = stream.rate.unwrap_or(play.rate);
-    play.speed = settings.speed;
-    play.looped |= stream.looped;
-    (play.follow, play.first, play.ahead) = (stream.follow, stream.at, settings.ahead);
-    play.start_at = stream.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
-    (play.sync_s, play.mark, play.keep_phase) = (settings.sync, settings.mark, settings.keep_phase);
+    let output = shown.output.output(is_simulated(shown, stream, &options, play.looped)?);
     let encodes = matches!(engine, EngineName::Vulkan | EngineName::VulkanFrom(_));
     let shows = shown.output.is_shown();
     let gpu = if encodes || shows { Some(common::display_gpu(device, shown.validation)?) } else { None };
@@ -80,8 +74,30 @@ pub fn play(playing: Playing<'_>) -> Result<(), Failure> {
     conclude(ended, (stats, prints), &more)
 }
 
-/// Returns the output, and refuses options that do not fit together.
-fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, endless: bool) -> Result<Output, Failure> {
+/// Prepares a sequence for a session, with the settings of the command.
+pub fn content(
+    sequence: Sequence,
+    display: &Display,
+    stream: &StreamArgs,
+    settings: &ShowSettings,
+) -> Result<session::Play, Failure> {
+    let mut play = session::Play::new(sequence, display)?;
+    play.rate = stream.rate.unwrap_or(play.rate);
+    play.speed = settings.speed;
+    play.looped |= stream.looped;
+    (play.follow, play.first, play.ahead) = (stream.follow, stream.at, settings.ahead);
+    play.start_at = stream.start_at.map(|unix| UNIX_EPOCH + Duration::from_secs_f64(unix.min(1e12)));
+    (play.sync_s, play.mark, play.keep_phase) = (settings.sync, settings.mark, settings.keep_phase);
+    Ok(play)
+}
+
+/// Returns whether the clock is simulated, and refuses options that do not fit together.
+pub fn is_simulated(
+    shown: &OutputArgs,
+    stream: &StreamArgs,
+    options: &SessionOptions,
+    endless: bool,
+) -> Result<bool, Failure> {
     let records = options.record.is_some();
     let simulated = match stream.clock {
         Some(clock) => clock == ClockName::Simulated,
@@ -97,10 +113,10 @@ fn output(shown: &OutputArgs, stream: &StreamArgs, options: &SessionOptions, end
     if shown.output.is_shown() && simulated {
         return refuse(reason!("without-offscreen", "a simulated clock needs --output offscreen"));
     }
-    Ok(shown.output.output(simulated))
+    Ok(simulated)
 }
 
-fn summary(statistics: &Statistics) {
+pub fn summary(statistics: &Statistics) {
     let (report, how) = (&statistics.report, ended_by(statistics));
     let a = &report.account;
     let plural = |n: u64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
@@ -125,7 +141,7 @@ fn summary(statistics: &Statistics) {
 }
 
 /// Returns the line that is updated while playing.
-fn line(now: &Status, before: &Status, seconds: f64, sub_frames: u64) -> String {
+pub fn line(now: &Status, before: &Status, seconds: f64, sub_frames: u64) -> String {
     let (a, b) = (&now.account, &before.account);
     let (fps, sets) = ((a.shown - b.shown) as f64 / seconds, (a.sets - b.sets) as f64 / seconds);
     format!(

@@ -13,11 +13,12 @@ use clap::Args;
 use eyebox::low_level::encode;
 use eyebox::low_level::gaze::Eyepiece;
 use eyebox::low_level::gpu::{Gpu, Options as VulkanOptions};
-use eyebox::low_level::optics::{Color, depth_in_words, depths_in_words, dioptres};
+use eyebox::low_level::hologram::{Hologram, Unfinished};
+use eyebox::low_level::optics::{Color, Display, depth_in_words, depths_in_words, dioptres};
 use eyebox::low_level::reason;
 use eyebox::low_level::session::{
-    self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, Policy, RepeatReason, Session, SourceSwitch,
-    Stage as Part, Statistics, Status, Tracking,
+    self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, Policy, RepeatReason, Session, SidecarOpener,
+    SourceSwitch, Stage as Part, Statistics, Status, Tracking,
 };
 use eyebox::low_level::solve::Flow;
 use serde_json::{Map, Value, json};
@@ -96,6 +97,11 @@ pub struct Stage {
 }
 
 impl Stage {
+    /// Returns the device that shows, if the session needs one.
+    pub fn gpu(&self) -> Option<Gpu> {
+        self.gpu.clone()
+    }
+
     /// Opens the engines, and the device if the session needs one.
     pub fn open(how: &SubjectOptions, live: &LiveOptions) -> Result<Self, Failure> {
         let shows = live.view || live.shown.output.is_shown();
@@ -143,25 +149,14 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
         Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
         None => None,
     };
-    let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
-    let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
-    let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
-    (live.policy, live.steered, live.sidecar_window) = (policy, !args.unsteered, sidecar_window);
-    live.switch = settings.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
-    live.display_latency = Duration::from_secs_f64((settings.display_latency * 1e-3).min(10.0));
-    (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, settings.whole_sets);
-    live.moments = settings.moments == super::args::Moments::On;
-    if live.replay.is_some() {
-        // A replay does not restart, as any session whose first scene has still to come.
-        live.policy.restart = f64::INFINITY;
-    }
-    (live.scenes, live.field, live.cost) = (scenes, field, simulated.unwrap_or(Cost::Measured));
-    let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
-    live.whole.focus = depths.unwrap_or(live.whole.focus);
-    // The frames of an application have no phases, so tables give the first ones.
-    if live.replay.is_some() || live.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one()) {
-        live = live.with_start_tables(&mut fitting())?;
-    }
+    let Refined { live, hologram, display, sent, engine, unfinished } = refined(
+        steered,
+        tracking,
+        sidecar_window,
+        &engines,
+        args,
+        ShowOptions { policy, tracker, simulated, depths, kept, settings },
+    )?;
     let mut options = args.shown.options();
     options.gpu = gpu;
     options.duration = args.duration.map(|s| Duration::from_secs_f64(s.min(1e9)));
@@ -186,6 +181,50 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
         more["joint_color"] = json!(joint);
     }
     conclude(ended, (args.stats.as_deref(), args.json), &more)
+}
+
+/// Content that is refined, with its hologram for the whole eyebox.
+pub struct Refined {
+    pub live: session::Live,
+    pub hologram: Hologram,
+    pub display: Display,
+    /// The colors that are sent to the display.
+    pub sent: Vec<Color>,
+    /// The name of the engine.
+    pub engine: String,
+    pub unfinished: Option<Unfinished>,
+}
+
+/// Prepares content for a session, with the settings of the command.
+pub fn refined(
+    steered: Steered,
+    tracking: Option<Tracking>,
+    sidecar_window: Option<SidecarOpener>,
+    engines: &Engines,
+    args: &LiveOptions,
+    showing: ShowOptions<'_>,
+) -> Result<Refined, Failure> {
+    let ShowOptions { policy, simulated, depths, kept, settings, .. } = showing;
+    let Steered { hologram, colors, parts, scenes, field, encoder, engine, unfinished } = steered;
+    let (display, sent) = (encoder.display().clone(), encoder.colors().to_vec());
+    let mut live = session::Live::new(parts, encoder, engines.source(), tracking);
+    (live.policy, live.steered, live.sidecar_window) = (policy, !args.unsteered, sidecar_window);
+    live.switch = settings.sources_out.as_deref().map(|file| switch(file, &colors)).transpose()?;
+    live.display_latency = Duration::from_secs_f64((settings.display_latency * 1e-3).min(10.0));
+    (live.journal, live.replay, live.whole_sets) = (kept.journal, kept.replay, settings.whole_sets);
+    live.moments = settings.moments == super::args::Moments::On;
+    if live.replay.is_some() {
+        // A replay does not restart, as any session whose first scene has still to come.
+        live.policy.restart = f64::INFINITY;
+    }
+    (live.scenes, live.field, live.cost) = (scenes, field, simulated.unwrap_or(Cost::Measured));
+    let depths = depths.or(hologram.metadata.solve.as_ref().map(|solve| solve.depth));
+    live.whole.focus = depths.unwrap_or(live.whole.focus);
+    // The frames of an application have no phases, so tables give the first ones.
+    if live.replay.is_some() || live.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one()) {
+        live = live.with_start_tables(&mut fitting())?;
+    }
+    Ok(Refined { live, hologram, display, sent, engine, unfinished })
 }
 
 /// Returns a switch that writes the sources that light each set to a file, by their numbers from 1.
@@ -215,13 +254,13 @@ pub fn fitting() -> impl FnMut(f64) -> bool {
 }
 
 /// Returns the eyepiece that converts a tracker's dioptres to depths before the hologram.
-fn eyepiece(steered: &Steered) -> Eyepiece {
+pub fn eyepiece(steered: &Steered) -> Eyepiece {
     let hologram = &steered.hologram;
     let depths = hologram.metadata.solve.as_ref().map_or([f64::NEG_INFINITY, f64::INFINITY], |s| s.depth);
     Eyepiece { focal_length: hologram.focal_length, depths }
 }
 
-fn summary(statistics: &Statistics, focal_length: f64) {
+pub fn summary(statistics: &Statistics, focal_length: f64) {
     let Some(live) = &statistics.live else { return };
     let (report, a) = (&statistics.report, &statistics.report.account);
     eprintln!(
@@ -272,7 +311,7 @@ fn because(live: &LiveStatistics) -> String {
 }
 
 /// Returns the line that is updated while the content is shown.
-fn line(now: &Status, before: &Status, seconds: f64, focal_length: f64) -> String {
+pub fn line(now: &Status, before: &Status, seconds: f64, focal_length: f64) -> String {
     let (a, b) = (now.live.unwrap_or_default(), before.live.unwrap_or_default());
     let at = |value: Option<f64>| value.map_or("-".into(), |v| format!("{v:.2}"));
     format!(

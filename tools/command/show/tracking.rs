@@ -5,7 +5,7 @@ use crate::tracker::EyeName;
 use crate::tracker::source::SourceOptions;
 use crate::values::depth;
 use clap::Args;
-use eyebox::low_level::gaze::{Calibration, Estimator, Eyepiece, Settings};
+use eyebox::low_level::gaze::{Calibration, Estimator, Eye, Eyepiece, Settings};
 use eyebox::low_level::optics::Depth;
 use eyebox::low_level::reason;
 use eyebox::low_level::session::Tracking;
@@ -64,4 +64,40 @@ pub fn tracking(
         }
         spec => Ok((None, Tracking::open(&spec, &options, estimator)?)),
     }
+}
+
+/// The nearest point that a simulated pair of eyes looks at, dioptres.
+const NEAREST: f64 = 3.0;
+
+/// Opens one tracker for the left and the right eye, whose pupils are `ipd` apart (meters). The other arguments are
+/// those of [`tracking`].
+pub fn tracking_of_two(
+    tracker: &str,
+    args: &TrackerArgs,
+    real: bool,
+    eyepieces: [Eyepiece; 2],
+    reach: f64,
+    ipd: f64,
+) -> Result<[Tracking; 2], Failure> {
+    let spec: Spec = tracker.parse()?;
+    if spec == Spec::Mouse {
+        return Err(TrackerError::Setting(reason!(
+            "mouse-of-two",
+            "the mouse is the tracker of one eye, and the display has two panels"
+        ))
+        .into());
+    }
+    let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
+    let estimator = |eye: Eye, eyepiece: Eyepiece| -> Result<Estimator, Failure> {
+        let focus = [args.focus.metres(eyepiece.focal_length); 2];
+        let settings = Settings { eye, focus, eyepiece: Some(eyepiece), ..Settings::default() };
+        let settings = Settings { reach: settings.reach.max(reach), ..settings };
+        Ok(Estimator::new(settings, calibration.clone())?)
+    };
+    let [left, right] = eyepieces;
+    // Content behind the panels' own plane needs no vergence of its own, because eyes do not diverge.
+    let [far, near] = left.depths.map(|depth| (depth / left.focal_length.powi(2)).clamp(0.0, NEAREST));
+    let estimators = [estimator(Eye::Left, left)?, estimator(Eye::Right, right)?];
+    let radius = Settings::default().radius;
+    Ok(Tracking::open_two(&spec, &args.source.options(real), estimators, (ipd, radius), [far, near])?)
 }

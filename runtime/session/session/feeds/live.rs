@@ -32,9 +32,11 @@ use crate::session::refinement::pupil_source::{PupilSource, Samples};
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::{SetTiming, as_ns};
 use crate::session::refinement::work_time::{Cost, Times};
+use crate::session::stereo::agreement::Member;
 use crate::solve::{PupilRange, StartTable};
 use crate::trackers::pushed::{self, MouseHandle, SampleSender};
-use crate::trackers::simulated::{self, SimulatedSource};
+use crate::trackers::simulated::{self, Side, SimulatedSource};
+use crate::trackers::two_eyes::{Vergence, share};
 use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
 use crossbeam_utils::atomic::AtomicCell;
 use eyebox_base::reason;
@@ -90,6 +92,39 @@ impl Tracking {
         let source = SimulatedSource::starting(settings.clone(), real_time, begins)?;
         let truth = Some(simulated::Eye::new(settings, begins));
         Ok(Self { source: Box::new(source), estimator, truth, real_time })
+    }
+
+    /// Follows both eyes with one tracker, as [`open`](Self::open) follows one. `estimators` are those of the left and
+    /// the right eye, `ipd` is the distance of the pupils and `radius` the distance from the center of rotation to the
+    /// pupil (m). A simulated pair of eyes looks at points between the dioptres of `focus`.
+    ///
+    /// # Errors
+    /// Returns the errors of [`open`](Self::open).
+    pub fn open_two(
+        spec: &Spec,
+        options: &Options,
+        estimators: [Estimator; 2],
+        (ipd, radius): (f64, f64),
+        focus: [f64; 2],
+    ) -> Result<[Self; 2], SessionError> {
+        let [left, right] = estimators;
+        let (one, eyes) = match *spec {
+            Spec::Simulated(seed) => {
+                let rate_hz = options.rate_hz;
+                let settings = simulated::Settings { seed, rate_hz, ipd, focus, ..simulated::Settings::default() };
+                let one = Self::of_eye(settings, options.real_time, left.clone())?;
+                let eyes = one.truth.clone().map(|eye| [Side::Left, Side::Right].map(|side| eye.clone().of(side)));
+                (one, eyes)
+            }
+            _ => (Self::open(spec, options, left.clone())?, None),
+        };
+        let real_time = one.real_time;
+        let [left_source, right_source] = share(one.source, Vergence::new(ipd, radius));
+        let [left_truth, right_truth] = eyes.map_or([None, None], |eyes| eyes.map(Some));
+        Ok([
+            Self { source: Box::new(left_source), estimator: left, truth: left_truth, real_time },
+            Self { source: Box::new(right_source), estimator: right, truth: right_truth, real_time },
+        ])
     }
 
     /// Follows a mouse, whose position the caller pushes.
@@ -336,7 +371,8 @@ impl Live {
         }
     }
 
-    /// Starts tracking and refinement. `on_host` is true if the host needs the video frames too.
+    /// Starts tracking and refinement. `on_host` is true if the host needs the video frames too. `pair` is the place of
+    /// this eye in an agreement with the other eye.
     pub(crate) fn start(
         self,
         display: &mut OpenDisplay,
@@ -344,6 +380,7 @@ impl Live {
         steered: Arc<AtomicBool>,
         notes: &Notes,
         trace: Trace,
+        pair: Option<Member>,
     ) -> Result<ContentSetup, SessionError> {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
@@ -377,7 +414,8 @@ impl Live {
             Duration::from_nanos(display.rate.period_ns().unsigned_abs() / 2) + self.display_latency;
         let (packed, lighting) = (Arc::new(encoder.packed().clone()), lighting_of(encoder.lighting(rolls), &colors));
         let with_phases = self.sidecar_window.is_some();
-        let beside = |open: SidecarOpener| open(display.desktop()?).map_err(|e| SessionError::SidecarWindow(e.into()));
+        let beside =
+            |open: SidecarOpener| open(&mut *display.desktop()?).map_err(|e| SessionError::SidecarWindow(e.into()));
         let sidecar_window = self.sidecar_window.map(beside).transpose()?;
         let shared = engines.gpu()?;
         let direct = match display.presenter().takes() {
@@ -405,6 +443,7 @@ impl Live {
                 direct,
                 with_phases,
                 again,
+                pair,
                 notes: notes.clone(),
                 track: trace.track("refine"),
             };

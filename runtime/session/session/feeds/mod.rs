@@ -15,12 +15,14 @@ use crate::encode::VideoFrames;
 use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::Schedule;
 use crate::session::playback::stream::Stream;
+use crate::session::stereo::both_eyes::BothEyes;
 use following::LiveState;
 
 /// Running content, as the present thread uses it.
 pub(crate) enum ActiveContent {
     Play(Stream),
     Live(Box<LiveState>),
+    Both(Box<BothEyes>),
 }
 
 impl ActiveContent {
@@ -28,7 +30,40 @@ impl ActiveContent {
         match self {
             Self::Play(stream) => stream,
             Self::Live(following) => &mut following.source,
+            Self::Both(both) => both.as_mut(),
         }
+    }
+
+    pub(crate) fn source_ref(&self) -> &dyn SetSource {
+        match self {
+            Self::Play(stream) => stream,
+            Self::Live(following) => &following.source,
+            Self::Both(both) => both.as_ref(),
+        }
+    }
+
+    /// Returns the live holograms, of one eye or of both.
+    pub(crate) fn lives(&self) -> impl Iterator<Item = &LiveState> {
+        let eyes = match self {
+            Self::Both(both) => both.eyes.as_slice(),
+            one => std::slice::from_ref(one),
+        };
+        eyes.iter().filter_map(|eye| match eye {
+            Self::Live(live) => Some(live.as_ref()),
+            _ => None,
+        })
+    }
+
+    /// Returns the live holograms, of one eye or of both.
+    pub(crate) fn lives_mut(&mut self) -> impl Iterator<Item = &mut LiveState> {
+        let eyes = match self {
+            Self::Both(both) => both.eyes.as_mut_slice(),
+            one => std::slice::from_mut(one),
+        };
+        eyes.iter_mut().filter_map(|eye| match eye {
+            Self::Live(live) => Some(live.as_mut()),
+            _ => None,
+        })
     }
 }
 

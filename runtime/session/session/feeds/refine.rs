@@ -6,13 +6,14 @@
 mod beginning;
 mod handing_over;
 mod options;
+mod simulated;
 
 pub(crate) use options::{Begin, RefinementOptions};
 
 use crate::encode::Encoder;
 use crate::engine::vulkan::VulkanEncoder;
 use crate::gpu::Gpu;
-use crate::present::Clock;
+use crate::present::{Clock, RealClock};
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame};
 use crate::session::feeds::journal::{Decision, Journal, Moves};
 use crate::session::feeds::sets::{LiveSource, SetSender, set_channel};
@@ -26,6 +27,7 @@ use crate::session::playback::scheduler::Target;
 use crate::session::refinement::live_refiner::LiveRefiner;
 use crate::session::refinement::set_timing::as_ns;
 use crate::session::refinement::work_time::{Cost, Times, WorkTime};
+use crate::session::stereo::agreement::Member;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -63,7 +65,8 @@ impl Refinement {
     pub(crate) fn start(encoder: Encoder, mut options: RefinementOptions) -> Result<(Self, LiveSource), SessionError> {
         let (refiner, gpu) = (options.again)()?;
         let device = device_encoder(&refiner, gpu, &encoder)?;
-        let (sender, mut source) = set_channel(&encoder.frames(), || {
+        let keeps = if options.pair.is_some() { 2 } else { 1 };
+        let (sender, mut source) = set_channel(&encoder.frames(), keeps, || {
             device.as_ref().zip(options.direct).map(|(device, order)| device.pictures(order)).transpose()
         })?;
         let shared = Arc::new(Shared::default());
@@ -99,7 +102,7 @@ impl Refinement {
         if is_real {
             thread = Some(spawn("refines", move || refining.live())?);
         } else {
-            source.make = Some(Box::new(move |target| refining.make_for(target)));
+            source.make = Some(Box::new(refining));
         }
         Ok((Self { shared, thread }, source))
     }
@@ -180,6 +183,7 @@ impl Refining {
             let before = self.number;
             let Err(error) = self.run() else { return self.options.track };
             self.sender.does(RepeatReason::EngineLost);
+            let _away = self.options.pair.as_ref().map(Member::leave);
             if self.number - before >= WORKED_SETS {
                 left = ATTEMPTS;
             }
@@ -243,8 +247,8 @@ impl Refining {
                 std::thread::sleep(Duration::from_millis(2));
                 continue;
             }
+            let Some(target) = self.agreed(steered, clock) else { continue };
             let now_ns = clock.now_ns();
-            let target = self.reachable(now_ns);
             if steered {
                 whole = false;
                 self.refine_for(target, now_ns)?;
@@ -261,41 +265,16 @@ impl Refining {
         Ok(())
     }
 
-    /// Makes the set that begins at `target` in simulated time, if it can be ready by then.
-    fn make_for(&mut self, target: Target) -> Result<(), SessionError> {
-        let period_ns = self.options.timing.load().period_ns;
-        let (round_ns, ends_ns) = (self.round_ns(), self.ends_ns());
-        let need_ns = round_ns.saturating_add(ends_ns);
-        // Work begins at the decision on the previous set, or on an earlier one if that time is too short. It cannot
-        // begin before the previous work ends.
-        let ahead_ns = (need_ns.saturating_add(period_ns - 1) / period_ns.max(1)).max(1).saturating_mul(period_ns);
-        let free_ns = self.made_ns.max(target.hand_over_ns.saturating_sub(ahead_ns));
-        self.sender.does(RepeatReason::StepTooLong);
-        if free_ns.saturating_add(need_ns) > target.hand_over_ns {
-            return Ok(());
-        }
-        // Spare time that holds no whole round passes before the rounds, not after them. Then samples and frames that
-        // arrive in this time are lit with this set and not with the next.
-        let spare_ns = |from_ns: i64| (target.hand_over_ns - ends_ns - from_ns).max(0) % round_ns.max(1);
-        let comes = self.options.scenes.as_ref().is_some_and(|scenes| !scenes.begins_with_one());
-        let now_ns = match comes {
-            // Refinement has not begun, so the latest time gives the newest frame.
-            true if self.waits() => target.hand_over_ns - need_ns,
-            true => free_ns + spare_ns(free_ns),
-            false => free_ns,
+    /// Returns the next reachable set. Two eyes that show together agree on it, and wait for each other. Returns `None`
+    /// if the wait has ended because the session stops or the refinement is switched off.
+    fn agreed(&mut self, steered: bool, clock: RealClock) -> Option<Target> {
+        let need_ns = self.need_ns();
+        let timing = self.options.timing.load();
+        let Some(member) = self.options.pair.as_ref().filter(|_| steered) else {
+            return Some(timing.reachable(clock.now_ns(), need_ns));
         };
-        let steered = self.refines();
-        let Some(changed) = self.look_for_scene(&target, now_ns, steered)? else { return Ok(()) };
-        let ready_ns = now_ns + self.looked_ns;
-        match steered {
-            _ if self.waits() => Ok(()),
-            true => self.refine_for(target, ready_ns + spare_ns(ready_ns)),
-            false if changed => self.show_whole(&target, now_ns),
-            false => {
-                self.sender.does(RepeatReason::Unchanged);
-                Ok(())
-            }
-        }
+        let goes_on = || !self.shared.stop.load(Ordering::Acquire) && self.refines();
+        member.agree(need_ns, |need_ns| timing.reachable(clock.now_ns(), need_ns), goes_on)
     }
 
     /// Returns true if the first scene has not arrived.
@@ -326,9 +305,13 @@ impl Refining {
         }
     }
 
+    /// Returns the time of a round and of handing its set over.
+    fn need_ns(&self) -> i64 {
+        self.round_ns().saturating_add(self.ends_ns())
+    }
+
     fn reachable(&self, now_ns: i64) -> Target {
-        let need_ns = self.round_ns().saturating_add(self.ends_ns());
-        self.options.timing.load().reachable(now_ns, need_ns)
+        self.options.timing.load().reachable(now_ns, self.need_ns())
     }
 
     fn light_ns(&self, target: &Target) -> i64 {

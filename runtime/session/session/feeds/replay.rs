@@ -3,9 +3,10 @@
 use crate::encode::{Encoder, Lighting, PhaseSet};
 use crate::session::content::scenes::FrameFreshness;
 use crate::session::feeds::journal::{Decision, RecordedSession, motion_of, pupil_of};
-use crate::session::feeds::sets::{FinishedSet, LiveSource, SetSender, set_channel};
+use crate::session::feeds::sets::{FinishedSet, LiveSource, SetMaker, SetSender, set_channel};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Timestamps;
+use crate::session::playback::scheduler::Target;
 use crate::session::refinement::field::LiveColor;
 use crate::session::refinement::live_refiner::LiveRefiner;
 use eyebox_base::reason;
@@ -33,10 +34,10 @@ impl Replay {
         encoder: Encoder,
         lighting: Lighting,
     ) -> Result<LiveSource, SessionError> {
-        let (sender, mut source) = set_channel(&encoder.frames(), || Ok::<_, SessionError>(None))?;
+        let (sender, mut source) = set_channel(&encoder.frames(), 1, || Ok::<_, SessionError>(None))?;
         let (newest, content, steps) = (None, None, 0);
-        let mut replay = Self { kept, colors, refiner, encoder, lighting, sender, newest, content, steps };
-        source.make = Some(Box::new(move |_| replay.light_next()));
+        let replay = Self { kept, colors, refiner, encoder, lighting, sender, newest, content, steps };
+        source.make = Some(Box::new(replay));
         Ok(source)
     }
 
@@ -108,5 +109,15 @@ impl Replay {
             motion: Vec::new(),
         });
         Ok(())
+    }
+}
+
+impl SetMaker for Replay {
+    fn can_make(&mut self, _target: Target) -> bool {
+        true
+    }
+
+    fn make(&mut self, _target: Target) -> Result<(), SessionError> {
+        self.light_next()
     }
 }

@@ -12,6 +12,7 @@ use crate::session::playback::scheduler::Target;
 use crate::session::playback::scheduler::{Content, Readiness};
 use crate::solve::{Motion, Problem};
 use crossbeam_utils::atomic::AtomicCell;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -50,6 +51,18 @@ impl FinishedSet {
     /// Returns the indices of the switchable sources of the display that light the set, for each color and from 0.
     pub fn sources(&self) -> &[Vec<usize>] {
         &self.buffer.sources
+    }
+
+    /// Returns true if this set and a set of the other eye are for the same time and the same content. Holograms for
+    /// the whole eyebox are for any time.
+    pub(crate) fn belongs_to(&self, other: &Self, period_ns: i64) -> bool {
+        let apart_ns = self.timestamps.predicted_light_ns.abs_diff(other.timestamps.predicted_light_ns);
+        let same_time = match (self.steps, other.steps) {
+            (0, 0) => true,
+            (0, _) | (_, 0) => false,
+            _ => apart_ns <= period_ns.unsigned_abs() / 2,
+        };
+        same_time && self.content == other.content
     }
 }
 
@@ -95,43 +108,68 @@ pub(crate) struct SetSender {
 pub(crate) struct LiveSource {
     newest: Mailbox<FinishedSet>,
     free: Mailbox<SetBuffer>,
-    fresh: Option<FinishedSet>,
+    /// The newest sets that wait to be shown, and their largest number.
+    fresh: VecDeque<FinishedSet>,
+    keeps: usize,
     pub(crate) on_screen: Option<FinishedSet>,
     changed: bool,
     /// The time of the last poll of a player, at which it decided on a set.
     pub(crate) asked: Option<Instant>,
     /// The repeated sets by reason, in the order of [`RepeatReason::ALL`]. The next field is the reason of the last
     /// decision, if it was a repeat.
-    pub(crate) repeats: [u64; 6],
+    pub(crate) repeats: [u64; 7],
     pub(crate) repeated: Option<RepeatReason>,
     /// The sets that were new when they were decided on.
     pub(crate) news: u64,
     over: Arc<AtomicBool>,
     doing: Arc<AtomicCell<RepeatReason>>,
-    /// The function that makes the set of a target in simulated time.
-    pub(crate) make: Option<SetMaker>,
+    /// The maker of sets in simulated time.
+    pub(crate) make: Option<Box<dyn SetMaker>>,
 }
 
-/// Makes the set that begins with the video frame of a target, if it can be ready by then.
-pub(crate) type SetMaker = Box<dyn FnMut(Target) -> Result<(), SessionError>>;
+/// Makes sets when they are requested, in simulated time.
+pub(crate) trait SetMaker {
+    /// Returns true if the set that begins with the video frame of a target can be ready by then.
+    fn can_make(&mut self, target: Target) -> bool;
 
-/// Creates both sides, with buffers like `frames`, and pictures on a device if `pictures` makes them.
+    /// Makes the set that begins with the video frame of a target, if it can be ready by then.
+    fn make(&mut self, target: Target) -> Result<(), SessionError>;
+}
+
+/// Creates both sides, with buffers like `frames`, and pictures on a device if `pictures` makes them. At most `keeps`
+/// sets wait to be shown.
 pub(crate) fn set_channel<E>(
     frames: &VideoFrames,
+    keeps: usize,
     mut pictures: impl FnMut() -> Result<Option<Pictures>, E>,
 ) -> Result<(SetSender, LiveSource), E> {
-    let (newest, free) = (Mailbox::new(1), Mailbox::new(BUFFERS));
-    for _ in 0..BUFFERS {
+    // A set may wait in the mailbox and another one with the source.
+    let buffers = BUFFERS + 2 * (keeps - 1);
+    let (newest, free) = (Mailbox::new(keeps), Mailbox::new(buffers));
+    for _ in 0..buffers {
         let _ = free.put(SetBuffer { frames: frames.clone(), pictures: pictures()?, sources: Vec::new() });
     }
     let over = Arc::new(AtomicBool::new(false));
     let doing = Arc::new(AtomicCell::new(RepeatReason::default()));
     let sender =
         SetSender { newest: newest.clone(), free: free.clone(), over: Arc::clone(&over), doing: Arc::clone(&doing) };
-    let (fresh, on_screen, asked, make) = (None, None, None, None);
-    let (changed, repeats, repeated, news) = (false, [0; 6], None, 0);
-    let source =
-        LiveSource { newest, free, fresh, on_screen, changed, asked, repeats, repeated, news, over, doing, make };
+    let (fresh, on_screen, asked, make) = (VecDeque::with_capacity(keeps + 1), None, None, None);
+    let (changed, repeats, repeated, news) = (false, [0; 7], None, 0);
+    let source = LiveSource {
+        newest,
+        free,
+        fresh,
+        keeps,
+        on_screen,
+        changed,
+        asked,
+        repeats,
+        repeated,
+        news,
+        over,
+        doing,
+        make,
+    };
     Ok((sender, source))
 }
 
@@ -145,7 +183,7 @@ impl SetSender {
     /// Returns a buffer to fill. One is always free, because at most one set waits, unless a swapchain still reads them
     /// all.
     pub(crate) fn buffer(&self) -> Option<SetBuffer> {
-        for _ in 0..BUFFERS {
+        for _ in 0..self.free.capacity() {
             let buffer = self.free.take()?;
             if !buffer.pictures.as_ref().is_some_and(Pictures::in_use) {
                 return Some(buffer);
@@ -186,6 +224,46 @@ impl LiveSource {
     pub(crate) fn newly_shown(&mut self) -> Option<&FinishedSet> {
         std::mem::take(&mut self.changed).then_some(self.on_screen.as_ref()).flatten()
     }
+
+    /// Returns the sets that wait to be shown, the oldest first.
+    pub(crate) fn fresh(&self) -> &VecDeque<FinishedSet> {
+        &self.fresh
+    }
+
+    /// Shows one of the waiting sets. Older ones are never shown.
+    pub(crate) fn show_waiting(&mut self, at: usize) {
+        for older in self.fresh.drain(..at) {
+            let _ = self.free.put(older.buffer);
+        }
+        let Some(fresh) = self.fresh.pop_front() else { return };
+        self.repeated = None;
+        self.news += 1;
+        self.changed = true;
+        give_back(&self.free, self.on_screen.replace(fresh));
+    }
+
+    /// Shows the set on the screen again. A set that waits, waits for the other eye.
+    pub(crate) fn show_again(&mut self) {
+        let why = if !self.fresh.is_empty() { RepeatReason::OtherEye } else { self.doing.load() };
+        self.repeats[why as usize] += 1;
+        self.repeated = Some(why);
+    }
+
+    /// Returns true if the set of a target can be ready in simulated time, or nobody makes one.
+    pub(crate) fn can_make(&mut self, target: Target) -> bool {
+        self.is_away() || self.make.as_mut().is_none_or(|maker| maker.can_make(target))
+    }
+
+    /// States the reason why no set is made now.
+    pub(crate) fn waits(&self, why: RepeatReason) {
+        self.doing.store(why);
+    }
+
+    /// Returns true while no sets can be made, because the engine is lost or refinement has ended.
+    pub(crate) fn is_away(&self) -> bool {
+        matches!(self.doing.load(), RepeatReason::EngineLost | RepeatReason::RefinementEnded)
+            || self.over.load(Ordering::Acquire)
+    }
 }
 
 /// Returns true if no more sets follow and none waits. The end is read first, so that a set that was handed over before
@@ -196,42 +274,39 @@ fn is_over(ended: impl FnOnce() -> bool, none_waits: impl FnOnce() -> bool) -> b
 
 impl Content for LiveSource {
     fn readiness(&self, _position: u64) -> Readiness {
-        if self.fresh.is_some() || self.on_screen.is_some() { Readiness::Ready } else { Readiness::Unread }
+        if !self.fresh.is_empty() || self.on_screen.is_some() { Readiness::Ready } else { Readiness::Unread }
     }
 
     fn end(&self) -> Option<u64> {
         let over = || self.over.load(Ordering::Acquire);
-        is_over(over, || self.fresh.is_none() && self.newest.is_empty()).then_some(0)
+        is_over(over, || self.fresh.is_empty() && self.newest.is_empty()).then_some(0)
     }
 }
 
 impl SetSource for LiveSource {
     fn poll(&mut self, _useful_from: u64) -> Result<(), SessionError> {
         self.asked = Some(Instant::now());
-        if let Some(set) = self.newest.take() {
-            give_back(&self.free, self.fresh.replace(set));
+        while let Some(set) = self.newest.take() {
+            self.fresh.push_back(set);
+            if self.fresh.len() > self.keeps {
+                give_back(&self.free, self.fresh.pop_front());
+            }
         }
         Ok(())
     }
 
     fn settle(&mut self, _position: u64, target: Target) -> Result<(), SessionError> {
-        if let Some(make) = &mut self.make {
-            make(target)?;
+        if let Some(maker) = &mut self.make {
+            maker.make(target)?;
         }
         self.poll(0)
     }
 
     fn show(&mut self, _position: u64) {
-        let Some(fresh) = self.fresh.take() else {
-            let why = self.doing.load();
-            self.repeats[why as usize] += 1;
-            self.repeated = Some(why);
-            return;
-        };
-        self.repeated = None;
-        self.news += 1;
-        self.changed = true;
-        give_back(&self.free, self.on_screen.replace(fresh));
+        match self.fresh.len().checked_sub(1) {
+            Some(newest) => self.show_waiting(newest),
+            None => self.show_again(),
+        }
     }
 
     fn on_screen(&self) -> Option<(&VideoFrames, u64)> {

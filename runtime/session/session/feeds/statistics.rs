@@ -10,6 +10,7 @@ use crate::session::playback::report::Report;
 use crate::session::playback::triggers::TriggerReport;
 use crate::session::refinement::live_refiner::Policy;
 use crate::session::refinement::pupil_tracker::TrackerCounts;
+use crate::session::stereo::report::TwoEyesReport;
 use serde_json::{Value, json};
 
 /// The reason why a session ended.
@@ -79,6 +80,8 @@ pub struct Statistics {
     pub validation: Vec<String>,
     /// The statistics of a live hologram, if the session showed one.
     pub live: Option<LiveStatistics>,
+    /// The statistics of two eyes, if the session showed both.
+    pub two_eyes: Option<TwoEyesReport>,
 }
 
 /// The statistics of the refinement for the tracked pupil.
@@ -96,7 +99,7 @@ pub struct LiveStatistics {
     /// The sets that were shown again.
     pub sets_repeated: u64,
     /// The repeated sets by reason, in the order of [`RepeatReason::ALL`].
-    pub repeats: [u64; 6],
+    pub repeats: [u64; 7],
     /// True if updates roll, so that every video frame may be new.
     pub rolls: bool,
     /// The sub-frames that were lit, of all colors, first for the first time and then again.
@@ -123,20 +126,11 @@ impl Statistics {
     pub fn to_json(&self) -> Value {
         let mut all = self.report.to_json();
         if let Some(live) = &self.live {
-            let name = |repeat: &RepeatReason| repeat.name().replace(' ', "_");
-            let repeats: Value = RepeatReason::ALL.iter().zip(live.repeats).map(|(r, n)| (name(r), json!(n))).collect();
-            let [first, again] = live.sub_frames;
-            all = json!({
-                "playback": all, "tracker": live.tracker, "samples": live.samples.to_json(), "sets_new": live.sets_new,
-                "sets_repeated": live.sets_repeated, "repeated_because": repeats, "sets_roll": live.rolls,
-                "sub_frames": { "first_light": first, "again": again }, "steps": live.steps, "restarts": live.restarts,
-                "sets_moving": live.sets_moving, "phases_moved": live.phases_moved,
-                "focus_mm": live.focus.map(|depths| depths.map(|z| z * 1e3)),
-                "latency": live.latency.to_json(), "policy": live.policy,
-            });
-            if let Some(showing) = &live.showing {
-                all["content"] = showing.to_json();
+            let mut joined = json!({ "playback": all });
+            if let (Value::Object(joined), Value::Object(live)) = (&mut joined, live.to_json()) {
+                joined.extend(live);
             }
+            all = joined;
         }
         all["ended_by"] = json!(self.ended_by.name());
         all["presenter"] = json!(self.presenter);
@@ -157,6 +151,30 @@ impl Statistics {
         }
         if let Some(report) = &self.trigger_in {
             all["trigger_in"] = report.to_json();
+        }
+        if let Some(report) = &self.two_eyes {
+            all["two_eyes"] = report.to_json();
+        }
+        all
+    }
+}
+
+impl LiveStatistics {
+    /// Returns the statistics for programs.
+    pub(crate) fn to_json(&self) -> Value {
+        let name = |repeat: &RepeatReason| repeat.name().replace(' ', "_");
+        let repeats: Value = RepeatReason::ALL.iter().zip(self.repeats).map(|(r, n)| (name(r), json!(n))).collect();
+        let [first, again] = self.sub_frames;
+        let mut all = json!({
+            "tracker": self.tracker, "samples": self.samples.to_json(), "sets_new": self.sets_new,
+            "sets_repeated": self.sets_repeated, "repeated_because": repeats, "sets_roll": self.rolls,
+            "sub_frames": { "first_light": first, "again": again }, "steps": self.steps, "restarts": self.restarts,
+            "sets_moving": self.sets_moving, "phases_moved": self.phases_moved,
+            "focus_mm": self.focus.map(|depths| depths.map(|z| z * 1e3)),
+            "latency": self.latency.to_json(), "policy": self.policy,
+        });
+        if let Some(showing) = &self.showing {
+            all["content"] = showing.to_json();
         }
         all
     }

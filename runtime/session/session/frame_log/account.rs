@@ -99,22 +99,32 @@ pub enum RepeatReason {
     EngineLost,
     /// Refinement has ended for good.
     RefinementEnded,
+    /// The set of the other eye was not ready.
+    OtherEye,
 }
 
 impl RepeatReason {
     /// All reasons in the order of the statistics.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Unchanged,
         Self::StepTooLong,
         Self::SceneTooLong,
         Self::EncodingTooLong,
         Self::EngineLost,
         Self::RefinementEnded,
+        Self::OtherEye,
     ];
 
     /// Returns the name for people and statistics.
     pub fn name(self) -> &'static str {
-        ["unchanged", "step too long", "scene too long", "encoding too long", "engine lost", "refinement ended"]
-            [self as usize]
+        [
+            "unchanged",
+            "step too long",
+            "scene too long",
+            "encoding too long",
+            "engine lost",
+            "refinement ended",
+            "other eye",
+        ][self as usize]
     }
 }

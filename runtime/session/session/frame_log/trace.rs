@@ -19,7 +19,7 @@ const WAITING: usize = 1 << 14;
 
 #[derive(Debug, Clone)]
 enum Entry {
-    Track { thread: u64, name: &'static str },
+    Track { thread: u64, name: String },
     Span { thread: u64, name: &'static str, position: u64, start_ns: u64, duration_ns: u64 },
     Lit { thread: u64, at_ns: u64, lit: Lit },
     Light { thread: u64, at_ns: u64, light: Light },
@@ -60,6 +60,8 @@ pub(crate) struct Light {
 pub struct Trace {
     origin: Instant,
     out: Option<Mailbox<Option<Entry>>>,
+    /// The beginning of the names of all tracks, such as the eye.
+    prefix: &'static str,
     tracks: Arc<AtomicU64>,
     /// The number of spans that found no room.
     lost: Arc<AtomicU64>,
@@ -75,7 +77,7 @@ pub struct Written {
 impl Trace {
     /// Creates a trace that keeps nothing.
     pub fn none() -> Self {
-        Self { origin: Instant::now(), out: None, tracks: Arc::default(), lost: Arc::default() }
+        Self { origin: Instant::now(), out: None, prefix: "", tracks: Arc::default(), lost: Arc::default() }
     }
 
     /// Starts a trace that is written to a file until [`Written::finish`].
@@ -97,10 +99,16 @@ impl Trace {
         Ok(Written { trace: Self { out: Some(writer.entries.clone()), ..trace }, writer })
     }
 
+    /// Returns a trace whose tracks have names that begin with `prefix`.
+    #[must_use]
+    pub(crate) fn named(&self, prefix: &'static str) -> Self {
+        Self { prefix, ..self.clone() }
+    }
+
     /// Creates a track for a thread.
     pub fn track(&self, name: &'static str) -> Track {
         let track = Track { thread: self.tracks.fetch_add(1, Ordering::Relaxed), trace: self.clone() };
-        track.put(Entry::Track { thread: track.thread, name });
+        track.put(Entry::Track { thread: track.thread, name: format!("{}{name}", self.prefix) });
         track
     }
 }

@@ -79,5 +79,5 @@ fn encoder_of_planes(display: &Display, colors: &[Color]) -> Result<Encoder, Ses
 
 /// Returns the rate of the monitor with this size, which appears late.
 fn rate_of_monitor(size: [usize; 2]) -> Option<Rate> {
-    choose(&mut Desktop::open().ok()?, None, size, SOURCE_TIME).ok()?.rate
+    choose(&mut Desktop::open().ok()?, SOURCE_TIME, |d| d.choose(None, size)).ok()?.rate
 }

@@ -1,13 +1,15 @@
 //! Opens the output of the video frames of a session.
 
+use crate::engine::EngineError;
 use crate::gpu::{Gpu, Options as GpuOptions};
 use crate::present::{
-    Clock, Desktop, DisplayPresenter, Monitor, Offscreen, PresentError, Presenter, Rate, RealClock, SimulatedClock,
-    Sink,
+    Clock, Desktop, DisplayPresenter, Offscreen, PresentError, Presenter, Rate, RealClock, SharedDesktop,
+    SimulatedClock, Sink, TwoPanels,
 };
 use crate::session::frame_log::error::SessionError;
 use crate::session::playback::ticks::TickedOutput;
 use eyebox_base::reason;
+use std::cell::{RefCell, RefMut};
 use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -28,6 +30,13 @@ pub enum Output {
         /// The index of the display, its connector or its monitor. If it is `None`, the first display with a mode of
         /// the size of the video frame is used.
         display: Option<String>,
+    },
+    /// Two displays, for the left and the right eye.
+    Pair {
+        /// The display of the left eye, a window or a display that no desktop drives.
+        left: Box<Output>,
+        /// The display of the right eye, of the same kind.
+        right: Box<Output>,
     },
     /// Video frames go to memory.
     Memory {
@@ -78,7 +87,9 @@ pub(crate) struct OpenDisplay {
 
 enum Kind {
     Window(Box<DisplayPresenter>),
-    Other(Box<dyn Presenter>, Option<Box<Desktop>>),
+    /// Two panels, with the desktop of their windows.
+    Pair(Box<TwoPanels>, Option<SharedDesktop>),
+    Other(Box<dyn Presenter>, Option<SharedDesktop>),
 }
 
 impl Output {
@@ -106,10 +117,16 @@ impl Output {
         let (kind, known, mode_rate) = match self {
             Self::Window { monitor } => {
                 let mut desktop = Desktop::open()?;
-                let monitor = choose(&mut desktop, monitor.as_deref(), [rows, columns], patience)?;
+                let monitor = choose(&mut desktop, patience, |d| d.choose(monitor.as_deref(), [rows, columns]))?;
                 let window = desktop.fullscreen(&shared()?, &monitor, real)?;
                 let (mode_rate, known) = (window.rate, rate.or(window.rate));
                 (Kind::Window(Box::new(window)), known, mode_rate)
+            }
+            Self::Pair { left, right } => {
+                // The joined picture holds one panel below the other.
+                let panel = [rows / 2, columns];
+                let (kind, mode_rate) = open_pair([left, right], panel, rate, &shared, (real, patience))?;
+                (kind, rate.or(mode_rate), mode_rate)
             }
             #[cfg(feature = "direct-display")]
             Self::Direct { display } => {
@@ -148,16 +165,69 @@ impl Output {
 /// The interval at which a missing monitor is searched.
 const MONITOR_INTERVAL: Duration = Duration::from_millis(250);
 
-/// Chooses a monitor, which may appear within `patience`. A program can open the desktop only once.
-pub(super) fn choose(
+/// Opens the displays of both eyes, each for video frames of `panel` rows and columns.
+fn open_pair(
+    outputs: [&Output; 2],
+    panel: [usize; 2],
+    rate: Option<Rate>,
+    shared: &dyn Fn() -> Result<Gpu, EngineError>,
+    (real, patience): (RealClock, Duration),
+) -> Result<(Kind, Option<Rate>), SessionError> {
+    let (panels, desktop) = match outputs {
+        [Output::Window { monitor: left }, Output::Window { monitor: right }] => {
+            let mut desktop = Desktop::open()?;
+            let names = [left.as_deref(), right.as_deref()];
+            let [left, right] = choose(&mut desktop, patience, |d| d.choose_two(names, panel))?;
+            let panels = desktop.fullscreen_on_two(&shared()?, [&left, &right], real)?;
+            let desktop = panels[0].shared_desktop();
+            (panels, desktop)
+        }
+        #[cfg(feature = "direct-display")]
+        [Output::Direct { display: left }, Output::Direct { display: right }] => {
+            let gpu = shared()?;
+            let open = |name: &Option<String>| {
+                retry(patience, || {
+                    DisplayPresenter::direct(&gpu, name.as_deref(), panel, rate, real).map_err(SessionError::from)
+                })
+            };
+            ([open(left)?, open(right)?], None)
+        }
+        _ => {
+            return Err(reason!(
+                "pair-of-outputs",
+                "`output`: two panels need two windows or two direct displays, one for each eye"
+            )
+            .into());
+        }
+    };
+    let [left, right] = panels;
+    let (mode_rate, other) = (left.rate, right.rate);
+    if let (Some(a), Some(b)) = (mode_rate, other)
+        && (a.hz() / b.hz() - 1.0).abs() > SAME_RATE
+    {
+        return Err(reason!(
+            "pair-of-rates",
+            "the left panel has {a} video frames per second and the right one {b}: give both the same mode"
+        )
+        .into());
+    }
+    let period = mode_rate.or(rate).map_or_else(|| Rate::new(60, 1), Ok)?;
+    let panels = TwoPanels::new(Box::new(left), Box::new(right), period.period_ns());
+    Ok((Kind::Pair(Box::new(panels), desktop), mode_rate))
+}
+
+/// The largest relative difference of two rates that count as the same mode. Modes of 59.94 and 60 Hz differ by 0.001.
+const SAME_RATE: f64 = 5e-4;
+
+/// Chooses monitors, which may appear within `patience`. A program can open the desktop only once.
+pub(super) fn choose<T>(
     desktop: &mut Desktop,
-    wanted: Option<&str>,
-    size: [usize; 2],
     patience: Duration,
-) -> Result<Monitor, PresentError> {
+    wanted: impl Fn(&Desktop) -> Result<T, PresentError>,
+) -> Result<T, PresentError> {
     let begun = Instant::now();
     loop {
-        match desktop.choose(wanted, size) {
+        match wanted(desktop) {
             Err(_) if begun.elapsed() < patience => desktop.pump_for(MONITOR_INTERVAL)?,
             chosen => return chosen,
         }
@@ -180,19 +250,24 @@ impl OpenDisplay {
     pub(crate) fn presenter(&mut self) -> &mut dyn Presenter {
         match &mut self.kind {
             Kind::Window(window) => window.as_mut(),
+            Kind::Pair(panels, _) => panels.as_mut(),
             Kind::Other(presenter, _) => presenter.as_mut(),
         }
     }
 
     /// Returns the desktop for a window next to the display.
-    pub(crate) fn desktop(&mut self) -> Result<&mut Desktop, PresentError> {
+    pub(crate) fn desktop(&mut self) -> Result<RefMut<'_, Desktop>, PresentError> {
         match &mut self.kind {
             Kind::Window(window) => window.desktop().ok_or_else(|| PresentError::Display {
                 presenter: "the window".into(),
                 reason: reason!("no-desktop", "it has no desktop"),
             }),
-            Kind::Other(_, Some(desktop)) => Ok(desktop),
-            Kind::Other(_, none) => Ok(none.insert(Box::new(Desktop::open()?))),
+            Kind::Other(_, desktop) | Kind::Pair(_, desktop) => {
+                if desktop.is_none() {
+                    *desktop = Some(Rc::new(RefCell::new(Desktop::open()?)));
+                }
+                Ok(desktop.as_ref().expect("it was opened").borrow_mut())
+            }
         }
     }
 
@@ -200,7 +275,7 @@ impl OpenDisplay {
     /// its own.
     pub(crate) fn pump(&mut self) -> Result<(), PresentError> {
         match &mut self.kind {
-            Kind::Other(_, Some(desktop)) => desktop.pump_for(Duration::ZERO),
+            Kind::Other(_, Some(desktop)) => desktop.borrow_mut().pump_for(Duration::ZERO),
             _ => Ok(()),
         }
     }

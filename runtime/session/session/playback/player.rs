@@ -28,6 +28,9 @@ pub(crate) trait SetSource: Content {
     /// Puts a position that is ready on the screen.
     fn show(&mut self, position: u64);
 
+    /// Prepares this video frame of the set on the screen, if it is made from several parts.
+    fn compose(&mut self, _video_frame: usize) {}
+
     /// Returns the set on the screen, and the number of its frame in the file.
     fn on_screen(&self) -> Option<(&VideoFrames, u64)>;
 
@@ -178,6 +181,7 @@ impl Player {
             What::Set(position) => source.show(position),
             What::Idle | What::Keep => {}
         }
+        source.compose(video_frame as usize);
         let (frames, index) = match source.on_screen() {
             Some((frames, index)) if what != What::Idle => (frames, Some(index)),
             _ => (&self.idle, None),

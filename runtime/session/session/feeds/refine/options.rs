@@ -14,6 +14,7 @@ use crate::session::refinement::pupil_source::PupilSource;
 use crate::session::refinement::pupil_tracker::PupilEstimate;
 use crate::session::refinement::set_timing::SetTiming;
 use crate::session::refinement::work_time::Cost;
+use crate::session::stereo::agreement::Member;
 use crossbeam_utils::atomic::AtomicCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -49,6 +50,8 @@ pub(crate) struct RefinementOptions {
     pub with_phases: bool,
     /// The function that opens the engines again after a loss, with all of their data.
     pub again: Begin,
+    /// The place of this eye in an agreement with the other eye, if both show together.
+    pub pair: Option<Member>,
     /// The sink for notes about failures.
     pub notes: Notes,
     /// The track of the thread in a trace.

@@ -1,0 +1,237 @@
+//! Tests that both eyes are lit in the same video frame, and that one failing eye leaves the other one's picture.
+
+use crate::encode::Encoder;
+use crate::gaze::{Estimator, Eye, Settings as GazeSettings};
+use crate::hologram::{ColorHologram, Hologram, SequenceWriter};
+use crate::optics::{Color, Display, Panels, Stereo};
+use crate::present::Rate;
+use crate::session::stage::*;
+use crate::session::*;
+use crate::solve::random_phases;
+use crate::trackers::{Options, Spec};
+use eyebox_base::error::ErrorData;
+use eyebox_base::reason;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// A video frame of both eyes, with a checksum of each half.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Lit {
+    index: Option<u64>,
+    halves: [u32; 2],
+}
+
+/// Runs a session of two eyes whose panels are one below the other. Returns its end and its video frames.
+fn run(both: TwoEyed, simulated: bool, seconds: f64) -> (Ended, Vec<Lit>) {
+    let frames = Arc::new(Mutex::new(Vec::new()));
+    let theirs = Arc::clone(&frames);
+    let observer = move |frame: &PresentedFrame<'_>| {
+        let (left, right) = frame.picture.split_at(frame.picture.len() / 2);
+        theirs.lock().unwrap().push(Lit { index: frame.index, halves: [left, right].map(crc32c::crc32c) });
+    };
+    let options = SessionOptions {
+        display_rate: Some(Rate::new(60, 1).unwrap()),
+        duration: Some(Duration::from_secs_f64(seconds)),
+        observer: Some(Box::new(observer)),
+        ..SessionOptions::default()
+    };
+    let session = Session::start(both, Output::Memory { simulated, sink: None }, options).unwrap();
+    while session.is_running() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let ended = session.stop();
+    let frames = frames.lock().unwrap().clone();
+    (ended, frames)
+}
+
+fn tracking(real_time: bool) -> [Tracking; 2] {
+    let estimator = |eye| Estimator::new(GazeSettings { eye, ..GazeSettings::default() }, None).unwrap();
+    let options = Options { real_time, ..Options::default() };
+    let estimators = [estimator(Eye::Left), estimator(Eye::Right)];
+    Tracking::open_two(&Spec::Simulated(4), &options, estimators, (63e-3, 11e-3), [0.0, 2.0]).unwrap()
+}
+
+/// Returns content of one eye, whose steps take `step_ms`, or the time that they take.
+fn eye(stage: &Scripted, tracking: Tracking, step_ms: Option<f64>) -> Live {
+    let engines: EngineOpener = Box::new(cpu);
+    let mut live = Live::new(stage.begun(), stage.encoder(), engines, tracking);
+    live.cost = step_ms.map_or(Cost::Measured, |ms| Cost::Fixed {
+        step: Duration::from_secs_f64(ms * 1e-3),
+        encode: Duration::from_micros(500),
+    });
+    live
+}
+
+fn two_live(stereo: Stereo, steps_ms: [Option<f64>; 2], places: Panels) -> TwoEyed {
+    let stage = Scripted::new("planes8", 64, 1);
+    let [left, right] = tracking(steps_ms[0].is_none());
+    TwoEyed::live(eye(&stage, left, steps_ms[0]), eye(&stage, right, steps_ms[1]), stereo, places)
+}
+
+fn report(ended: &Ended) -> &TwoEyesReport {
+    ended.statistics.two_eyes.as_ref().unwrap()
+}
+
+/// Returns the video frames at which the left and the right half changed.
+fn changes(frames: &[Lit]) -> [Vec<usize>; 2] {
+    [0, 1].map(|eye| (1..frames.len()).filter(|i| frames[*i].halves[eye] != frames[i - 1].halves[eye]).collect())
+}
+
+/// If one eye needs three times the time of the other one, both wait for each other. Independent eyes do not.
+#[test]
+fn eyes_that_show_together_change_in_the_same_video_frame() {
+    let steps = [Some(4.0), Some(21.0)];
+    let (ended, frames) = run(two_live(Stereo::Together, steps, Panels::TopBottom), true, 4.0);
+    let both = report(&ended);
+    assert!(both.video_frames > 200 && both.differing == 0, "{} of {}", both.differing, both.video_frames);
+    let [left, right] = changes(&frames);
+    // The first set of the whole eyebox may be the idle picture of the other eye.
+    assert_eq!(left[1..], right[1..]);
+    assert!(left.len() > 80, "{} new sets", left.len());
+    let (left, right) = (ended.statistics.live.as_ref().unwrap(), both.right_live.as_ref().unwrap());
+    assert_eq!(left.sets_new, right.sets_new);
+    assert!(left.repeats[RepeatReason::OtherEye as usize] > 80, "{:?}", left.repeats);
+    assert_eq!(right.repeats[RepeatReason::OtherEye as usize], 0, "{:?}", right.repeats);
+
+    let (ended, frames) = run(two_live(Stereo::Independent, steps, Panels::TopBottom), true, 4.0);
+    let alone = report(&ended);
+    assert!(alone.differing * 3 > alone.video_frames, "{} of {}", alone.differing, alone.video_frames);
+    let [left, right] = changes(&frames);
+    assert!(left.len() > 2 * right.len() - 10 && right.len() > 80, "{} and {}", left.len(), right.len());
+}
+
+/// Each eye of a pair shows the bytes of a session of its own.
+#[test]
+fn each_eye_is_refined_as_if_it_were_alone() {
+    let stage = Scripted::new("planes8", 64, 1);
+    let steps = Some(5.0);
+    let [left, right] = tracking(false);
+    let pair = TwoEyed::live(eye(&stage, left, steps), eye(&stage, right, steps), Stereo::Together, Panels::TopBottom);
+    let (_, both) = run(pair, true, 1.0);
+    for at in [0, 1] {
+        let mut own = tracking(false).into_iter();
+        let tracking = own.nth(at).unwrap();
+        let (_, frames) = scripted::shown(eye(&stage, tracking, steps), 60, 1.0);
+        let own: Vec<u32> = frames.iter().map(|frame| frame.checksum).collect();
+        let of_pair: Vec<u32> = both.iter().map(|frame| frame.halves[at]).collect();
+        assert_eq!(own, of_pair, "{at}");
+        assert!(own.windows(2).filter(|two| two[0] != two[1]).count() > 50);
+    }
+    assert!(both.iter().skip(10).any(|frame| frame.halves[0] != frame.halves[1]), "the eyes see different pictures");
+}
+
+/// In real time on a machine of any speed, both eyes have sets for the same time.
+#[test]
+fn eyes_in_real_time_agree() {
+    let (ended, frames) = run(two_live(Stereo::Together, [None, None], Panels::SideBySide), false, 2.0);
+    ended.result.as_ref().unwrap();
+    let both = report(&ended);
+    assert!(both.video_frames > 20 && both.differing == 0, "{} of {}", both.differing, both.video_frames);
+    let right = both.right_live.as_ref().unwrap();
+    assert!(right.sets_new > 3, "{} new sets", right.sets_new);
+    assert_eq!(ended.statistics.live.as_ref().unwrap().sets_new, right.sets_new);
+    assert!(!frames.is_empty());
+}
+
+/// Content that ends with an error after some scenes.
+struct Fails(u32);
+
+impl Scenes for Fails {
+    fn describe(&self) -> String {
+        "fails".into()
+    }
+
+    fn next(&mut self, _: &Due) -> Result<Newest, SessionError> {
+        self.0 = self.0.saturating_sub(1);
+        if self.0 == 0 { Err(reason!("gone", "the content is gone").into()) } else { Ok(Newest::Same) }
+    }
+}
+
+#[test]
+fn a_failing_eye_leaves_the_other_ones_picture() {
+    for fails in [0, 1] {
+        let stage = Scripted::new("planes8", 64, 1);
+        let mut eyes = tracking(false).map(|tracking| eye(&stage, tracking, Some(4.0)));
+        eyes[fails].scenes = Some(Box::new(Fails(30)));
+        // Scenes are numbered, so those of the other eye are too.
+        eyes[1 - fails].scenes = Some(Box::new(Fails(u32::MAX)));
+        let [left, right] = eyes;
+        let (ended, frames) = run(TwoEyed::live(left, right, Stereo::Together, Panels::TopBottom), true, 3.0);
+        ended.result.as_ref().unwrap();
+        assert_eq!(ended.statistics.ended_by, Ending::Duration);
+        let changes = changes(&frames);
+        let last = |eye: usize| *changes[eye].last().unwrap();
+        // The last picture of a session is the idle picture.
+        assert!(changes[fails].len() < 40, "{:?}", changes[fails]);
+        assert!(changes[1 - fails].len() > 120 && last(1 - fails) > 160, "{:?}", changes[1 - fails]);
+    }
+}
+
+/// Writes a sequence whose holograms are random, and returns it with the encoder of its display.
+fn sequence(folder: &std::path::Path, name: &str, seed: u64, count: u64) -> (Play, Vec<u32>) {
+    let display = Display { height: 12, width: 16, ..Display::preset("grey8").unwrap() };
+    let green = display.wavelengths.iter().find(|w| w.color == Color::Green).unwrap().wavelength;
+    let hologram = |index: u64| {
+        let phases = random_phases(192, seed + index);
+        let color = Some(Color::Green);
+        let green = ColorHologram { color, wavelength: green, exposure: 0.4, efficiency: 0.4, phases };
+        Hologram { height: 12, width: 16, ..Hologram::on(&display, 1, vec![green]) }
+    };
+    let path = folder.join(name);
+    let mut writer = SequenceWriter::create(&path, &hologram(0), [20, 1], None).unwrap();
+    (0..count).for_each(|index| writer.append(&hologram(index)).unwrap());
+    drop(writer);
+    let encoder = Encoder::new(&display, &[Color::Green], 1).unwrap();
+    let checksum = |index: u64| {
+        let phases = hologram(index).colors.remove(0).phases;
+        crc32c::crc32c(encoder.encode(&crate::encode::PhaseSet::trusted(&[&phases])).unwrap().frame(0))
+    };
+    let checksums = (0..count).map(checksum).collect();
+    (Play::open(&path, &display).unwrap(), checksums)
+}
+
+/// The holograms of both eyes with the same number are lit in the same video frames.
+#[test]
+fn sequences_of_both_eyes_are_played_in_step() {
+    let here = tempfile::tempdir().unwrap();
+    for stereo in [Stereo::Together, Stereo::Independent] {
+        let (left, of_left) = sequence(here.path(), &format!("l-{stereo:?}.zarr"), 1, 30);
+        let (right, of_right) = sequence(here.path(), &format!("r-{stereo:?}.zarr"), 1000, 30);
+        let (ended, frames) = run(TwoEyed::play(left, right, stereo, Panels::Monitors), true, 60.0);
+        ended.result.as_ref().unwrap();
+        assert_eq!(ended.statistics.ended_by, Ending::End);
+        let lit: Vec<&Lit> = frames.iter().filter(|frame| frame.index.is_some()).collect();
+        assert_eq!(lit.len(), 90, "each for three video frames");
+        for frame in lit {
+            let number = frame.index.unwrap() as usize;
+            assert_eq!(frame.halves, [of_left[number], of_right[number]], "{number}");
+        }
+        assert_eq!((report(&ended).video_frames, report(&ended).differing), (90, 0));
+    }
+}
+
+#[test]
+fn eyes_that_do_not_belong_together_are_refused() {
+    let here = tempfile::tempdir().unwrap();
+    let code = |both: TwoEyed, output: Output| {
+        let error = Session::start(both, output, SessionOptions::default()).err().expect("an error");
+        ErrorData::of(&error).code
+    };
+    let memory = || Output::Memory { simulated: true, sink: None };
+    let stage = Scripted::new("planes8", 64, 1);
+    let [left, right] = tracking(false);
+    let mut wide = Scripted::new("planes8", 64, 1);
+    wide.display.width = 32;
+    let small = Scripted::before(Display { height: 32, width: 32, ..wide.display.clone() }, 1);
+    let other =
+        TwoEyed::live(eye(&stage, left, Some(1.0)), eye(&small, right, Some(1.0)), Stereo::Together, Panels::Monitors);
+    assert_eq!(code(other, memory()), "setting/eyes-differ");
+    let mut journal = two_live(Stereo::Together, [Some(1.0), Some(1.0)], Panels::Monitors);
+    if let super::two_eyed::Eyes::Live(eyes) = &mut journal.eyes {
+        eyes[1].journal = Some(here.path().join("j"));
+    }
+    assert_eq!(code(journal, memory()), "setting/eyes-journal");
+    let pair = Output::Pair { left: Box::new(memory()), right: Box::new(memory()) };
+    let both = two_live(Stereo::Together, [Some(1.0), Some(1.0)], Panels::Monitors);
+    assert_eq!(code(both, pair), "setting/pair-of-outputs");
+}
