@@ -14,6 +14,10 @@ pub struct Device {
     /// Input that the video cable is connected to, `"hdmi"` or `"displayport"`. The default is displayport.
     #[serde(default)]
     pub link: VideoLink,
+    /// Number of the controller in the order of its path in the system, from 0, if several are connected. The default is
+    /// 0.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub unit: u8,
     /// Pulses of the output TRIG_OUT_2, `"plane"` at the beginning of each plane, `"frame"` at the first plane of each
     /// video frame, or `"off"`. The default is plane.
     #[serde(default, skip_serializing_if = "PlaneTrigger::is_usual")]
@@ -79,7 +83,7 @@ impl VideoLink {
 impl Device {
     /// Makes the device of this kind and input.
     pub fn new(kind: DeviceKind, link: VideoLink) -> Self {
-        Self { kind, link, trigger_out: PlaneTrigger::default(), trigger_in: None, simulated: false }
+        Self { kind, link, unit: 0, trigger_out: PlaneTrigger::default(), trigger_in: None, simulated: false }
     }
 }
 

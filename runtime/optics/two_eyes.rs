@@ -151,6 +151,16 @@ impl TwoEyes {
                 words(right)
             ));
         }
+        if let (Some(a), Some(b)) = (left.device, right.device)
+            && !a.simulated
+            && a.unit == b.unit
+        {
+            return Err(reason!(
+                "panels-device",
+                "both panels have [device] with unit {}: give the right one another unit",
+                a.unit
+            ));
+        }
         let waits = [left, right].iter().any(|panel| panel.trigger_in.is_some());
         if waits {
             return Err(reason!("panels-trigger-in", "[trigger_in] is for a display of one panel: leave it out"));
@@ -209,11 +219,14 @@ mod tests {
         file(at, "a.toml", PANEL);
         file(at, "higher.toml", &PANEL.replace("[8, 16]", "[16, 16]"));
         file(at, "fast.toml", &format!("rate_hz = 120\n{PANEL}"));
+        let plm = format!("{PANEL}[device]\nkind = \"dlpc900\"\n");
+        file(at, "plm.toml", &plm);
         file(at, "waits.toml", &format!("{PANEL}[trigger_in]\nudp = 5005\n"));
         for (panels, code) in [
             ("left = \"a.toml\"\nright = \"higher.toml\"\n", "panels-differ"),
             ("left = \"a.toml\"\nright = \"fast.toml\"\n", "panels-differ"),
             ("left = \"waits.toml\"\nright = \"waits.toml\"\n", "panels-trigger-in"),
+            ("left = \"plm.toml\"\nright = \"plm.toml\"\n", "panels-device"),
             ("left = \"a.toml\"\nright = \"a.toml\"\nipd_mm = 630\n", "ipd"),
             ("left = \"a.toml\"\nright = \"a.toml\"\nipd = 63\n", "toml"),
         ] {

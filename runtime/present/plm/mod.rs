@@ -41,5 +41,5 @@ use eyebox_optics::Device;
 /// # Errors
 /// [`PlmError::NoController`], [`PlmError::Link`] and [`PlmError::Unsupported`].
 pub fn open(device: &Device) -> Result<Controller, PlmError> {
-    Controller::new(if device.simulated { Box::new(Simulated::on(device.link)) } else { open_usb()? })
+    Controller::new(if device.simulated { Box::new(Simulated::on(device.link)) } else { open_usb(device.unit)? })
 }

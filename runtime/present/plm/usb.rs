@@ -3,15 +3,17 @@
 use super::error::PlmError;
 use super::link::Link;
 
-/// Opens the first controller that is connected. A controller has up to two interfaces, and the lowest one takes the
-/// commands.
+/// Opens the controller with this number, in the order of the paths of the system and from 0. A controller has up to
+/// two interfaces, and the lowest one takes the commands.
 ///
 /// # Errors
 /// [`PlmError::NoController`], [`PlmError::Link`], and [`PlmError::Unsupported`] on systems other than Linux and Windows
 /// and in a build without the feature `plm`.
-pub fn open_usb() -> Result<Box<dyn Link>, PlmError> {
+pub fn open_usb(unit: u8) -> Result<Box<dyn Link>, PlmError> {
     #[cfg(all(any(target_os = "linux", windows), feature = "plm"))]
-    return hid::open();
+    return hid::open(usize::from(unit));
+    #[cfg(not(all(any(target_os = "linux", windows), feature = "plm")))]
+    let _ = unit;
     #[cfg(not(all(any(target_os = "linux", windows), feature = "plm")))]
     Err(PlmError::Unsupported {
         reason: match cfg!(any(target_os = "linux", windows)) {
@@ -40,13 +42,15 @@ mod hid {
         PlmError::Link { reason: error.to_string() }
     }
 
-    pub fn open() -> Result<Box<dyn Link>, PlmError> {
+    pub fn open(unit: usize) -> Result<Box<dyn Link>, PlmError> {
         let api = hidapi::HidApi::new().map_err(failed)?;
         let mut found: Vec<_> =
             api.device_list().filter(|d| (d.vendor_id(), d.product_id()) == (VENDOR, PRODUCT)).collect();
-        found.sort_by_key(|device| device.interface_number());
+        let lowest = found.iter().map(|device| device.interface_number()).min();
+        found.retain(|device| Some(device.interface_number()) == lowest);
+        found.sort_by_key(|device| device.path());
         let mut error = PlmError::NoController;
-        for device in found {
+        for device in found.into_iter().skip(unit).take(1) {
             match api.open_path(device.path()) {
                 Ok(device) => return Ok(Box::new(Usb { device: Some(device), begun: Instant::now() })),
                 Err(e) => error = failed(format!("{}: {e} ({REFUSED})", device.path().to_string_lossy())),

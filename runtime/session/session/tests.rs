@@ -100,7 +100,10 @@ fn the_newest_set_wins_and_buffers_go_round() {
     }
     // Without a new set the last one stays and is counted.
     source.show(1000);
-    assert_eq!((source.on_screen().map(|s| s.1), (source.news, source.repeats)), (Some(99), (10, [1, 0, 0, 0, 0, 0, 0])));
+    assert_eq!(
+        (source.on_screen().map(|s| s.1), (source.news, source.repeats)),
+        (Some(99), (10, [1, 0, 0, 0, 0, 0, 0]))
+    );
     for (i, doing) in RepeatReason::ALL.into_iter().enumerate() {
         sender.does(doing);
         source.show(1001);

@@ -179,6 +179,7 @@ fn options(
         direct: None,
         with_phases: true,
         again: Box::new(again),
+        pair: None,
         notes: Notes::default(),
         track: Trace::none().track("refine"),
     }

@@ -59,6 +59,8 @@ mod tiled;
 mod trackers;
 mod tradeoff;
 mod tree;
+#[cfg(target_os = "linux")]
+mod two_eyes;
 mod units;
 mod usage;
 #[cfg(target_os = "linux")]

@@ -69,9 +69,14 @@ impl Xorg {
 
     /// Lights the second output with 80 x 96 pixels, to the right of the first.
     pub fn light_second(&self) {
+        self.light_second_of(96);
+    }
+
+    /// Lights the second output with the mode of this width, to the right of the first.
+    pub fn light_second_of(&self, width: u16) {
         let server = &self.connection;
         let resources = server.randr_get_screen_resources(self.root).expect("sent").reply().expect("resources");
-        let mode = resources.modes.iter().find(|mode| mode.width == 96).expect("the mode").id;
+        let mode = resources.modes.iter().find(|mode| mode.width == width).expect("the mode").id;
         let output = resources.outputs[1];
         let info = server.randr_get_output_info(output, 0).expect("sent").reply().expect("an output");
         server.randr_add_output_mode(output, mode).expect("sent").check().expect("a mode");
