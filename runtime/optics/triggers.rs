@@ -113,7 +113,6 @@ pub enum Edge {
 
 /// The place of a trigger.
 #[derive(Debug, Clone, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum TriggerPort {
     /// The pulse uses a serial port.
     Serial {

@@ -221,7 +221,7 @@ mod tests {
         file(at, "fast.toml", &format!("rate_hz = 120\n{PANEL}"));
         let plm = format!("{PANEL}[device]\nkind = \"dlpc900\"\n");
         file(at, "plm.toml", &plm);
-        file(at, "waits.toml", &format!("{PANEL}[trigger_in]\nudp = 5005\n"));
+        file(at, "waits.toml", &format!("{PANEL}[trigger_in]\nudp = \"127.0.0.1:5005\"\n"));
         for (panels, code) in [
             ("left = \"a.toml\"\nright = \"higher.toml\"\n", "panels-differ"),
             ("left = \"a.toml\"\nright = \"fast.toml\"\n", "panels-differ"),

@@ -28,7 +28,6 @@ pub fn open_output(trigger: &TriggerOut) -> Result<Box<dyn TriggerOutput>, Trigg
         TriggerPort::Serial { path, baud } => serial::open_output(&path, baud, trigger),
         TriggerPort::Gpio { chip, line } => gpio::open_output(&chip, line, trigger),
         TriggerPort::Udp { address } => udp::open_output(&address, trigger),
-        _ => Err(TriggerError::Unsupported { reason: "this kind of trigger is not known".into() }),
     }
 }
 
@@ -42,6 +41,5 @@ pub fn open_input(trigger: &TriggerIn) -> Result<Box<dyn TriggerInput>, TriggerE
         TriggerPort::Serial { path, baud } => serial::open_input(&path, baud, trigger),
         TriggerPort::Gpio { chip, line } => gpio::open_input(&chip, line, trigger),
         TriggerPort::Udp { address } => udp::open_input(&address, trigger),
-        _ => Err(TriggerError::Unsupported { reason: "this kind of trigger is not known".into() }),
     }
 }

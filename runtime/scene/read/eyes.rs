@@ -77,15 +77,15 @@ mod tests {
     /// A plane at some dioptres is seen by both eyes in directions that differ by the vergence towards it.
     #[test]
     fn the_rendered_vergence_is_that_of_the_depth() {
-        let display = Display { height: 256, width: 256, ..Display::preset("headset").unwrap() };
+        let display = Display { height: 512, width: 512, ..Display::preset("headset").unwrap() };
         let pixel = display.picture_pixel() / display.focal_length;
-        for dioptres in [-0.4, 0.5, 1.0] {
+        for dioptres in [-0.3, 0.2, 0.35] {
             let depth_mm = dioptres * display.focal_length.powi(2) * 1e3;
             let request = Request { views: 1, ..Request::new(&display, &[Color::Green]) };
             let sources = of_two_eyes(&format!("builtin:plane?depth={depth_mm}"), &request, EYES).unwrap();
             let [left, right] = sources.map(|source| load(&source, &request).unwrap().planes[0].swap_remove(0));
             // Near content is farther to the right for the left eye.
-            let found = -shift(&left, &right, 256, 100) * pixel;
+            let found = -shift(&left, &right, 512, 126) * pixel;
             let expected = 2.0 * (0.5 * IPD * dioptres).atan();
             let arcmin = (found - expected).to_degrees() * 60.0;
             assert!(arcmin.abs() < 2.0, "{dioptres} D: {arcmin} arcmin off, {} seen", found.to_degrees() * 60.0);

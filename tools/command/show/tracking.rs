@@ -80,13 +80,6 @@ pub fn tracking_of_two(
     ipd: f64,
 ) -> Result<[Tracking; 2], Failure> {
     let spec: Spec = tracker.parse()?;
-    if spec == Spec::Mouse {
-        return Err(TrackerError::Setting(reason!(
-            "mouse-of-two",
-            "the mouse is the tracker of one eye, and the display has two panels"
-        ))
-        .into());
-    }
     let calibration = args.calibration.as_deref().map(Calibration::load).transpose()?;
     let estimator = |eye: Eye, eyepiece: Eyepiece| -> Result<Estimator, Failure> {
         let focus = [args.focus.metres(eyepiece.focal_length); 2];

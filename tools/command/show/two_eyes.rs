@@ -41,6 +41,7 @@ pub fn show(args: &Show, settings: &ShowSettings, two: &TwoEyes) -> Result<(), F
 fn refuse(args: &Show) -> Result<(), Failure> {
     let given = [
         (args.live.view, "--view"),
+        (args.live.tracker() == Some("mouse"), "--tracker mouse"),
         (args.follow.camera.is_some(), "--camera"),
         (args.journal.is_some(), "--journal"),
         (args.replay.is_some(), "--replay"),

@@ -5,13 +5,13 @@
 
 use crate::files::{FileError, GrowingFile};
 use crate::mailbox::Mailbox;
-use crate::optics::TriggerOut;
+use crate::optics::{TriggerOn, TriggerOut};
 use crate::present::trigger::{Given, TriggerError, TriggerOutput, open_output};
 use crate::present::{Clock, RealClock};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::latency::Histogram;
 use crate::session::frame_log::notes::Notes;
-use crate::session::frame_log::threads::{join, spawn};
+use crate::session::frame_log::threads::{join, put_unless, spawn};
 use crate::session::frame_log::trace::Track;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
@@ -175,7 +175,7 @@ impl TriggerThread {
     pub(crate) fn set(&mut self, content: u64, video_frame: u64, new: bool, predicted_ns: i64) {
         let light = SetLight { set: self.sets, content, video_frame, new, predicted_ns, reported_ns: None };
         self.sets += 1;
-        let has_pulse = self.trigger.as_ref().is_some_and(|t| new || t.on == crate::optics::TriggerOn::Set);
+        let has_pulse = self.trigger.as_ref().is_some_and(|t| new || t.on == TriggerOn::Set);
         self.put(Message::Set { light, has_pulse }, has_pulse);
     }
 
@@ -193,7 +193,7 @@ impl TriggerThread {
     /// Ends the thread after its last pulse. Returns the report if there is a line.
     pub(crate) fn stop(self) -> Result<(Option<TriggerReport>, Track), SessionError> {
         let Self { send, thread, trigger, missed, .. } = self;
-        crate::session::frame_log::threads::put_unless(&send, Message::End, AGAIN, || thread.is_finished());
+        put_unless(&send, Message::End, AGAIN, || thread.is_finished());
         let (work, result) = join("gives pulses", thread)?;
         result?;
         let mut report = work.report;

@@ -93,6 +93,11 @@ fn eyes_that_show_together_change_in_the_same_video_frame() {
     assert!(left.repeats[RepeatReason::OtherEye as usize] > 80, "{:?}", left.repeats);
     assert_eq!(right.repeats[RepeatReason::OtherEye as usize], 0, "{:?}", right.repeats);
 
+    // Sets that take two and three video frames are shown every three video frames, and not every six.
+    let (ended, _) = run(two_live(Stereo::Together, [Some(25.0), Some(42.0)], Panels::TopBottom), true, 4.0);
+    let new = report(&ended).right_live.as_ref().unwrap().sets_new;
+    assert!((70..=82).contains(&new), "{new} new sets in 240 video frames");
+
     let (ended, frames) = run(two_live(Stereo::Independent, steps, Panels::TopBottom), true, 4.0);
     let alone = report(&ended);
     assert!(alone.differing * 3 > alone.video_frames, "{} of {}", alone.differing, alone.video_frames);
