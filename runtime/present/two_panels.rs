@@ -184,15 +184,17 @@ mod tests {
 
     /// A panel that stores its pictures, fails at one of them, and reports its lights late.
     struct Fake {
-        pictures: Rc<RefCell<Vec<Vec<u8>>>>,
+        pictures: Pictures,
         fails_at: Option<usize>,
         late_ns: i64,
         lights: VecDeque<Feedback>,
     }
 
+    type Pictures = Rc<RefCell<Vec<Vec<u8>>>>;
+
     impl Fake {
-        fn boxed(fails_at: Option<usize>, late_ns: i64) -> (Box<dyn Presenter>, Rc<RefCell<Vec<Vec<u8>>>>) {
-            let pictures = Rc::default();
+        fn boxed(fails_at: Option<usize>, late_ns: i64) -> (Box<dyn Presenter>, Pictures) {
+            let pictures = Pictures::default();
             let fake = Self { pictures: Rc::clone(&pictures), fails_at, late_ns, lights: VecDeque::new() };
             (Box::new(fake), pictures)
         }

@@ -95,12 +95,13 @@ pub use content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 #[cfg(target_os = "linux")]
 pub use eyebox_live_input::Kind as LiveKind;
 pub use feeds::following::LiveStatus;
-pub use feeds::live::{EngineSource, Live, Tracking, whole_eyebox};
+pub use feeds::live::{EngineSource, Live, whole_eyebox};
 pub use feeds::play::Play;
 pub use feeds::sets::FinishedSet;
 pub use feeds::showing::ContentReport;
 pub use feeds::sidecar::{LitSources, Now, SidecarOpener, SidecarWindow, SourceSwitch, UserRequest};
 pub use feeds::statistics::{Ending, LiveStatistics, Statistics};
+pub use feeds::tracking::Tracking;
 pub use frame_log::account::{Account, Cause, RepeatReason};
 pub use frame_log::error::SessionError;
 pub use frame_log::latency::{Histogram, Latency, Stage, Timestamps};

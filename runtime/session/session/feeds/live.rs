@@ -2,7 +2,6 @@
 
 use crate::encode::Encoder;
 use crate::engine::{Backend, Engine, EngineError};
-use crate::gaze::Estimator;
 use crate::gpu::Gpu;
 use crate::hologram::Hologram;
 use crate::optics::{Display, PupilDistribution};
@@ -16,6 +15,7 @@ use crate::session::feeds::replay::Replay;
 use crate::session::feeds::showing::ContentReport;
 use crate::session::feeds::sidecar::{SidecarOpener, SourceSwitch};
 use crate::session::feeds::statistics::LiveStatistics;
+use crate::session::feeds::tracking::Tracking;
 use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
@@ -34,10 +34,7 @@ use crate::session::refinement::set_timing::{SetTiming, as_ns};
 use crate::session::refinement::work_time::{Cost, Times};
 use crate::session::stereo::agreement::Member;
 use crate::solve::{PupilRange, StartTable};
-use crate::trackers::pushed::{self, MouseHandle, SampleSender};
-use crate::trackers::simulated::{self, Side, SimulatedSource};
-use crate::trackers::two_eyes::{Vergence, share};
-use crate::trackers::{self, Options, Source, Spec, Stream, now_ns};
+use crate::trackers::Stream;
 use crossbeam_utils::atomic::AtomicCell;
 use eyebox_base::reason;
 use std::collections::VecDeque;
@@ -45,106 +42,6 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-
-/// The eye that a session follows.
-pub struct Tracking {
-    source: Box<dyn Source>,
-    estimator: Estimator,
-    /// A copy of the simulated eye, which gives the true position of the pupil.
-    truth: Option<simulated::Eye>,
-    /// True if its samples arrive in real time.
-    real_time: bool,
-}
-
-impl Tracking {
-    /// Follows a tracker of any kind.
-    pub fn new(source: Box<dyn Source>, estimator: Estimator) -> Self {
-        Self { source, estimator, truth: None, real_time: true }
-    }
-
-    /// Opens a tracker by its specification. It runs in real time, except that simulated eyes can run in a time of
-    /// their own that begins at 0.
-    ///
-    /// # Errors
-    /// Returns [`SessionError::Tracker`], or [`SessionError::Setting`] for a real-time tracker with a simulated clock.
-    pub fn open(spec: &Spec, options: &Options, estimator: Estimator) -> Result<Self, SessionError> {
-        let Spec::Simulated(seed) = *spec else {
-            if !options.real_time {
-                return Err(reason!(
-                    "simulated-clock",
-                    "`tracker` {spec:?}: it runs in real time, but a simulated clock needs `tracker` simulated"
-                )
-                .into());
-            }
-            return Ok(Self::new(trackers::open(spec, options)?, estimator));
-        };
-        let settings = simulated::Settings { seed, rate_hz: options.rate_hz, ..simulated::Settings::default() };
-        Self::of_eye(settings, options.real_time, estimator)
-    }
-
-    /// Follows a simulated eye, in real time or in a time of its own that begins at 0.
-    pub(crate) fn of_eye(
-        settings: simulated::Settings,
-        real_time: bool,
-        estimator: Estimator,
-    ) -> Result<Self, SessionError> {
-        let begins = if real_time { now_ns() } else { 0 };
-        let source = SimulatedSource::starting(settings.clone(), real_time, begins)?;
-        let truth = Some(simulated::Eye::new(settings, begins));
-        Ok(Self { source: Box::new(source), estimator, truth, real_time })
-    }
-
-    /// Follows both eyes with one tracker, as [`open`](Self::open) follows one. `estimators` are those of the left and
-    /// the right eye, `ipd` is the distance of the pupils and `radius` the distance from the center of rotation to the
-    /// pupil (m). A simulated pair of eyes looks at points between the dioptres of `focus`.
-    ///
-    /// # Errors
-    /// Returns the errors of [`open`](Self::open).
-    pub fn open_two(
-        spec: &Spec,
-        options: &Options,
-        estimators: [Estimator; 2],
-        (ipd, radius): (f64, f64),
-        focus: [f64; 2],
-    ) -> Result<[Self; 2], SessionError> {
-        let [left, right] = estimators;
-        let (one, eyes) = match *spec {
-            Spec::Simulated(seed) => {
-                let rate_hz = options.rate_hz;
-                let settings = simulated::Settings { seed, rate_hz, ipd, focus, ..simulated::Settings::default() };
-                let one = Self::of_eye(settings, options.real_time, left.clone())?;
-                let eyes = one.truth.clone().map(|eye| [Side::Left, Side::Right].map(|side| eye.clone().of(side)));
-                (one, eyes)
-            }
-            _ => (Self::open(spec, options, left.clone())?, None),
-        };
-        let real_time = one.real_time;
-        let [left_source, right_source] = share(one.source, Vergence::new(ipd, radius));
-        let [left_truth, right_truth] = eyes.map_or([None, None], |eyes| eyes.map(Some));
-        Ok([
-            Self { source: Box::new(left_source), estimator: left, truth: left_truth, real_time },
-            Self { source: Box::new(right_source), estimator: right, truth: right_truth, real_time },
-        ])
-    }
-
-    /// Follows a mouse, whose position the caller pushes.
-    pub fn mouse(estimator: Estimator) -> (MouseHandle, Self) {
-        let (handle, source) = pushed::mouse();
-        (handle, Self::new(Box::new(source), estimator))
-    }
-
-    /// Follows the tracker of the calling program, which pushes its samples in real time.
-    pub fn pushed(estimator: Estimator) -> (SampleSender, Self) {
-        let (sender, source) = pushed::channel();
-        (sender, Self::new(Box::new(source), estimator))
-    }
-
-    /// Describes the tracker for people.
-    pub fn describe(&self) -> String {
-        let about = self.source.about();
-        about.notes.iter().fold(about.name, |all, note| format!("{all}, {note}"))
-    }
-}
 
 /// Returns the pupils that are assumed without a tracker. They are anywhere in an eyebox of this side (m), have the
 /// usual diameters of eyes, and focus between these depths (m).

@@ -10,6 +10,7 @@ pub(crate) mod sets;
 pub(crate) mod showing;
 pub(crate) mod sidecar;
 pub(crate) mod statistics;
+pub(crate) mod tracking;
 
 use crate::encode::VideoFrames;
 use crate::session::playback::player::SetSource;
