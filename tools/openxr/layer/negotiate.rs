@@ -59,7 +59,7 @@ unsafe extern "system" fn create_api_layer_instance(
     let (Some(get), Some(create)) = (next.next_get_instance_proc_addr, next.next_create_api_layer_instance) else {
         return xr::Result::ERROR_INITIALIZATION_FAILED;
     };
-    let below = extensions_below(get);
+    let below = runtime(next).map(extensions).unwrap_or_default();
     let has = |name: &CStr| below.iter().any(|known| known == name.to_bytes());
     // SAFETY: the application passes as many names as it states.
     let wanted = unsafe { names(info.enabled_extension_names, info.enabled_extension_count) };
@@ -102,9 +102,19 @@ unsafe fn names<'a>(first: *const *const c_char, count: u32) -> &'a [*const c_ch
     if count == 0 || first.is_null() { &[] } else { unsafe { std::slice::from_raw_parts(first, count as usize) } }
 }
 
-/// Returns the names of the extensions of the runtime and the layers below. The list is empty if they do not state it
-/// before there is an instance.
-fn extensions_below(get: xr::pfn::GetInstanceProcAddr) -> Vec<Vec<u8>> {
+/// Returns the function at the end of the list of layers, which finds functions of the runtime. Layers in between may
+/// not find functions before there is an instance.
+fn runtime(mut last: &xr::ApiLayerNextInfo) -> Option<xr::pfn::GetInstanceProcAddr> {
+    // SAFETY: the loader passes a list that ends with null.
+    while let Some(next) = unsafe { last.next.as_ref() } {
+        last = next;
+    }
+    last.next_get_instance_proc_addr
+}
+
+/// Returns the names of the extensions of the runtime. The list is empty if it does not state them before there is an
+/// instance.
+fn extensions(get: xr::pfn::GetInstanceProcAddr) -> Vec<Vec<u8>> {
     let mut function = None;
     let name = c"xrEnumerateInstanceExtensionProperties";
     // SAFETY: the function permits a null instance for this name, and writes only to `function`.

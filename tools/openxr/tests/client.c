@@ -44,7 +44,7 @@ static char **word;
 
 static const char *text(const char *key, const char *usual) {
     size_t length = strlen(key);
-    for (int i = 1; i < words; i++)
+    for (int i = words - 1; i > 0; i--)
         if (!strncmp(word[i], key, length) && word[i][length] == '=') return word[i] + length + 1;
     return usual;
 }

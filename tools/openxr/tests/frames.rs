@@ -5,6 +5,8 @@ mod common;
 
 use common::{Ending, Setup, Wanted};
 use eyebox_live_input::Latest;
+use std::io::Write;
+use std::process::Command;
 
 /// The number of frames of a test. Nightly tests set EYEBOX_LINK=full.
 fn many() -> u32 {
@@ -145,5 +147,47 @@ fn the_runtime_receives_what_it_has() {
         assert!(run.code == Some(0) && seen > 0, "{}", run.errors);
         assert!(!run.errors.contains("runtime:"), "{}", run.errors);
         assert!(!run.output.contains("VUID") && !run.errors.contains("VUID"), "{}{}", run.output, run.errors);
+    }
+}
+
+/// Khronos's example renders cubes. One is 2 m in front of the head, before a gray background.
+#[test]
+fn the_example_of_khronos_is_seen() {
+    let Some(setup) = Setup::new("example") else { return };
+    if Command::new("hello_xr").arg("--help").output().is_err() {
+        assert!(std::env::var_os("CI").is_none(), "no hello_xr: run tools/setup.sh");
+        return eprintln!("no hello_xr, so it is not run");
+    }
+    let mut command = Command::new("hello_xr");
+    command.args(["-g", "Vulkan", "-ff", "Hmd", "-vc", "Stereo"]);
+    let mut seen = 0;
+    let run = setup.run_program("pictures", command, |frame, program| {
+        seen += 1;
+        // A line on its standard input ends the example.
+        if seen == 30 {
+            drop(program.stdin.take().unwrap().write_all(b"\n"));
+        }
+        let pixel = |at: usize| [0, 1, 2].map(|channel| frame.channel(channel)[at]);
+        let background = [0.184_313_73, 0.309_803_93, 0.309_803_93];
+        let off = |found: [f32; 3]| (0..3).map(|i| (found[i] - background[i]).abs()).fold(0.0, f32::max);
+        let [corner, cube] = [pixel(95), pixel(32 * 96 + 49)];
+        assert!(off(corner) < 0.01 && off(cube) > 0.05, "corner {corner:?}, cube {cube:?}");
+    });
+    assert!(run.code == Some(0) && seen >= 30, "{seen}: {}", run.errors);
+    assert!(common::times(&run.errors, "no depth") == 1, "{}", run.errors);
+}
+
+/// Prints the time that the layer takes on the threads of an application, and the time of its frames with the layer and
+/// without a display: `cargo test --release -p eyebox-openxr --test frames -- --ignored --nocapture times_of`.
+#[test]
+#[ignore = "prints times, which no assertion depends on"]
+fn times_of_frames_with_a_display_and_without() {
+    let Some(setup) = Setup::new("times") else { return };
+    let setup = setup.with("VK_INSTANCE_LAYERS", "").with("NULL_RUNTIME_PERIOD_US", "33333");
+    for round in 0..3 {
+        for (what, name) in [("without a display", "nobody"), ("with a display", "pictures")] {
+            let run = setup.plain(name, &["frames=300", "depth=d32", "size=1024x1024"]);
+            println!("{round}, {what}: {}{}", run.output, run.errors);
+        }
     }
 }

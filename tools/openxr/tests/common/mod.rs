@@ -115,14 +115,18 @@ impl Setup {
         Display::open_in(&self.folder.path().join("eyebox"), name, offer).unwrap()
     }
 
-    fn start(&self, arguments: &[&str]) -> Child {
+    /// Returns the application with its arguments.
+    fn client(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(self.programs.folder.path().join("client"));
+        command.args([TANGENT, "size=96x64"]).args(arguments);
+        command
+    }
+
+    fn start(&self, mut command: Command) -> Child {
         let at = |name: &str| self.programs.folder.path().join(name);
-        let mut command = Command::new(at("client"));
         let layers = ["XR_APILAYER_EYEBOX_live"].iter().chain(&self.layers).copied().collect::<Vec<_>>().join(":");
         let debian = "/usr/share/openxr/1/api_layers/explicit.d";
         command
-            .args([TANGENT, "size=96x64"])
-            .args(arguments)
             .env("XR_RUNTIME_JSON", at("runtime.json"))
             .env("XR_API_LAYER_PATH", format!("{}:{debian}", at("layers").display()))
             .env("XR_ENABLE_API_LAYERS", layers)
@@ -131,14 +135,20 @@ impl Setup {
             .env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")
             .env("NULL_RUNTIME_PERIOD_US", "2000")
             .envs(self.variables.iter().copied());
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
     /// Runs the application, and gives each frame of a display to `check`.
     pub fn run(&self, name: &str, arguments: &[&str], mut check: impl FnMut(&Frame)) -> Ending {
+        self.run_program(name, self.client(arguments), |frame, _| check(frame))
+    }
+
+    /// Runs a program, and gives each frame of a display to `check`, with the running program.
+    pub fn run_program(&self, name: &str, command: Command, mut check: impl FnMut(&Frame, &mut Child)) -> Ending {
         let mut display = self.open(name);
         let mut frame = display.frame();
-        let mut client = self.start(arguments);
+        let program = format!("{command:?}");
+        let mut client = self.start(command);
         let read = |pipe: Option<Box<dyn Read + Send>>| {
             let mut pipe = pipe.unwrap();
             std::thread::spawn(move || {
@@ -154,7 +164,7 @@ impl Setup {
         let (code, last) = loop {
             let ended = client.try_wait().unwrap();
             match display.latest(&mut frame) {
-                Latest::New => check(&frame),
+                Latest::New => check(&frame, &mut client),
                 Latest::Refused(fault) => panic!("{fault}"),
                 Latest::Gone if ended.is_some() => break (ended.and_then(|status| status.code()), Latest::Gone),
                 _ => {}
@@ -165,7 +175,7 @@ impl Setup {
             }
             if begun.elapsed() > PATIENCE {
                 client.kill().unwrap();
-                panic!("{arguments:?} did not end");
+                panic!("{program} did not end");
             }
             display.wait(Duration::from_millis(2));
         };
