@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes this machine able to run everything: the Vulkan loader, a software Vulkan (lavapipe), the validation layer, a
-# virtual X display, Xorg's dummy driver, Weston and a linker. Installs only what is missing, and says nothing when that
+# Makes this machine able to run everything: the Vulkan loader, a software Vulkan (lavapipe), the validation layer, the
+# OpenXR loader with its validation layer and hello_xr, a virtual X display, Xorg's dummy driver, Weston and a linker. Installs only what is missing, and says nothing when that
 # is nothing.
 # Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
 # Rust itself (cargo) is assumed.
@@ -31,7 +31,8 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
         python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
     else
         # What windows load at run time comes last.
-        for package in libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers xvfb \
+        for package in libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers libopenxr-loader1 \
+            libopenxr-dev openxr-layer-corevalidation libopenxr-utils xvfb \
             xserver-xorg-core xserver-xorg-video-dummy weston libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 \
             libxkbcommon-x11-0; do
             status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
@@ -90,6 +91,7 @@ else
     }
     manifest 'icd.d/*.json' || missing+=("a Vulkan driver; Mesa's lavapipe runs on any CPU")
     manifest 'explicit_layer.d/*validation*.json' || missing+=("the Khronos validation layer")
+    [[ $libraries == *libopenxr_loader.so.1* ]] || missing+=("the OpenXR loader (libopenxr_loader.so.1) with its headers")
     command -v Xvfb >/dev/null || missing+=("Xvfb")
     command -v Xorg >/dev/null || missing+=("Xorg with the dummy driver")
     command -v weston >/dev/null || missing+=("Weston, for windows on Wayland")

@@ -21,8 +21,8 @@ const ORDER: [(&str, &[&str], &[&str]); 4] = [
 const LINES: usize = 500;
 
 /// Folders of the crates outside `runtime`. The test reads each of them separately.
-const CRATES: [&str; 7] =
-    ["kernels", "spirv", "tools/c", "tools/command", "tools/live-input", "tools/python", "tools/spirv"];
+const CRATES: [&str; 8] =
+    ["kernels", "spirv", "tools/c", "tools/command", "tools/live-input", "tools/openxr", "tools/python", "tools/spirv"];
 
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
@@ -436,13 +436,13 @@ fn the_library_names_no_option_of_the_command() {
     }
 }
 
-/// `unsafe` is in code for Vulkan, for handles of windows, for memory shared with an application, for calls from C, and
-/// for phases that NumPy borrows. Clippy checks that each block has a comment with its reason. Only the shared memory
+/// `unsafe` is in code for Vulkan, for handles of windows, for memory shared with an application, for calls from C, for
+/// the calls of OpenXR, and for phases that NumPy borrows. Clippy checks that each block has a comment with its reason. Only the shared memory
 /// is mapped.
 #[test]
 fn unsafe_is_where_the_page_of_promises_says() {
     const SHARED: &str = "tools/live-input/region.rs";
-    const AT: [&str; 9] = [
+    const AT: [&str; 11] = [
         "runtime/compute/gpu/",
         "runtime/compute/engine/vulkan/",
         "runtime/present/",
@@ -450,6 +450,8 @@ fn unsafe_is_where_the_page_of_promises_says() {
         "runtime/eyebox/examples/own_vulkan_device.rs",
         SHARED,
         "tools/c/",
+        "tools/openxr/layer/",
+        "tools/openxr/vulkan/",
         "tools/python/hologram.rs",
         "tests/",
     ];

@@ -2,6 +2,8 @@
 
 pub mod args;
 mod bench_follower;
+#[cfg(target_os = "linux")]
+mod openxr;
 mod playback;
 mod session;
 pub mod tracked;
@@ -36,9 +38,10 @@ use tracked::LiveOptions;
 /// The arguments of `eyebox show`.
 #[derive(Args)]
 pub struct Show {
-    /// NAME.zarr (a hologram, a sequence or a far field in tiles), bare phases, scenes, or live:NAME. Scenes are
-    /// solved first, and several scenes or a folder of light-field folders become a sequence. live:NAME is an
-    /// application that sends frames
+    /// NAME.zarr (a hologram, a sequence or a far field in tiles), bare phases, scenes, live:NAME, or openxr. Scenes
+    /// are solved first, and several scenes or a folder of light-field folders become a sequence. live:NAME is an
+    /// application that sends frames. openxr starts an OpenXR application (openxr -- ./application) and shows its
+    /// frames
     #[arg(required = true, value_name = "WHAT")]
     pub what: Vec<String>,
     #[command(flatten)]
@@ -79,6 +82,8 @@ enum What {
     Scenes(Vec<String>),
     /// Frames of an application, by its name.
     Application(String),
+    /// Frames of an OpenXR application that is started with these words.
+    OpenXr(Vec<String>),
 }
 
 /// Shows the content and prints the statistics.
@@ -110,7 +115,11 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         };
     }
     match what {
-        What::Application(name) => application(args, settings, &name),
+        What::Application(name) => application(args, settings, &name, || Ok(())),
+        #[cfg(target_os = "linux")]
+        What::OpenXr(command) => openxr::show(args, settings, &command),
+        #[cfg(not(target_os = "linux"))]
+        What::OpenXr(_) => application(args, settings, "openxr", || Ok(())),
         What::Phases(path) if tracked => follow(args, settings, &path.display().to_string()),
         What::Phases(path) => {
             nothing_is_solved(args, &path)?;
@@ -156,6 +165,9 @@ fn nothing_is_solved(args: &Show, path: &Path) -> Result<(), Failure> {
 
 /// Finds the kind of content by its name.
 fn what(args: &Show) -> Result<What, Failure> {
+    if let Some(("openxr", command)) = args.what.split_first().map(|(first, rest)| (first.as_str(), rest)) {
+        return Ok(What::OpenXr(command.to_vec()));
+    }
     let one = args.what.first().filter(|_| args.what.len() == 1);
     let Some(one) = one else {
         return match args.what.iter().find(|what| what.starts_with("live:") || is_phases(what)) {
@@ -362,9 +374,14 @@ fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: bool) -> Res
     }
 }
 
-/// Shows frames of an application in another process.
+/// Shows frames of an application in another process. `listening` runs when the application may connect.
 #[cfg(target_os = "linux")]
-fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Failure> {
+fn application(
+    args: &Show,
+    settings: ShowSettings,
+    name: &str,
+    listening: impl FnOnce() -> Result<(), Failure>,
+) -> Result<(), Failure> {
     use args::Ask;
     use eyebox::low_level::encode::Encoder;
     use eyebox::low_level::hologram::{ColorHologram, Hologram};
@@ -424,11 +441,17 @@ fn application(args: &Show, settings: ShowSettings, name: &str) -> Result<(), Fa
             );
         }
         eprintln!("live:{name} waits for an application");
+        listening()?;
     }
     show(args, settings, steered, cost, stage)
 }
 
 #[cfg(not(target_os = "linux"))]
-fn application(_args: &Show, _settings: ShowSettings, name: &str) -> Result<(), Failure> {
+fn application(
+    _args: &Show,
+    _settings: ShowSettings,
+    name: &str,
+    _listening: impl FnOnce() -> Result<(), Failure>,
+) -> Result<(), Failure> {
     Err(Failure::Arguments(reason!("live-on-linux", "live:{name}: live content exists on Linux alone")))
 }

@@ -34,6 +34,8 @@ mod mask;
 mod model;
 mod numbers;
 mod odd_values;
+#[cfg(target_os = "linux")]
+mod openxr;
 mod orders;
 mod own_display;
 mod own_scene;

@@ -1,0 +1,15 @@
+//! Composes the picture that an eye sees, with the distance of each pixel, from the layers of a frame.
+
+mod canvas;
+mod geometry;
+mod sampling;
+mod surfaces;
+mod taps;
+mod texels;
+
+pub use canvas::{Alpha, Canvas};
+pub use geometry::Pose;
+pub use sampling::Sheet;
+pub use surfaces::{Cylinder, Quad};
+pub use taps::Frustum;
+pub use texels::{DepthRange, Format};

@@ -1,0 +1,12 @@
+//! The functions of OpenXR that the layer takes part in. Each passes the call on.
+
+// Calls of OpenXR, and the structures that they point to, are `unsafe`. Each use has its reason.
+#![allow(unsafe_code)]
+
+mod chain;
+mod dispatch;
+mod frame;
+mod instance;
+mod negotiate;
+mod session;
+mod swapchain;
