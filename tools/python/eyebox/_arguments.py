@@ -102,25 +102,28 @@ def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "dep
     return value if focal_length is None else metres
 
 
-#: Endings of keys of a display file, and the unit of their numbers.
-_ENDINGS = {"_um": "um", "_mm": "mm", "_nm": "nm", "_hz": "Hz"}
+#: Endings of keys of display files and of descriptions of benches, and the unit of their numbers.
+_ENDINGS = {"_um": "um", "_mm": "mm", "_nm": "nm", "_hz": "Hz", "_us": "us", "_ms": "ms", "_deg": "deg"}
 
 
-def display_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns keys of a display file, with numbers in the unit of each key instead of texts such as "8um"."""
+def with_units(fields: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Returns keys with numbers in the unit of each key instead of texts such as "8um", also in tables of keys."""
 
-    def number(value: Any, unit: str, what: str) -> Any:
+    def number(value: Any, unit: str | None, what: str) -> Any:
         if isinstance(value, str):
-            return quantity(value, unit, what)
+            return value if unit is None else quantity(value, unit, what)
         if isinstance(value, Mapping):
-            return {key: number(one, unit, f"{what}[{key!r}]") for key, one in value.items()}
+            return {key: number(one, unit or _unit(key), f"{what}[{key!r}]") for key, one in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [number(one, unit, f"{what}[{at}]") for at, one in enumerate(value)]
         return value
 
-    def plainly(key: str, value: Any) -> Any:
-        unit = next((unit for ending, unit in _ENDINGS.items() if key.endswith(ending)), None)
-        return value if unit is None else number(value, unit, key)
+    return {key: number(value, _unit(key), f"{within}[{key!r}]" if within else key) for key, value in fields.items()}
 
-    return {key: plainly(key, value) for key, value in fields.items()}
+
+def _unit(key: Any) -> str | None:
+    """Returns the unit that the name of a key states."""
+    return next((unit for ending, unit in _ENDINGS.items() if str(key).endswith(ending)), None)
 
 
 def seed(value: Any, rng: Any) -> Any:
@@ -214,9 +217,12 @@ def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[f
 def path(value: Any, what: str) -> str:
     """Returns a path as text."""
     try:
-        return os.fsdecode(value)
+        text = os.fsdecode(value)
     except TypeError:
         raise wrong(TypeError, what, f"is {_short(value)}: it must be a path") from None
+    if not text.isascii() and any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise wrong(ValueError, what, f"is {text!r}: the name is not UTF-8, so rename the file")
+    return text
 
 
 def name(value: Any, what: str) -> str | None:
@@ -385,16 +391,22 @@ def _text(text: str) -> str:
     return json.dumps(text).replace("\x7f", "\\u007f")
 
 
-def plain(value: Any) -> Any:
+#: Most values of an array that is a setting. A larger one is a mistake, and would fill the memory as a list.
+_MOST_VALUES = 1 << 20
+
+
+def plain(value: Any, what: str = "a setting") -> Any:
     """Converts numbers of other libraries, and arrays and containers of them, to types of Python."""
     if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
         return bool(value) if isinstance(value, np.bool_) else value
     if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
+        return {key: plain(one, what) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(one) for one in value]
+        return [plain(one, what) for one in value]
     if getattr(value, "ndim", 0) and hasattr(value, "tolist"):
-        return plain(value.tolist())
+        if (count := math.prod(value.shape)) > _MOST_VALUES:
+            raise wrong(ValueError, what, f"has {count} values: it must have {_MOST_VALUES} or fewer")
+        return plain(value.tolist(), what)
     for protocol, to in (("__index__", operator.index), ("__float__", float)):
         try:
             if hasattr(value, protocol):
@@ -405,7 +417,7 @@ def plain(value: Any) -> Any:
 
 
 def _value(name: str, value: Any) -> str:
-    value = plain(value)
+    value = plain(value, name)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

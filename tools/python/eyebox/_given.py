@@ -79,6 +79,8 @@ def _meaning(values: np.ndarray, depth: Any) -> tuple[str, Any]:
 
 def focal_stack(folder: str, pictures: Any, focus: Any, aperture: Any, focal_length: Callable[[], float]) -> str:
     """Writes the pictures of a focal stack with its settings. Returns its folder."""
+    if not hasattr(pictures, "__iter__"):
+        raise _arguments.wrong(TypeError, "pictures", f"is {pictures!r}: it must be a sequence of pictures")
     shown = [light(one, f"pictures[{at}]") for at, one in enumerate(pictures)]
     depths = _depths(focus, "focus", focal_length)
     if len(shown) != len(depths) or not shown:

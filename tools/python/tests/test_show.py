@@ -99,13 +99,14 @@ def test_an_application_in_python_comes_to_light(tmp_path, monkeypatch, display,
 
     def application():
         with live.Live("demo") as there:
-            picture = np.zeros((there.rows, there.columns, there.channels), np.float32)
+            assert there.colors == ["green"] and there.eyebox == pytest.approx([display.eyebox] * 2)
+            picture = np.zeros((*there.size, 1), np.float32)
             picture[10:30, 10:30] = 1
             if ask == "depth":
                 kind = there.color_and_depth(live.F32, live.LINEAR)
-                content = (picture, np.zeros((there.rows, there.columns), np.float32))
+                content = (picture, np.zeros(there.size, np.float32))
             else:
-                kind = there.views(3, 3, 1.0, live.F32, live.LINEAR)
+                kind = there.views(3, 3, "1mm", live.F32, live.LINEAR)
                 content = (np.broadcast_to(picture, (3, 3, *picture.shape)).copy(),)
             with contextlib.suppress(live.Gone):
                 while True:
