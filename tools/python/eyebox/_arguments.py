@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import operator
@@ -178,7 +179,8 @@ def count(value: Any, what: str, most: int = 1_000_000, *, least: int = 1) -> in
 def parts(value: Any, what: str, right: str) -> list[Any]:
     """Returns one value for each name in ``right``, which separates names by commas, without conversion."""
     try:
-        each = list(value)
+        # An iterable may have no end, such as a session.
+        each = list(itertools.islice(value, len(right.split(",")) + 1))
     except TypeError:
         raise wrong(TypeError, what, f"is {_short(value)}: it must be ({right})") from None
     if len(each) != len(right.split(",")) or isinstance(value, (str, bytes)):
@@ -205,11 +207,11 @@ def pupil(x: Any, y: Any, diameter: Any, focus: Any, focal_length: Callable[[], 
 def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[float, float, float, float]]:
     """Returns several pupils, each as four numbers (x, y, diameter, depth)."""
     try:
-        each = [tuple(one) for one in value]
+        each = [parts(one, "pupils", "x, y, diameter, depth") for one in value]
     except TypeError:
         right = "a sequence of (x, y, diameter, depth)"
         raise wrong(TypeError, "pupils", f"is {_short(value)}: it must be {right}") from None
-    if not each or any(len(one) != 4 for one in each):
+    if not each:
         raise wrong(ValueError, "pupils", f"is {_short(value)}: it must be one or more of (x, y, diameter, depth)")
     return [pupil(x, y, diameter, focus, focal_length) for x, y, diameter, focus in each]
 
@@ -269,7 +271,7 @@ def colors(value: Any, has: list[str]) -> list[str]:
         return list(has)
     names = [value] if isinstance(value, str) else value
     try:
-        names = list(names)
+        names = list(itertools.islice(names, len(has) + 1))
     except TypeError:
         names = [names]
     if not names or not all(isinstance(name, str) for name in names):
