@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs wheels for other machines than this one: tools/python/foreign.sh WHEEL...
 # A wheel for Linux on AArch64 runs under QEMU with Debian's Python, and a wheel for Windows runs under Wine. Each wheel is
-# installed beside NumPy, and tools/python/foreign_check.py then solves, loads and calls the command with it. Without QEMU or
+# installed beside NumPy, and tools/python/tests/foreign_check.py then solves, loads and calls the command with it. Without QEMU or
 # Wine a wheel is only inspected. The folder $target/python keeps both Pythons.
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
@@ -56,7 +56,7 @@ aarch64() {
     (
         cd "$(mktemp -d)"
         PYTHONPATH=$place/aarch64/site qemu-aarch64 -L "$place/aarch64/root" "$place/aarch64/root/usr/bin/python$version" \
-            "$root/tools/python/foreign_check.py"
+            "$root/tools/python/tests/foreign_check.py"
     )
 }
 
@@ -125,7 +125,7 @@ END
         export WINEPATH="$library" PYTHONPATH="$python\\site" PYTHONHOME="$python\\python"
         cd "$work/here"
         # Python refuses standard files that Wine has not as pipes.
-        "$wine" "$place/windows/python/python.exe" "Z:${root//\//\\}\\tools\\python\\foreign_check.py" </dev/null 2>&1 | cat
+        "$wine" "$place/windows/python/python.exe" "Z:${root//\//\\}\\tools\\python\\tests\\foreign_check.py" </dev/null 2>&1 | cat
     )
 }
 

@@ -20,9 +20,11 @@ def command(*words):
 
 def main():
     display = eyebox.Display("planes8", size=(64, 64), color="green")
-    views = np.random.default_rng(3).random((3, 3, 64, 64))
-    hologram = eyebox.solve(eyebox.Scene(views, display, view_pitch="1mm"), frames=8, steps=5, seed=1, engine="cpu")
-    again = eyebox.solve(eyebox.Scene(views, display, view_pitch="1mm"), frames=8, steps=5, seed=1, engine="cpu")
+    # A random picture, which moves by a pixel per view.
+    picture = np.random.default_rng(3).random((66, 66), dtype=np.float32)
+    views = np.array([[picture[row : row + 64, column : column + 64] for column in range(3)] for row in range(3)])
+    hologram = eyebox.solve(eyebox.Scene(views, display, view_pitch="1mm"), frames=8, steps=5, seed=1, depth=(0, 0), engine="cpu")
+    again = eyebox.solve(eyebox.Scene(views, display, view_pitch="1mm"), frames=8, steps=5, seed=1, depth=(0, 0), engine="cpu")
     assert hologram == again
     assert hologram.phases["green"].shape == (8, 64, 64) and np.isfinite(hologram.view("1mm", 0, "4mm", "0.5D")).all()
     hologram.save("own.zarr")
