@@ -28,8 +28,8 @@ rustup target add x86_64-pc-windows-gnu 2>/dev/null || true
 cargo clippy --target x86_64-pc-windows-gnu --package eyebox-tools --bins --quiet -- -D warnings
 tools/windows.sh
 
-stage "the Python package as a wheel, with its long tests"
-EYEBOX=$target/release/eyebox tools/python.sh wheel
+stage "the Python package as wheels, with its long tests"
+EYEBOX=$target/release/eyebox tools/python.sh wheels
 
 stage "tests, at the ends of every range and for ten minutes of playing"
 EYEBOX_LINK=full EYEBOX_EXTREMES=full EYEBOX_SOAK=full EYEBOX_MUTATIONS=10000 EYEBOX_KILLS=200 cargo test --release --workspace

@@ -85,6 +85,8 @@ def main():
         notebook = json.loads(path.read_text(encoding="utf-8"))
         names, begun = {"__name__": "__main__"}, time.monotonic()
         code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        for number, cell in enumerate(notebook["cells"], 1):
+            cell.setdefault("id", f"{name}-{number}")
         with tempfile.TemporaryDirectory() as folder:
             os.chdir(folder)
             for number, cell in enumerate(code, 1):

@@ -1,13 +1,15 @@
 """Builds the package by maturin, and adds the documents of the command to the wheel.
 
 It is the build backend of pyproject.toml. A wheel also has completions for shells, pages of the manual, and the
-licenses of the crates that are linked in.
+licenses of the crates that are linked in. ``backend.py WHEEL`` adds them to a wheel of maturin. ``backend.py WHEEL
+--target TARGET --like OTHER`` does this for a target of Rust that this machine cannot run, with the completions and the
+manual of a wheel that it can.
 """
 
+import argparse
 import base64
 import gzip
 import hashlib
-import importlib.machinery
 import os
 import pathlib
 import shutil
@@ -92,17 +94,28 @@ def lock(sdist):
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     name = _maturin().build_wheel(wheel_directory, config_settings, metadata_directory)
-    complete(pathlib.Path(wheel_directory) / name)
+    target = os.environ.get("CARGO_BUILD_TARGET")
+    complete(pathlib.Path(wheel_directory) / name, None if target == _host() else target)
     return name
 
 
-def complete(wheel):
-    """Adds completions, the manual and the licenses of crates to a wheel."""
+def _host():
+    """Returns the target of Rust for this machine."""
+    about = subprocess.run(["rustc", "-vV"], check=True, capture_output=True, text=True).stdout
+    return next(line.split()[1] for line in about.splitlines() if line.startswith("host:"))
+
+
+def complete(wheel, target=None, like=None):
+    """Adds completions, the manual and the licenses of crates to a wheel.
+
+    A wheel for the ``target`` of another machine has the completions and the manual of the wheel ``like``. Without it,
+    the module in the wheel makes them.
+    """
     distribution = "-".join(wheel.name.split("-")[:2])
     with tempfile.TemporaryDirectory() as folder:
-        added = dict(_documents(wheel, pathlib.Path(folder)))
+        added = dict(_documents(wheel, pathlib.Path(folder)) if target is None else _documents_of(like))
     files = {f"{distribution}.data/data/{place}": data for place, data in added.items()}
-    files[f"{distribution}.dist-info/licenses/THIRD-PARTY-LICENSES.txt"] = licenses()
+    files[f"{distribution}.dist-info/licenses/THIRD-PARTY-LICENSES.txt"] = licenses(target)
     _add(wheel, f"{distribution}.dist-info/RECORD", files)
 
 
@@ -112,14 +125,12 @@ def _documents(wheel, folder):
         [module] = [name for name in archive.namelist() if name.startswith("eyebox/_eyebox.") and name.endswith((".so", ".pyd"))]
         archive.extract(module, folder)
     run = "import _eyebox, sys; sys.exit(_eyebox.command(['eyebox', *sys.argv[1:]]))"
+
     # The module needs no NumPy for that, and the build has none.
     def command(*words):
         environment = {**os.environ, "PYTHONPATH": str(folder / "eyebox")}
         return subprocess.run([sys.executable, "-c", run, *words], env=environment, check=True, stdout=subprocess.PIPE).stdout
 
-    if not _can_load(module):
-        print(f"{module} is for another system: the wheel has no completions and no manual", file=sys.stderr)
-        return
     for shell, place in COMPLETIONS.items():
         yield place, command("completions", shell)
     command("man", "--out", str(folder / "man"))
@@ -127,16 +138,21 @@ def _documents(wheel, folder):
         yield f"share/man/man1/{page.name}", page.read_bytes()
 
 
-def _can_load(module):
-    """Returns whether this Python can load a module of this name."""
-    return any(module.endswith(suffix) for suffix in importlib.machinery.EXTENSION_SUFFIXES)
+def _documents_of(wheel):
+    """Returns completions and pages of the manual of another wheel with their places, or none without a wheel."""
+    if wheel is None:
+        return
+    with zipfile.ZipFile(wheel) as archive:
+        for name in archive.namelist():
+            _, data, place = name.partition(".data/data/")
+            if data:
+                yield place, archive.read(name)
 
 
-def licenses():
+def licenses(target=None):
     """Returns the licenses of the crates that are linked in, from the sources that were compiled."""
-    target = subprocess.run(["rustc", "-vV"], check=True, capture_output=True, text=True).stdout
-    target = next(line.split()[1] for line in target.splitlines() if line.startswith("host:"))
-    words = ["cargo", "tree", "--quiet", "--locked", "--package", "eyebox-python", "--edges", "normal", "--target", target]
+    words = ["cargo", "tree", "--quiet", "--locked", "--package", "eyebox-python", "--edges", "normal"]
+    words += ["--target", target or _host()]
     tree = subprocess.run(
         [*words, "--prefix", "none", "--format", "{p}|{l}"], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout
@@ -182,5 +198,14 @@ def _add(wheel, record, files):
     draft.replace(wheel)
 
 
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("wheel", type=pathlib.Path)
+    parser.add_argument("--target", help="target of Rust, if this machine cannot run the wheel")
+    parser.add_argument("--like", type=pathlib.Path, help="wheel with the completions and the manual")
+    given = parser.parse_args()
+    complete(given.wheel, given.target, given.like)
+
+
 if __name__ == "__main__":
-    complete(pathlib.Path(sys.argv[1]))
+    main()

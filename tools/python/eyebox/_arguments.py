@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import operator
@@ -102,25 +103,28 @@ def depth(value: Any, focal_length: Callable[[], float] | None, what: str = "dep
     return value if focal_length is None else metres
 
 
-#: Endings of keys of a display file, and the unit of their numbers.
-_ENDINGS = {"_um": "um", "_mm": "mm", "_nm": "nm", "_hz": "Hz"}
+#: Endings of keys of display files and of descriptions of benches, and the unit of their numbers.
+_ENDINGS = {"_um": "um", "_mm": "mm", "_nm": "nm", "_hz": "Hz", "_us": "us", "_ms": "ms", "_deg": "deg"}
 
 
-def display_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns keys of a display file, with numbers in the unit of each key instead of texts such as "8um"."""
+def with_units(fields: Mapping[str, Any], within: str = "") -> dict[str, Any]:
+    """Returns keys with numbers in the unit of each key instead of texts such as "8um", also in tables of keys."""
 
-    def number(value: Any, unit: str, what: str) -> Any:
+    def number(value: Any, unit: str | None, what: str) -> Any:
         if isinstance(value, str):
-            return quantity(value, unit, what)
+            return value if unit is None else quantity(value, unit, what)
         if isinstance(value, Mapping):
-            return {key: number(one, unit, f"{what}[{key!r}]") for key, one in value.items()}
+            return {key: number(one, unit or _unit(key), f"{what}[{key!r}]") for key, one in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [number(one, unit, f"{what}[{at}]") for at, one in enumerate(value)]
         return value
 
-    def plainly(key: str, value: Any) -> Any:
-        unit = next((unit for ending, unit in _ENDINGS.items() if key.endswith(ending)), None)
-        return value if unit is None else number(value, unit, key)
+    return {key: number(value, _unit(key), f"{within}[{key!r}]" if within else key) for key, value in fields.items()}
 
-    return {key: plainly(key, value) for key, value in fields.items()}
+
+def _unit(key: Any) -> str | None:
+    """Returns the unit that the name of a key states."""
+    return next((unit for ending, unit in _ENDINGS.items() if str(key).endswith(ending)), None)
 
 
 def seed(value: Any, rng: Any) -> Any:
@@ -175,7 +179,8 @@ def count(value: Any, what: str, most: int = 1_000_000, *, least: int = 1) -> in
 def parts(value: Any, what: str, right: str) -> list[Any]:
     """Returns one value for each name in ``right``, which separates names by commas, without conversion."""
     try:
-        each = list(value)
+        # An iterable may have no end, such as a session.
+        each = list(itertools.islice(value, len(right.split(",")) + 1))
     except TypeError:
         raise wrong(TypeError, what, f"is {_short(value)}: it must be ({right})") from None
     if len(each) != len(right.split(",")) or isinstance(value, (str, bytes)):
@@ -202,11 +207,11 @@ def pupil(x: Any, y: Any, diameter: Any, focus: Any, focal_length: Callable[[], 
 def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[float, float, float, float]]:
     """Returns several pupils, each as four numbers (x, y, diameter, depth)."""
     try:
-        each = [tuple(one) for one in value]
+        each = [parts(one, "pupils", "x, y, diameter, depth") for one in value]
     except TypeError:
         right = "a sequence of (x, y, diameter, depth)"
         raise wrong(TypeError, "pupils", f"is {_short(value)}: it must be {right}") from None
-    if not each or any(len(one) != 4 for one in each):
+    if not each:
         raise wrong(ValueError, "pupils", f"is {_short(value)}: it must be one or more of (x, y, diameter, depth)")
     return [pupil(x, y, diameter, focus, focal_length) for x, y, diameter, focus in each]
 
@@ -214,9 +219,12 @@ def pupils(value: Any, focal_length: Callable[[], float] | None) -> list[tuple[f
 def path(value: Any, what: str) -> str:
     """Returns a path as text."""
     try:
-        return os.fsdecode(value)
+        text = os.fsdecode(value)
     except TypeError:
         raise wrong(TypeError, what, f"is {_short(value)}: it must be a path") from None
+    if not text.isascii() and any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise wrong(ValueError, what, f"is {text!r}: the name is not UTF-8, so rename the file")
+    return text
 
 
 def name(value: Any, what: str) -> str | None:
@@ -263,7 +271,7 @@ def colors(value: Any, has: list[str]) -> list[str]:
         return list(has)
     names = [value] if isinstance(value, str) else value
     try:
-        names = list(names)
+        names = list(itertools.islice(names, len(has) + 1))
     except TypeError:
         names = [names]
     if not names or not all(isinstance(name, str) for name in names):
@@ -385,16 +393,22 @@ def _text(text: str) -> str:
     return json.dumps(text).replace("\x7f", "\\u007f")
 
 
-def plain(value: Any) -> Any:
+#: Most values of an array that is a setting. A larger one is a mistake, and would fill the memory as a list.
+_MOST_VALUES = 1 << 20
+
+
+def plain(value: Any, what: str = "a setting") -> Any:
     """Converts numbers of other libraries, and arrays and containers of them, to types of Python."""
     if isinstance(value, (str, bytes, bool, np.bool_)) or value is None:
         return bool(value) if isinstance(value, np.bool_) else value
     if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
+        return {key: plain(one, what) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(one) for one in value]
+        return [plain(one, what) for one in value]
     if getattr(value, "ndim", 0) and hasattr(value, "tolist"):
-        return plain(value.tolist())
+        if (count := math.prod(value.shape)) > _MOST_VALUES:
+            raise wrong(ValueError, what, f"has {count} values: it must have {_MOST_VALUES} or fewer")
+        return plain(value.tolist(), what)
     for protocol, to in (("__index__", operator.index), ("__float__", float)):
         try:
             if hasattr(value, protocol):
@@ -405,7 +419,7 @@ def plain(value: Any) -> Any:
 
 
 def _value(name: str, value: Any) -> str:
-    value = plain(value)
+    value = plain(value, name)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, (int, float)):

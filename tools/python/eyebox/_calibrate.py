@@ -25,7 +25,7 @@ from ._tables import frame
 if TYPE_CHECKING:
     import pandas
 
-    from ._types import DisplayLike, Path, Whole
+    from ._types import DisplayLike, Path, Quantity, Whole
 
 
 class Shot(NamedTuple):
@@ -89,7 +89,7 @@ def calibrate(
     captures: Path | None = None,
     most: Whole = 40,
     quick: bool = False,
-    iris: tuple[float, float, float] | None = None,
+    iris: tuple[Quantity, Quantity, Quantity] | None = None,
     callback: Callable[[str, float | None], Any] | None = None,
 ) -> Calibration:
     """Fits the model of one color of a display to pictures of it. The fit begins with the model of the display.
@@ -197,9 +197,11 @@ class _Bench:
             raise _arguments.wrong(TypeError, "camera", f"is {camera!r}: it must be callable with a Shot")
         hello = getattr(camera, "hello", None) if hello is None else hello
         try:
-            said = _arguments.plain(dict(hello or {}))
+            said = _arguments.plain(_arguments.with_units(dict(hello or {}), "hello"))
             bits = _arguments.whole(said["camera"]["bits"], "bits")
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError) as error:
+            if getattr(error, "argument", "").startswith("hello["):
+                raise
             right = "{'camera': {'resolution': (rows, columns), 'bits': bits}, ...}"
             raise _arguments.wrong(TypeError, "hello", f"is {hello!r}: it must describe the bench, as {right}") from None
         self.full_scale = 2.0**bits - 1 if full_scale is None else _arguments.number(full_scale, "full_scale")

@@ -197,7 +197,7 @@ class Display(Unchanging):
 
 
 def _fields(given: Mapping[str, Any], size: Any) -> dict[str, Any]:
-    fields = _arguments.display_fields(given)
+    fields = _arguments.with_units(given)
     return fields if size is None else {**fields, "resolution": _arguments.size(size)}
 
 

@@ -6,7 +6,7 @@ import contextlib
 import os
 import struct
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Callable, NamedTuple
 
 import numpy as np
@@ -79,6 +79,8 @@ def _meaning(values: np.ndarray, depth: Any) -> tuple[str, Any]:
 
 def focal_stack(folder: str, pictures: Any, focus: Any, aperture: Any, focal_length: Callable[[], float]) -> str:
     """Writes the pictures of a focal stack with its settings. Returns its folder."""
+    if not hasattr(pictures, "__iter__"):
+        raise _arguments.wrong(TypeError, "pictures", f"is {pictures!r}: it must be a sequence of pictures")
     shown = [light(one, f"pictures[{at}]") for at, one in enumerate(pictures)]
     depths = _depths(focus, "focus", focal_length)
     if len(shown) != len(depths) or not shown:
@@ -120,11 +122,9 @@ def layers(value: Any, depths: Any, focal_length: Callable[[], float]) -> Layers
 
 
 def _depths(value: Any, what: str, focal_length: Callable[[], float]) -> list[float]:
-    try:
-        each: Sequence[Any] = list(value)
-    except TypeError:
-        raise _arguments.wrong(TypeError, what, f"is {value!r}: it must be a sequence of depths") from None
-    return [_arguments.finite(_arguments.depth(one, focal_length, what), what) for one in each]
+    if not hasattr(value, "__iter__") or isinstance(value, str):
+        raise _arguments.wrong(TypeError, what, f"is {value!r}: it must be a sequence of depths")
+    return [_arguments.finite(_arguments.depth(one, focal_length, what), what) for one in value]
 
 
 def write_tiff(path: str, light: np.ndarray) -> None:

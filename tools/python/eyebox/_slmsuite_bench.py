@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable
+from typing import TYPE_CHECKING, Any, Callable
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from ._calibrate import Shot
 from ._display import display_of
 from ._hologram import Hologram
 from ._slmsuite_levels import bit_depth, level_type, levels, plain_array, slm_size
+
+if TYPE_CHECKING:
+    from ._types import DisplayLike, Quantity, Range
 
 
 class Bench:
@@ -33,7 +36,7 @@ class Bench:
     focus : callable, optional
         Function (depth) that focuses the camera.
     focus_range : (float, float), optional
-        Range of the depths.
+        Range of the depths. Texts in diopters need ``display``.
     light : callable, optional
         Function (color) that lights the laser of a color, or none for None. Without it, the laser is always on and no
         dark picture is taken.
@@ -58,13 +61,13 @@ class Bench:
         slm: Any,
         camera: Any,
         *,
-        iris: Callable[[float, float, float], Any] | tuple[float, float, float] | None = None,
+        iris: Callable[[float, float, float], Any] | tuple[Quantity, Quantity, Quantity] | None = None,
         iris_range: Any = None,
         focus: Callable[[float], Any] | None = None,
-        focus_range: tuple[float, float] | None = None,
+        focus_range: Range | None = None,
         light: Callable[[str | None], Any] | None = None,
-        exposures: tuple[float, float] | None = None,
-        display: Any = None,
+        exposures: Range | None = None,
+        display: DisplayLike | None = None,
     ) -> None:
         for name, value in (("focus", focus), ("light", light)):
             if value is not None and not callable(value):
@@ -99,7 +102,15 @@ class Bench:
             ranges = {"x_mm": x, "y_mm": y, "diameter_mm": diameter}
             self.hello["iris"] = {key: _pair(value, "m", "iris_range") for key, value in ranges.items()}
         if focus_range is not None:
-            self.hello["focus_mm"] = _pair(focus_range, "m", "focus_range")
+            self.hello["focus_mm"] = self._focus_range(focus_range)
+
+    def _focus_range(self, value: Any) -> list[float]:
+        """Returns the range of the focus in millimeters. Diopters need a display, because they need a focal length."""
+        ends = _arguments.ends(value, "focus_range")
+        if self._display is None:
+            return _pair(ends, "m", "focus_range")
+        length = self._display.focal_length
+        return [1e3 * _arguments.depth(end, lambda: length, "focus_range") for end in ends]
 
     def __call__(self, shot: Shot) -> np.ndarray:
         """Shows the pattern of a shot and takes its picture, the sum of ``shot.average`` pictures."""

@@ -76,9 +76,13 @@ class Scores(list[Score]):
     def __init__(
         self, scores: Iterable[Score], pupils: Iterable[Sequence[float]], groups: Iterable[str] | None = None
     ) -> None:
-        super().__init__(scores)
+        super().__init__()
+        for one in scores:
+            if not isinstance(one, Score):
+                raise wrong(TypeError, "scores", f"has {one!r}: it must have eyebox.Score alone")
+            self.append(one)
         self.pupils = [Pupil(*pupil) for pupil in pupils]
-        self.groups = None if groups is None else list(groups)
+        self.groups = None if groups is None else [str(group) for group, _ in zip(groups, self)]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Scores, (list(self), self.pupils, self.groups)

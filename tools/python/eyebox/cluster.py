@@ -16,23 +16,17 @@ from __future__ import annotations
 
 import contextlib
 import fractions
-import functools
 import json
-import logging
 import numbers
 import os
 import shutil
-import signal
-import time
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
 
 import numpy as np
 
-from . import _arguments, _eyebox
-from ._display import Display, display_of, engine_of
-from ._hologram import Hologram
-from ._solve import solve
+from . import _arguments, _cluster_work, _eyebox
+from ._cluster_pool import cluster, gather, submit
+from ._display import Display, display_of
 from ._tables import Rows
 
 if TYPE_CHECKING:
@@ -108,10 +102,10 @@ def solve_sequence(
     colors = _arguments.colors(color, list(display.wavelengths))
     job = (tuple(names), _text(display), tuple(colors), _arguments.toml(dict(settings)), shown.as_integer_ratio(), out, engine)
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
-    with _cluster(client, workers, max_workers) as there:
+    with cluster(client, workers, max_workers) as there:
         # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
-        first = _submit(there, _begun, job)
-        _gather([first, *(_submit(there, _piece, first, index) for index in range(1, len(names)))])
+        first = submit(there, _cluster_work.begun, job)
+        gather([first, *(submit(there, _cluster_work.piece, first, index) for index in range(1, len(names)))])
     _eyebox.Sequence.finish(out)
     return len(names) - before
 
@@ -179,13 +173,13 @@ def solve_far_field(
     memory = int(_arguments.quantity(memory, "B", "memory")) if isinstance(memory, str) else memory
     request = (_arguments.count(passes, "passes"), _arguments.count(memory, "memory", most), _arguments.count(picture, "picture"))
     job = (name, _text(display), tuple(colors), text, request, out, engine)
-    with _cluster(client, workers, max_workers) as there:
-        first = _submit(there, _far_field_begun, job)
-        [(_, done, after)] = _gather([first])
+    with cluster(client, workers, max_workers) as there:
+        first = submit(there, _cluster_work.far_field_begun, job)
+        [(_, done, after)] = gather([first])
         visits: list[Any] = []
         for visit, before in enumerate(after):
-            visits.append(_submit(there, _visit, first, visit, [visits[i] for i in before]))
-        _gather(visits)
+            visits.append(submit(there, _cluster_work.visit, first, visit, [visits[i] for i in before]))
+        gather(visits)
     _eyebox.FarField.finish(out)
     return done.count(False)
 
@@ -232,7 +226,7 @@ def evaluate(
     # Each hologram converts depths from texts with its own focal length.
     at = None if pupils is None else _arguments.pupils(pupils, None)
     jobs = [(file, index, _when(file), scene, at, engine) for file in files for index in _indices(file)]
-    return _pieces(_scored, jobs, out, (client, workers, max_workers), keep_pieces)
+    return _pieces(_cluster_work.scored, jobs, out, (client, workers, max_workers), keep_pieces)
 
 
 def tradeoff(
@@ -283,7 +277,8 @@ def tradeoff(
         _arguments.toml(one)
     at = None if pupils is None else _arguments.pupils(pupils, lambda: display.focal_length)
     given = (name, _text(display), colors)
-    return _pieces(_traded, [(*given, one, at, engine) for one in settings], out, (client, workers, max_workers), keep_pieces)
+    jobs = [(*given, one, at, engine) for one in settings]
+    return _pieces(_cluster_work.traded, jobs, out, (client, workers, max_workers), keep_pieces)
 
 
 def _text(display: Display) -> tuple[str, str | None]:
@@ -345,42 +340,6 @@ def _scene(value: Any, out: str, at: int = 0) -> str:
     return path
 
 
-class _Refused:
-    """An error of a piece. It is a result for Dask, which would print its own lines about an exception."""
-
-    def __init__(self, error: Exception) -> None:
-        self.error = error
-
-
-def _submit(there: Any, work: Callable[..., Any], *arguments: Any) -> Any:
-    return there.submit(_answer, work, *arguments, pure=False)
-
-
-def _answer(work: Callable[..., Any], *arguments: Any) -> Any:
-    """Returns the result of a piece, or its error. A piece that needs the result of another one passes its error on."""
-    for argument in arguments:
-        for one in argument if isinstance(argument, list) else [argument]:
-            if isinstance(one, _Refused):
-                return one
-    try:
-        return work(*arguments)
-    except (ValueError, TypeError, OSError) as error:
-        return _Refused(error)
-
-
-def _gather(futures: Sequence[Any]) -> list[Any]:
-    """Returns the results of pieces. The first error ends the others."""
-    from dask.distributed import as_completed
-
-    for future in as_completed(futures):
-        result = future.result()
-        if isinstance(result, _Refused):
-            for other in futures:
-                other.cancel()
-            raise result.error
-    return [future.result() for future in futures]
-
-
 def _pieces(
     make: Callable[..., Any], jobs: list[Any], out: Any, there: tuple[Any, Any, Any], keep: bool
 ) -> Rows:
@@ -398,28 +357,16 @@ def _pieces(
     os.makedirs(folder, exist_ok=True)
     _same_job(os.path.join(folder, "job.txt"), repr(jobs))
     paths = [os.path.join(folder, f"{index:06}.json") for index in range(len(jobs))]
-    with _cluster(client, workers, max_workers) as there:
-        _gather([_submit(there, _result, make, job, path) for job, path in zip(jobs, paths)])
+    with cluster(client, workers, max_workers) as there:
+        gather([submit(there, _cluster_work.result, make, job, path) for job, path in zip(jobs, paths)])
     results = Rows()
     for path in paths:
         with open(path, encoding="utf-8") as file:
             results.append(json.load(file))
-    _write(out, results)
+    _cluster_work.write(out, results)
     if not keep:
         shutil.rmtree(folder)
     return results
-
-
-def _result(make: Callable[..., Any], job: Any, path: str) -> None:
-    """Computes one result on a worker, unless it exists."""
-    if not os.path.exists(path):
-        _write(path, make(*job))
-
-
-def _write(path: str, value: Any) -> None:
-    with open(path + ".part", "w", encoding="utf-8") as draft:
-        json.dump(value, draft, indent=1)
-    os.replace(path + ".part", path)
 
 
 def _indices(file: str) -> list[int | None]:
@@ -440,24 +387,6 @@ def _when(file: str) -> int | None:
         return None
 
 
-def _scored(file: str, index: int | None, _when: Any, scene: str | None, pupils: Any, engine: str) -> dict[str, Any]:
-    at = {} if index is None else {"at": index}
-    return {"hologram": file, **at, "scores": _scores(Hologram.load(file, index), scene, pupils, engine)}
-
-
-def _traded(
-    scene: str, display: tuple[str, Any], colors: list[str], settings: dict[str, Any], pupils: Any, engine: str
-) -> dict[str, Any]:
-    begun = time.perf_counter()
-    made = solve(scene, Display._of(_eyebox.Display.of_toml(*display)), colors, engine=engine, **settings)
-    seconds = time.perf_counter() - begun
-    return {"settings": settings, "seconds": seconds, "scores": _scores(made, None, pupils, engine)}
-
-
-def _scores(hologram: Hologram, scene: Any, pupils: Any, engine: str) -> list[dict[str, Any]]:
-    return [dict(score._asdict()) for score in hologram.score(scene, pupils, engine=engine)]
-
-
 def _same_job(file: str, job: str) -> None:
     """Refuses a folder with pieces of another job."""
     try:
@@ -468,73 +397,3 @@ def _same_job(file: str, job: str) -> None:
         with open(file + ".part", "w", encoding="utf-8", errors="surrogateescape") as draft:
             draft.write(job)
         os.replace(file + ".part", file)
-
-
-@functools.lru_cache(maxsize=1)
-def _sequence(job: Any) -> _eyebox.Sequence:
-    """Returns the current sequence of a worker, which keeps the results of its first scene."""
-    names, display, colors, settings, rate, out, _ = job
-    return _eyebox.Sequence(list(names), _eyebox.Display.of_toml(*display), list(colors), settings, rate, out)
-
-
-def _begun(job: Any) -> Any:
-    """Solves the first hologram on a worker, which begins the file. Returns the job for the others."""
-    _piece(job, 0)
-    return job
-
-
-def _piece(job: Any, index: int) -> None:
-    """Solves one hologram on a worker, unless it exists."""
-    _sequence(job).piece(index, engine_of(job[-1]))
-
-
-@functools.lru_cache(maxsize=1)
-def _far_field(job: Any) -> _eyebox.FarField:
-    """Returns the current far field of a worker, which keeps the loaded data of its scene."""
-    scene, display, colors, settings, request, out, _ = job
-    return _eyebox.FarField(scene, _eyebox.Display.of_toml(*display), list(colors), settings, request, out)
-
-
-def _far_field_begun(job: Any) -> tuple[Any, list[bool], list[list[int]]]:
-    """Begins the file on a worker. Returns the job, whether each visit is done, and the visits before each one."""
-    done, after, _ = _far_field(job).begin(engine_of(job[-1]))
-    return job, done, after
-
-
-def _visit(begun: tuple[Any, ...], visit: int, _after: Any) -> None:
-    """Makes a visit to a region on a worker, unless it is done."""
-    _far_field(begun[0]).visit(visit, engine_of(begun[0][-1]))
-
-
-@contextlib.contextmanager
-def _cluster(client: Any, workers: Any, max_workers: Any) -> Iterator[Any]:
-    if client is not None:
-        if max_workers is not None:
-            text = "is for the default cluster: call adapt(minimum=1, maximum=N) of your cluster"
-            raise _arguments.wrong(TypeError, "max_workers", text)
-        yield client
-        return
-    try:
-        from dask.distributed import Client, LocalCluster
-    except ImportError:
-        raise ImportError("eyebox.cluster needs Dask: pip install dask[distributed]") from None
-    count = _arguments.count(workers, "workers", 4096)
-    most = count if max_workers is None else _arguments.count(max_workers, "max_workers", 4096, least=count)
-    # The workers share the cores of the machine. If each had all cores, they would wait for each other.
-    stated = os.environ.get("RAYON_NUM_THREADS", "")
-    threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
-    own = {"RAYON_NUM_THREADS": str(max(threads // most, 1))}
-    # Workers would warn of pieces that end with the call after the first error.
-    how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.ERROR, "env": own}
-    with LocalCluster(n_workers=count, **how) as local, Client(local) as one:
-        if most > count:
-            local.adapt(minimum=count, maximum=most)
-        try:
-            yield one
-        except KeyboardInterrupt:
-            # A worker would end only after its piece. It can be killed, because each file is whole or not there.
-            for nanny in local.workers.values():
-                nanny.close_gracefully()
-                if nanny.pid is not None:
-                    os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
-            raise

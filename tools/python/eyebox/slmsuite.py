@@ -18,7 +18,7 @@ import itertools
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Callable, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from ._display import Display
 from ._hologram import Hologram
 from ._slmsuite_bench import Bench
 from ._slmsuite_levels import bit_depth, levels, look_up, slm_size
+
+if TYPE_CHECKING:
+    from ._types import Quantity
 
 __all__ = ["Bench", "Played", "Shown", "display_of", "levels", "play", "show"]
 
@@ -71,7 +74,7 @@ class Played(NamedTuple):
 
 def display_of(
     slm: Any,
-    focal_length: float | str,
+    focal_length: Quantity,
     color: str | None = None,
     **fields: Any,
 ) -> Display:
@@ -156,8 +159,8 @@ def play(
     *,
     sets: int = 1,
     loop: bool = False,
-    rate: float | str | None = None,
-    seconds: float | str | None = None,
+    rate: Quantity | None = None,
+    seconds: Quantity | None = None,
     input_trigger: bool = False,
     output_trigger: bool = False,
     callback: Callable[[Shown], Any] | None = None,

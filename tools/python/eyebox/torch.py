@@ -13,7 +13,7 @@ The engine of eyebox computes the images and the gradients. The rest of the prog
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import _arguments, _eyebox
 from ._display import Display, display_of, engine_of
@@ -23,6 +23,9 @@ try:
     from torch.autograd.function import once_differentiable
 except ImportError:
     raise ImportError("eyebox.torch needs PyTorch: pip install torch") from None
+
+if TYPE_CHECKING:
+    from ._types import DisplayLike, EngineLike, Pupils, Whole
 
 __all__ = ["ForwardModel"]
 
@@ -53,20 +56,26 @@ class ForwardModel(torch.nn.Module):
     """
 
     def __init__(
-        self, display: Any, color: str | None = None, frames: int = 8, *, exposure: Any = 1.0, engine: Any = "auto"
+        self,
+        display: DisplayLike,
+        color: str | None = None,
+        frames: Whole = 8,
+        *,
+        exposure: float | torch.Tensor = 1.0,
+        engine: EngineLike = "auto",
     ) -> None:
         super().__init__()
         self.display: Display = display_of(display)
         names = _arguments.colors(color, list(self.display.wavelengths))
         if len(names) != 1:
-            raise ValueError(f"a model is of one color: color must be one of {', '.join(self.display.wavelengths)}")
+            raise _arguments.wrong(ValueError, "color", f"is {color!r}: it must be one of {', '.join(self.display.wavelengths)}")
         [self.color] = names
         self.frames = _arguments.count(frames, "frames", 4096)
         self.exposure = exposure if isinstance(exposure, torch.Tensor) else _arguments.finite(exposure, "exposure")
         self._engine = engine_of(engine)
         self._native = _eyebox.ForwardModel(self.display._native, self.color, self.frames)
 
-    def forward(self, phases: torch.Tensor, pupils: Any) -> torch.Tensor:
+    def forward(self, phases: torch.Tensor, pupils: Pupils) -> torch.Tensor:
         """Computes the images of phases through pupils.
 
         Parameters
@@ -74,7 +83,7 @@ class ForwardModel(torch.nn.Module):
         phases : torch.Tensor
             Floating-point radians (sub-frame, row, column). The engine computes in float32.
         pupils : sequence of (x, y, diameter, depth)
-            Pupils in meters, as everywhere in eyebox.
+            Pupils in meters, or with units as everywhere in eyebox.
 
         Returns
         -------
@@ -83,7 +92,8 @@ class ForwardModel(torch.nn.Module):
         """
         if not (isinstance(phases, torch.Tensor) and phases.is_floating_point()):
             kind = phases.dtype if isinstance(phases, torch.Tensor) else type(phases).__name__
-            raise TypeError(f"phases is {kind}: it must be a floating-point tensor of radians (sub-frame, row, column)")
+            right = "a floating-point tensor of radians (sub-frame, row, column)"
+            raise _arguments.wrong(TypeError, "phases", f"is {kind}: it must be {right}")
         at = _arguments.pupils(pupils, lambda: self.display.focal_length)
         return _Images.apply(phases, self._native, at, self._engine) * self.exposure
 

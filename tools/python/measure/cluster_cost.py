@@ -73,15 +73,15 @@ def main():
         out = str(folder / "again.zarr")
         job = (tuple(scenes), display.to_toml(), ("green",), eyebox._arguments.toml(settings), (30, 1), out, "cpu")
         begun = processor()
-        eyebox.cluster._begun(job)
+        eyebox._cluster_work.begun(job)
         first = processor() - begun
         begun = processor()
         for index in range(1, count):
-            eyebox.cluster._piece(job, index)
+            eyebox._cluster_work.piece(job, index)
         piece = (processor() - begun) / max(count - 1, 1)
-        eyebox.cluster._sequence.cache_clear()
+        eyebox._cluster_work.sequence.cache_clear()
         begun = processor()
-        eyebox.cluster._piece(job, 0)
+        eyebox._cluster_work.piece(job, 0)
         load = processor() - begun
         begun = time.perf_counter()
         eyebox._eyebox.Sequence.finish(out)

@@ -11,6 +11,7 @@ import pickle
 
 import eyebox
 import eyebox.cluster
+import eyebox.live
 import eyebox.slmsuite
 import numpy as np
 from eyebox import Display, Engine, Hologram, Pupil, Refiner, Scene, SolveSettings
@@ -130,3 +131,31 @@ def shows(hologram: Hologram, display: Display) -> None:
     eyebox.cluster.solve_sequence(["builtin:plane"], "film.zarr", display, stesp=3)  # misuse
     eyebox.calibrate(display, lambda shot: np.zeros((4, 4)), hello={}).report["parameters"]
     eyebox.calibrate(display, lambda: np.zeros((4, 4)), hello={})  # misuse
+
+
+def lives(samples: np.ndarray, depths: np.ndarray) -> None:
+    try:
+        there = eyebox.live.Live("demo")
+    except eyebox.EyeboxError as error:
+        print(error.code)
+        raise
+    with there:
+        kind = there.color_and_depth(eyebox.live.F32, eyebox.live.LINEAR)
+        while request := there.wait("100ms"):
+            number: int = there.send(kind, samples, depths, request=request, center=("1mm", 0.0))
+            eyebox.Pupil(request.x, request.y, request.diameter).depth + request.velocity[0] + number
+            there.send(kind, samples, depths, request=request.number)  # misuse
+            request.pupil_x_mm  # misuse
+        there.views(3, 3, "1mm", eyebox.live.Sample.F16)
+        there.views(3, 3)  # misuse
+        there.layers(["0.5D", 0.0], transfer=eyebox.live.SRGB)
+        there.layers("0.5D", 7)  # misuse
+        there.color_and_depth(eyebox.live.LINEAR)  # misuse
+        there.send(samples)  # misuse
+        there.send("frame", samples)  # misuse
+        there.eyebox_mm  # misuse
+        there.kinds & {eyebox.live.Kind.VIEWS, eyebox.live.LAYERS}
+        there.wait(None)  # misuse
+        there.size[0] * there.size[1] * len(there.colors)
+    eyebox.live.Live(b"demo")  # misuse
+    eyebox.live.Live()  # misuse

@@ -1,5 +1,6 @@
 """Tests work on two processes. If one of them is killed, the files still have the bytes of one process."""
 
+import contextlib
 import json
 import os
 import pathlib
@@ -150,6 +151,27 @@ def test_a_refusal_is_one_exception_without_lines_of_dask(tmp_path):
     ran = subprocess.run([sys.executable, file, tmp_path / "x.zarr"], capture_output=True, text=True, timeout=120)
     assert ran.stdout.split()[0].startswith("scene/") and ran.stdout.split()[1] == "SceneError", ran
     assert ran.stderr == ""
+
+
+def test_workers_are_added_for_more_work(tmp_path):
+    """The default cluster begins with one worker and adapts to the work, up to ``max_workers``."""
+    display, seen, ended = eyebox.Display("small", size=(64, 64)), [], threading.Event()
+
+    def watch():
+        while not ended.wait(0.02):
+            with contextlib.suppress(ValueError):  # There is no cluster yet.
+                seen.append(len(distributed.get_client().scheduler_info()["workers"]))
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    try:
+        scenes = [f"builtin:plane?depth={depth / 48}" for depth in range(48)]
+        how = dict(frames=4, steps=150, pupils=8, engine="cpu", workers=1, max_workers=2)
+        assert eyebox.cluster.solve_sequence(scenes, tmp_path / "film.zarr", display, "green", **how) == 48
+    finally:
+        ended.set()
+        thread.join()
+    assert max(seen) == 2 and min(one for one in seen if one) == 1
 
 
 def test_what_makes_no_sense(tmp_path):

@@ -82,7 +82,6 @@ def test_the_other_programs(tmp_path, monkeypatch):
         if "torch" in program and importlib.util.find_spec("torch") is None:
             continue
         if "dask_jobqueue" in program:
-            compile(program, "docs/python.md", "exec")
             continue
         program = program.replace("10_000", "3").replace("> 1000:", "> 20:")
         if "import torch" in program:
@@ -93,6 +92,39 @@ def test_the_other_programs(tmp_path, monkeypatch):
             run(program, names, f"program {number}")
         ran += 1
     assert ran >= 4
+
+
+def test_the_program_for_slurm_runs_with_local_jobs(tmp_path, monkeypatch):
+    """The script of docs/python.md runs with jobs of dask-jobqueue on this machine, because CI has no Slurm."""
+    dask_jobqueue = pytest.importorskip("dask_jobqueue", reason="dask-jobqueue is not installed")
+    from dask_jobqueue.local import LocalCluster
+
+    [program] = [program for program in programs() if "SLURMCluster" in program]
+    scenes = []
+    for number in range(4):
+        scenes.append(tmp_path / f"{number:04}.npy")
+        np.save(scenes[-1], light_field(2, 2, number))
+    jobs = []
+
+    def local(*, walltime, **how):
+        assert walltime == "02:00:00" and how["cores"] == 1
+        cluster = LocalCluster(**how, log_directory=str(tmp_path), local_directory=str(tmp_path), scheduler_options={"dashboard": False})
+        jobs.append(cluster)
+        return cluster
+
+    monkeypatch.setattr(dask_jobqueue, "SLURMCluster", local)
+    for here, there in [
+        ('[f"/scratch/film/{frame:04}" for frame in range(1000)]', repr([str(path) for path in scenes])),
+        ('"/scratch/film.zarr"', repr(str(tmp_path / "film.zarr"))),
+        ('"holoeye-pluto-2.1"', 'eyebox.Display("small", size=(40, 48))'),
+        ("maximum_jobs=100", "maximum_jobs=2"),
+        ("steps=60", "steps=2"),
+    ]:
+        assert here in program, here
+        program = program.replace(here, there)
+    run(program, {}, "Slurm")
+    assert eyebox.Hologram.load(tmp_path / "film.zarr", 3).frames == 8 and len(jobs) == 1
+    assert jobs[0].status.name == "closed"
 
 
 def _live(program, names, display):

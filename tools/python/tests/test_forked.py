@@ -1,4 +1,4 @@
-"""Tests that forked children compute or get an error of one line, and never hang."""
+"""Tests processes of every start method. Children compute or get an error of one line, and never hang."""
 
 import functools
 import multiprocessing
@@ -10,6 +10,7 @@ import textwrap
 import eyebox
 import numpy as np
 import pytest
+from conftest import light_field
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
 
@@ -121,11 +122,25 @@ def test_what_belongs_to_the_parent_is_refused_in_one_line():
     assert float(in_child(lambda: eyebox.Refiner(parents(), engine="cpu").step())) > 0 and refiner.step() > 0
 
 
-@pytest.mark.parametrize("chunk", [1, 4])
-def test_a_pool_of_processes_works(chunk):
+@pytest.mark.parametrize(("method", "chunk"), [("fork", 1), ("fork", 4), ("spawn", 2), ("forkserver", 2)])
+def test_a_pool_of_processes_works(method, chunk):
     want = [bytes_of(seed) for seed in range(8)]
-    with multiprocessing.get_context("fork").Pool(2) as pool:
+    with multiprocessing.get_context(method).Pool(2) as pool:
         assert pool.map_async(bytes_of, range(8), chunk).get(timeout=120) == want
+
+
+def facts(display, scene, hologram, pupil):
+    """Returns facts of objects that a child of another start method gets by pickle."""
+    return hologram.view(*pupil, engine="cpu").tobytes(), scene.photograph(*pupil, engine="cpu").tobytes(), display.to_toml()
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_objects_go_to_processes_that_are_not_forked(method):
+    scene = eyebox.Scene(light_field(3, 3, 3), SIZE, "green")
+    hologram = eyebox.solve(scene, SIZE, depth=(0, 0), **HOW)
+    given = (SIZE, scene, hologram, eyebox.Pupil(1e-3, 0, 4e-3, 1e-3))
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        assert pool.apply_async(facts, given).get(timeout=120) == facts(*given)
 
 
 class Holograms:
@@ -133,6 +148,9 @@ class Holograms:
 
     def __init__(self, files):
         self.files = files
+
+    def __len__(self):
+        return len(self.files)
 
     def __getitem__(self, index):
         hologram = eyebox.Hologram.load(self.files[index])
@@ -162,6 +180,24 @@ def test_workers_of_a_data_set_as_torchs(tmp_path):
     for worker in workers:
         worker.join(30)
         assert worker.exitcode == 0
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
+def test_the_data_loader_of_torch(method, tmp_path):
+    data = pytest.importorskip("torch.utils.data", reason="PyTorch is not installed")
+    files = []
+    for seed in range(4):
+        files.append(tmp_path / f"{seed}.zarr")
+        solved(seed).save(files[-1])
+    own = Holograms(files)
+    loader = data.DataLoader(own, batch_size=2, num_workers=2, multiprocessing_context=method, timeout=120)
+    batches = list(loader)
+    assert len(batches) == 2
+    for number, (phases, seen, scores) in enumerate(batches):
+        for at in range(2):
+            want = own[2 * number + at]
+            assert (phases[at].numpy() == want[0]).all() and (seen[at].numpy() == want[1]).all()
+            assert [float(score[at]) for score in scores] == want[2]
 
 
 def test_a_child_leaves_by_itself():

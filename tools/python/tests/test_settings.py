@@ -140,6 +140,8 @@ def test_live_errors_are_errors_of_eyebox():
     assert issubclass(live.LiveError, eyebox.EyeboxError) and issubclass(live.Gone, live.LiveError)
     with pytest.raises(eyebox.EyeboxError):
         live.Live("not a name")
+    with named(TypeError, "name"):
+        live.Live(3)
     # The file also works alone, without the package.
     path = pathlib.Path(__file__).parents[3] / "tools" / "live-input" / "eyebox_live.py"
     spec = importlib.util.spec_from_file_location("eyebox_live", path)

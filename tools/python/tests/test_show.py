@@ -54,8 +54,8 @@ def test_an_eye_is_followed_as_by_the_command(tmp_path, hologram, display, momen
 
 def test_samples_of_ones_own_are_followed(hologram, display):
     with eyebox.show(hologram, display, eye="own", rate=60, engine="cpu") as session:
-        until, seen = time.monotonic() + 20, []
-        while time.monotonic() < until and session.status.get("steps", 0) < 4:
+        until, seen = time.monotonic() + 60, []
+        while time.monotonic() < until and (session.status.get("steps", 0) < 4 or not seen):
             session.look(2e-3, -1e-3, 4e-3)
             session.look(2e-3, -1e-3, 4e-3, velocity=(1e-2, 0.0))
             if (frame := session.frame(timeout=0.05)) is not None:
@@ -99,13 +99,14 @@ def test_an_application_in_python_comes_to_light(tmp_path, monkeypatch, display,
 
     def application():
         with live.Live("demo") as there:
-            picture = np.zeros((there.rows, there.columns, there.channels), np.float32)
+            assert there.colors == ["green"] and there.eyebox == pytest.approx([display.eyebox] * 2)
+            picture = np.zeros((*there.size, 1), np.float32)
             picture[10:30, 10:30] = 1
             if ask == "depth":
                 kind = there.color_and_depth(live.F32, live.LINEAR)
-                content = (picture, np.zeros((there.rows, there.columns), np.float32))
+                content = (picture, np.zeros(there.size, np.float32))
             else:
-                kind = there.views(3, 3, 1.0, live.F32, live.LINEAR)
+                kind = there.views(3, 3, "1mm", live.F32, live.LINEAR)
                 content = (np.broadcast_to(picture, (3, 3, *picture.shape)).copy(),)
             with contextlib.suppress(live.Gone):
                 while True:

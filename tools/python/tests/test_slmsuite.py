@@ -178,7 +178,7 @@ def sequence(tmp_path):
     names = [f"builtin:plane?depth={depth}" for depth in range(3)]
     job = (tuple(names), (display.to_toml(), None), ("green",), "steps = 1\nframes = 2\npupils = 2", (30, 1), str(tmp_path / "film.zarr"), "cpu")
     for index in range(3):
-        eyebox.cluster._piece(job, index)
+        eyebox._cluster_work.piece(job, index)
     eyebox._eyebox.Sequence.finish(str(tmp_path / "film.zarr"))
     return tmp_path / "film.zarr"
 

@@ -1,0 +1,82 @@
+"""Runs pieces of work on a Dask cluster, which is given or is started on this machine for the call."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+from collections.abc import Sequence
+from typing import Any, Callable, Iterator
+
+from . import _arguments
+
+
+class _Refused:
+    """An error of a piece. It is a result for Dask, which would print its own lines about an exception."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
+def submit(there: Any, work: Callable[..., Any], *arguments: Any) -> Any:
+    return there.submit(_answer, work, *arguments, pure=False)
+
+
+def _answer(work: Callable[..., Any], *arguments: Any) -> Any:
+    """Returns the result of a piece, or its error. A piece that needs the result of another one passes its error on."""
+    for argument in arguments:
+        for one in argument if isinstance(argument, list) else [argument]:
+            if isinstance(one, _Refused):
+                return one
+    try:
+        return work(*arguments)
+    except (ValueError, TypeError, OSError) as error:
+        return _Refused(error)
+
+
+def gather(futures: Sequence[Any]) -> list[Any]:
+    """Returns the results of pieces. The first error ends the others."""
+    from dask.distributed import as_completed
+
+    for future in as_completed(futures):
+        result = future.result()
+        if isinstance(result, _Refused):
+            for other in futures:
+                other.cancel()
+            raise result.error
+    return [future.result() for future in futures]
+
+
+@contextlib.contextmanager
+def cluster(client: Any, workers: Any, max_workers: Any) -> Iterator[Any]:
+    if client is not None:
+        if max_workers is not None:
+            text = "is for the default cluster: call adapt(minimum=1, maximum=N) of your cluster"
+            raise _arguments.wrong(TypeError, "max_workers", text)
+        yield client
+        return
+    try:
+        from dask.distributed import Client, LocalCluster
+    except ImportError:
+        raise ImportError("eyebox.cluster needs Dask: pip install dask[distributed]") from None
+    count = _arguments.count(workers, "workers", 4096)
+    most = count if max_workers is None else _arguments.count(max_workers, "max_workers", 4096, least=count)
+    # The workers share the cores of the machine. If each had all cores, they would wait for each other.
+    stated = os.environ.get("RAYON_NUM_THREADS", "")
+    threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
+    own = {"RAYON_NUM_THREADS": str(max(threads // most, 1))}
+    # Workers would warn of pieces that end with the call after the first error.
+    how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.ERROR, "env": own}
+    with LocalCluster(n_workers=count, **how) as local, Client(local) as one:
+        if most > count:
+            local.adapt(minimum=count, maximum=most)
+        try:
+            yield one
+        except KeyboardInterrupt:
+            # A worker would end only after its piece. It can be killed, because each file is whole or not there.
+            for nanny in local.workers.values():
+                nanny.close_gracefully()
+                if nanny.pid is not None:
+                    os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+            raise

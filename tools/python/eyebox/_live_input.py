@@ -1,0 +1,1 @@
+../../live-input/eyebox_live.py
