@@ -52,6 +52,34 @@ EYEBOX_POSING_LIMITS="maxComputeSharedMemorySize=16384 maxComputeWorkGroupInvoca
     tools/posing.sh cargo test --release --workspace --test vulkan -- --include-ignored --skip every_subgroup_size \
     posing:: kernels:: shared:: views:: flight:: fused:: steps::
 
+# Newer layers track accesses of shaders only on request, and their texts differ. Their drivers are newer, too.
+for suite in trixie sid; do
+    stage "the validation layer and the driver of Debian $suite"
+    newer="$root/tools/newer.sh $suite"
+    export CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=$newer
+    cargo test --release --workspace --lib -- a_hazard_is_heard a_kernel_runs_is_timed
+    cargo test --release --workspace --test vulkan -- kernels:: fused:: flight:: shared:: --skip every_subgroup_size
+    unset CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER
+done
+
+# The layer of Debian 12 says nothing, and that of sid ends by a fault.
+stage "GPU-assisted validation"
+CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER="$root/tools/newer.sh trixie" VK_LAYER_GPUAV_ENABLE=1 \
+    cargo test --release --workspace --lib -- --ignored an_access_beyond_a_range_is_heard
+work=$(mktemp -d)
+for storage in fp32 fp16; do
+    VK_INSTANCE_LAYERS=VK_LAYER_KHRONOS_validation VK_LAYER_GPUAV_ENABLE=1 tools/newer.sh trixie "$target/release/eyebox" \
+        solve builtin:still-life --size 64x96 --pupils 4 --steps 3 --set storage=$storage --engine vulkan --force \
+        -o "$work/$storage.zarr" 2>&1 | tee "$work/log"
+    if grep -q 'Validation Error' "$work/log"; then exit 1; fi
+done
+rm -r "$work"
+
+stage "aarch64 under qemu-user, and the archive for devices"
+tools/setup.sh aarch64
+tools/aarch64.sh test
+tools/aarch64.sh device
+
 stage "what a compiler for real devices makes of every pipeline"
 cargo test --release --workspace --lib -- --include-ignored --nocapture nothing_spills
 

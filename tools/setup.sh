@@ -5,6 +5,7 @@
 # Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
 # Rust itself (cargo) is assumed.
 # tools/setup.sh windows does the same for what builds for Windows and runs it: MinGW's linker and Wine, 1 GB on the disk.
+# tools/setup.sh aarch64 for what tools/aarch64.sh builds and runs with: a cross compiler and qemu-user.
 # tools/setup.sh site for what tools/site.sh opens its pages with: Chromium.
 set -euo pipefail
 
@@ -17,6 +18,7 @@ fi
 
 windows=$([[ ${1:-} != windows ]] || echo yes)
 site=$([[ ${1:-} != site ]] || echo yes)
+aarch64=$([[ ${1:-} != aarch64 ]] || echo yes)
 browser() { command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null; }
 mingw() { command -v x86_64-w64-mingw32-gcc >/dev/null; }
 wine() { (PATH=$PATH:/usr/lib/wine && command -v wine64 >/dev/null); } # Where Debian has it.
@@ -26,6 +28,9 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
     if [[ $windows ]]; then
         mingw || missing+=(gcc-mingw-w64-x86-64-win32)
         wine || missing+=(wine64)
+    elif [[ $aarch64 ]]; then
+        command -v aarch64-linux-gnu-gcc >/dev/null || missing+=(gcc-aarch64-linux-gnu libc6-dev-arm64-cross)
+        command -v qemu-aarch64 >/dev/null || missing+=(qemu-user)
     elif [[ $site ]]; then
         browser || missing+=(chromium)
         python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
@@ -77,6 +82,9 @@ missing=()
 if [[ $windows ]]; then
     mingw || missing+=("MinGW's linker, x86_64-w64-mingw32-gcc")
     wine || missing+=("Wine for 64 bits, wine64")
+elif [[ $aarch64 ]]; then
+    command -v aarch64-linux-gnu-gcc >/dev/null || missing+=("a cross compiler, aarch64-linux-gnu-gcc")
+    command -v qemu-aarch64 >/dev/null || missing+=("qemu-user")
 elif [[ $site ]]; then
     browser || missing+=("Chromium")
 else

@@ -2,8 +2,13 @@
 
 #![allow(unsafe_code)]
 
+use super::timing::SurfaceTimes;
 use ash::{ext, khr, vk};
-use eyebox_compute::gpu::{EngineError, Instance};
+use eyebox_compute::gpu::presentation::{
+    FIRST_PIXEL_OUT, FIRST_PIXEL_VISIBLE, PRESENT_ID2, PRESENT_TIMING, PRESENT_WAIT2, SurfacePresentId2,
+    SurfacePresentTiming, SurfacePresentWait2,
+};
+use eyebox_compute::gpu::{Device, EngineError, Instance};
 use std::ffi::{CStr, c_void};
 use std::fs::File;
 use std::sync::Arc;
@@ -161,6 +166,35 @@ impl Surface {
     pub(super) fn capabilities(&self, physical: vk::PhysicalDevice) -> Result<vk::SurfaceCapabilitiesKHR, vk::Result> {
         // SAFETY: the device is of the surface's instance.
         unsafe { self.calls.get_physical_device_surface_capabilities(physical, self.raw) }
+    }
+
+    /// The support of the surface for times of light, as far as the device enables the extensions.
+    pub(super) fn times(&self, device: &Device) -> SurfaceTimes {
+        let mut id2 = SurfacePresentId2::default();
+        let mut wait2 = SurfacePresentWait2::default();
+        let mut timing = SurfacePresentTiming::default();
+        let mut can = vk::SurfaceCapabilities2KHR::default();
+        if !device.has(PRESENT_ID2) {
+            return SurfaceTimes::default();
+        }
+        can = can.push_next(&mut id2);
+        if device.has(PRESENT_WAIT2) {
+            can = can.push_next(&mut wait2);
+        }
+        if device.has(PRESENT_TIMING) {
+            can = can.push_next(&mut timing);
+        }
+        let calls = khr::get_surface_capabilities2::Instance::new(&self.instance.entry, &self.instance.raw);
+        let info = vk::PhysicalDeviceSurfaceInfo2KHR::default().surface(self.raw);
+        // SAFETY: the device is of the surface's instance, which has the extension, because the device's extensions
+        // need it.
+        let asked = unsafe { calls.get_physical_device_surface_capabilities2(device.physical, &info, &mut can) };
+        if asked.is_err() || id2.supported == vk::FALSE {
+            return SurfaceTimes::default();
+        }
+        let stages = if timing.supported == vk::TRUE { timing.stages } else { 0 };
+        let stage = [FIRST_PIXEL_VISIBLE, FIRST_PIXEL_OUT].into_iter().find(|stage| stages & stage != 0);
+        SurfaceTimes { wait2: wait2.supported == vk::TRUE, stage }
     }
 
     /// The format whose levels are the bytes. Drivers list sRGB formats first, which would change the levels.

@@ -13,6 +13,9 @@ use super::slot::Slot;
 use super::surface::{Surface, Target, WindowHandle};
 use super::timing::{PresentTiming, TimingMethod, TimingSource, present_number};
 use ash::{khr, vk};
+#[cfg(all(test, target_os = "linux"))]
+use eyebox_compute::gpu::presentation::TimingCalls;
+use eyebox_compute::gpu::presentation::{PresentId2, PresentTimingsInfo};
 use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use std::sync::Arc;
 use std::time::Instant;
@@ -57,6 +60,9 @@ pub struct Swapchain {
     /// Answers of the driver that a test sets, call by call.
     #[cfg(test)]
     pub(super) pretended: std::collections::VecDeque<(&'static str, vk::Result)>,
+    /// True if the last picture was copied before it was presented.
+    #[cfg(test)]
+    pub(super) copied_first: std::cell::Cell<Option<bool>>,
     // The surface is dropped after all that was made of it.
     pub(super) surface: Surface,
 }
@@ -85,7 +91,11 @@ impl Swapchain {
         let (device, instance) = (Arc::clone(&gpu.device), Arc::clone(&gpu.device.instance));
         let display = surface.display().map_or(vk::DisplayKHR::null(), |d| d.1);
         let method = match policy {
-            Policy::Exact(_) => TimingMethod::best(|extension| device.has(extension), surface.display().is_some()),
+            Policy::Exact(_) => TimingMethod::best(
+                |extension| device.has(extension),
+                surface.times(&device),
+                surface.display().is_some(),
+            ),
             Policy::Newest => TimingMethod::Acquire,
         };
         let mut swapchain = Self {
@@ -107,6 +117,8 @@ impl Swapchain {
             tolerated: false,
             #[cfg(test)]
             pretended: Default::default(),
+            #[cfg(test)]
+            copied_first: Default::default(),
             surface,
             gpu,
         };
@@ -351,12 +363,18 @@ impl Swapchain {
         let times = [vk::PresentTimeGOOGLE::default().present_id(id as u32)];
         let mut times = vk::PresentTimesInfoGOOGLE::default().times(&times);
         let numbers = [present_number(id)];
+        let mut id2 = PresentId2 { swapchain_count: 1, present_ids: numbers.as_ptr(), ..PresentId2::default() };
         let mut numbers = vk::PresentIdKHR::default().present_ids(&numbers);
+        let request = self.times.request();
+        let infos = request.as_ref().map_or(std::ptr::null(), std::ptr::from_ref);
+        let mut requests = PresentTimingsInfo { swapchain_count: 1, infos, ..PresentTimingsInfo::default() };
         let mut info =
             vk::PresentInfoKHR::default().wait_semaphores(&rendered).swapchains(&chains).image_indices(&indices);
         info = match self.times.method() {
             TimingMethod::DisplayTiming => info.push_next(&mut times),
             TimingMethod::PresentWait => info.push_next(&mut numbers),
+            TimingMethod::PresentTiming(_) if request.is_some() => info.push_next(&mut id2).push_next(&mut requests),
+            TimingMethod::PresentTiming(_) | TimingMethod::PresentWait2 => info.push_next(&mut id2),
             TimingMethod::FirstPixel | TimingMethod::Acquire => info,
         };
         let raw = &self.gpu.device.raw;
@@ -367,14 +385,31 @@ impl Swapchain {
             raw.begin_command_buffer(slot.commands, &begin).map_err(|e| self.error("vkBeginCommandBuffer", e))?;
             record_copy(raw, slot.commands, (from, offset), self.images[image as usize], self.extent);
             raw.end_command_buffer(slot.commands).map_err(|e| self.error("vkEndCommandBuffer", e))?;
-            let queue = self.gpu.device.present().lock();
+            let queue = self.gpu.device.present();
             raw.reset_fences(&[slot.done]).map_err(|e| self.error("vkResetFences", e))?;
-            let submitted = pretended.and_then(|_| raw.queue_submit(*queue, &[submit], slot.done));
+            let submitted = pretended.and_then(|_| raw.queue_submit(*queue.lock(), &[submit], slot.done));
             submitted.map_err(|e| self.error("vkQueueSubmit", e))?;
-            self.calls.queue_present(*queue, &info)
+            self.wait_for_copy(slot)?;
+            #[cfg(test)]
+            self.copied_first.set(raw.get_fence_status(slot.done).ok());
+            self.calls.queue_present(*queue.lock(), &info)
         };
         self.next = (self.next + 1) % self.slots.len();
         Ok(presented)
+    }
+
+    /// Waits for the copy of a slot if kernels run on the same queue. Some drivers wait for it in `vkQueuePresentKHR`,
+    /// and kernels could then not be submitted until it is over. A window of the newest picture never waits.
+    fn wait_for_copy(&self, slot: &Slot) -> Result<(), EngineError> {
+        let device = &self.gpu.device;
+        if !device.shares_queue() || self.policy == Policy::Newest {
+            return Ok(());
+        }
+        // SAFETY: the fence is the device's.
+        match unsafe { device.raw.wait_for_fences(&[slot.done], true, device.patience_ns()) } {
+            Err(vk::Result::TIMEOUT) => Err(device.give_up("vkWaitForFences", "showing pictures")),
+            other => other.map_err(|e| self.error("vkWaitForFences", e)),
+        }
     }
 
     /// The driver's answer, or a test's answer instead.
@@ -392,6 +427,12 @@ impl Swapchain {
                 if answer == vk::Result::SUBOPTIMAL_KHR { is.map(|_| true) } else { Err(answer) }
             }
         }
+    }
+
+    /// Takes times from other functions than the driver's.
+    #[cfg(all(test, target_os = "linux"))]
+    pub(super) fn pretend_present_timing(&mut self, calls: TimingCalls, stage: u32) {
+        self.times.pretend_present_timing(calls, stage, self.raw);
     }
 
     /// The next picture with a known time of light. If the source of times requires it, this waits for some

@@ -9,13 +9,16 @@ use ash::vk::{self, Result as Code};
 use eyebox_base::error::ErrorData;
 use eyebox_base::steady;
 use eyebox_compute::engine::vulkan::VulkanEncoder;
+use eyebox_compute::gpu::presentation::{
+    FIRST_PIXEL_OUT, PastTimingInfo, PastTimings, PresentWait2Info, StageTime, TimeDomains, TimingCalls,
+};
 use eyebox_compute::gpu::{EngineError, Gpu, Options, PixelOrder};
 use eyebox_optics::{Color, Display};
 use eyebox_solve::encode::{Encoder, PhaseSet};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
 use x11rb::protocol::xproto::{ConfigureWindowAux, ConnectionExt, CreateWindowAux, ImageFormat, WindowClass};
@@ -208,6 +211,9 @@ fn a_picture_on_the_device_is_shown_without_the_host() {
         let before = swapchain.gpu().counts();
         swapchain.take(&pictures, 0).and_then(|()| swapchain.present(3 * round as u64)).expect("shown");
         assert!(pictures.in_use() && desk.shows(frames.frame(0)));
+        // The device here has one queue. A driver that waits for the copy while it presents would block kernels.
+        assert!(swapchain.gpu().device.shares_queue());
+        assert_eq!(swapchain.copied_first.get(), Some(true));
         let after = swapchain.gpu().counts();
         assert_eq!((before.read_back, before.uploaded), (after.read_back, after.uploaded));
         // Pictures from the host follow, and release it.
@@ -297,6 +303,17 @@ unsafe extern "system" fn wait(_: vk::Device, _: vk::SwapchainKHR, number: u64, 
     Code::SUCCESS
 }
 
+unsafe extern "system" fn wait2(
+    device: vk::Device,
+    swapchain: vk::SwapchainKHR,
+    info: *const PresentWait2Info,
+) -> Code {
+    // SAFETY: the caller passes a valid structure.
+    let info = unsafe { *info };
+    // SAFETY: the function uses neither handle.
+    unsafe { wait(device, swapchain, info.present_id, info.timeout) }
+}
+
 /// The driver here has no `VK_KHR_present_wait`, so another function replaces the driver's.
 #[test]
 fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
@@ -304,6 +321,14 @@ fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
     let mut swapchain = desk.swapchain(false);
     swapchain.times.pretend_present_wait(wait);
     assert_eq!(swapchain.timed_by(), "VK_KHR_present_wait");
+    waits_in_order(swapchain);
+    let mut swapchain = desk.swapchain(false);
+    swapchain.times.pretend_present_wait2(wait2);
+    assert_eq!(swapchain.timed_by(), "VK_KHR_present_wait2");
+    waits_in_order(swapchain);
+}
+
+fn waits_in_order(mut swapchain: Swapchain) {
     let put = |swapchain: &mut Swapchain, id: u64| {
         let since = steady::now_ns();
         swapchain.upload(&picture(0)).and_then(|()| swapchain.present(id)).expect("shown");
@@ -329,4 +354,76 @@ fn pictures_are_waited_for_one_at_a_time_and_told_in_order() {
     swapchain.remake().expect("made again");
     OUT.store(present_number(5), Ordering::Relaxed);
     assert_eq!(put(&mut swapchain, 5), [5]);
+}
+
+/// Results of `VK_EXT_present_timing` that the driver has, with the number of a picture and its time, ns.
+static RESULTS: Mutex<Vec<(u64, u64)>> = Mutex::new(Vec::new());
+/// The clocks of the driver, as time domains.
+static CLOCKS: Mutex<Vec<vk::TimeDomainKHR>> = Mutex::new(Vec::new());
+
+unsafe extern "system" fn size(_: vk::Device, _: vk::SwapchainKHR, size: u32) -> Code {
+    if size >= 16 { Code::SUCCESS } else { Code::ERROR_UNKNOWN }
+}
+
+unsafe extern "system" fn domains(_: vk::Device, _: vk::SwapchainKHR, all: *mut TimeDomains, _: *mut u64) -> Code {
+    let clocks = CLOCKS.lock().unwrap();
+    // SAFETY: the caller has room for as many domains as it states.
+    unsafe {
+        let room = std::mem::replace(&mut (*all).count, clocks.len() as u32);
+        assert!(room as usize >= clocks.len());
+        for (i, clock) in clocks.iter().enumerate() {
+            (*(*all).domains.add(i), *(*all).ids.add(i)) = (*clock, 40 + i as u64);
+        }
+    }
+    Code::SUCCESS
+}
+
+unsafe extern "system" fn past(_: vk::Device, _: *const PastTimingInfo, all: *mut PastTimings) -> Code {
+    let results: Vec<_> = std::mem::take(&mut *RESULTS.lock().unwrap());
+    // SAFETY: the caller has room for as many results as it states, each with one stage.
+    unsafe {
+        assert!((*all).count as usize >= results.len());
+        (*all).count = results.len() as u32;
+        for (i, (present_id, time)) in results.iter().enumerate() {
+            let timing = &mut *(*all).timings.add(i);
+            assert_eq!(timing.stage_count, 1);
+            *timing.stages = StageTime { stage: FIRST_PIXEL_OUT, time: *time };
+            (timing.present_id, timing.time_domain_id, timing.is_complete) = (*present_id, 41, vk::TRUE);
+        }
+    }
+    Code::SUCCESS
+}
+
+/// The driver here has no `VK_EXT_present_timing`, so other functions replace the driver's.
+#[test]
+fn times_of_light_come_from_the_driver_if_they_are_on_the_clock_of_the_system() {
+    let desk = Desk::new();
+    let mut swapchain = desk.swapchain(false);
+    let calls = TimingCalls { set_queue_size: size, domains, past };
+    *CLOCKS.lock().unwrap() = vec![vk::TimeDomainKHR::DEVICE, vk::TimeDomainKHR::CLOCK_MONOTONIC];
+    swapchain.pretend_present_timing(calls, FIRST_PIXEL_OUT);
+    assert_eq!(swapchain.timed_by(), "VK_EXT_present_timing");
+    let put = |swapchain: &mut Swapchain, id: u64| {
+        swapchain.upload(&picture(0)).and_then(|()| swapchain.present(id)).expect("shown");
+        std::iter::from_fn(|| swapchain.timing()).map(|light| (light.id, light.time_ns)).collect::<Vec<_>>()
+    };
+    assert_eq!(put(&mut swapchain, 0), []);
+    // Results come later, several at once. A picture that was never shown has the time 0.
+    *RESULTS.lock().unwrap() = vec![(1, 7_000)];
+    assert_eq!(put(&mut swapchain, 1), [(0, 7_000)]);
+    *RESULTS.lock().unwrap() = vec![(2, 8_000), (3, 0)];
+    assert_eq!(put(&mut swapchain, 2), [(1, 8_000)]);
+    // While no results come, no more than 16 times are requested, because the driver would refuse the picture.
+    for id in 3..19 {
+        assert!(swapchain.times.request().is_some(), "{id}");
+        assert_eq!(put(&mut swapchain, id), []);
+    }
+    assert!(swapchain.times.request().is_none());
+    *RESULTS.lock().unwrap() = vec![(4, 9_000), (19, 9_500)];
+    assert_eq!(put(&mut swapchain, 19), [(3, 9_000), (18, 9_500)]);
+    assert!(swapchain.times.request().is_some_and(|request| (request.time_domain_id, request.stages) == (41, 4)));
+    // Without the clock of the system the times are useless.
+    *CLOCKS.lock().unwrap() = vec![vk::TimeDomainKHR::DEVICE];
+    swapchain.pretend_present_timing(calls, FIRST_PIXEL_OUT);
+    assert_eq!(swapchain.timed_by(), "the time of acquiring");
 }

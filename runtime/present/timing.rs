@@ -1,16 +1,24 @@
 //! Measures when pictures light up, with the best source of times that a device has.
 //!
-//! The best source is `VK_GOOGLE_display_timing`, the display's own times. The next is `VK_KHR_present_wait`, which
-//! returns when a picture is out. The third is `VK_EXT_display_control`, a fence at the next first pixel, for direct
-//! displays only. Otherwise the source is the time at which acquiring an image had to wait.
+//! The best sources are `VK_EXT_present_timing` and `VK_GOOGLE_display_timing`, the display's own times. The next are
+//! `VK_KHR_present_wait2` and `VK_KHR_present_wait`, which return when a picture is out. The last extension is
+//! `VK_EXT_display_control`, a fence at the next first pixel, for direct displays only. Otherwise the source is the time
+//! at which acquiring an image had to wait.
 //!
 //! The thread that presents also waits, right after it presented. It has nothing else to do until the next picture, and
 //! two threads must not use a swapchain at once.
 
 #![allow(unsafe_code)]
 
+mod past_times;
+
 use ash::{ext, google, khr, vk};
 use eyebox_base::steady;
+use eyebox_compute::gpu::presentation::{
+    self, PRESENT_TIMING, PRESENT_WAIT2, PresentTimingInfo, PresentWait2Info, TimingCalls, WITH_PRESENT_ID2,
+    WITH_PRESENT_TIMING, WITH_PRESENT_WAIT2, WaitForPresent2,
+};
+use past_times::PastTimes;
 use std::collections::VecDeque;
 use std::ffi::CStr;
 use std::time::{Duration, Instant};
@@ -35,9 +43,21 @@ const PATIENCE_NS: u64 = 25_000_000;
 /// The most pictures whose light may be unconfirmed.
 const MOST: usize = 16;
 
+/// The support of a surface for times of light.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct SurfaceTimes {
+    /// True if it supports `VK_KHR_present_wait2`.
+    pub(super) wait2: bool,
+    /// The stage of `VK_EXT_present_timing` that is nearest to the light.
+    pub(super) stage: Option<u32>,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TimingMethod {
+    /// The extension `VK_EXT_present_timing`, with the time of this stage.
+    PresentTiming(u32),
     DisplayTiming,
+    PresentWait2,
     /// The extensions `VK_KHR_present_id` and `VK_KHR_present_wait`.
     PresentWait,
     FirstPixel,
@@ -47,10 +67,15 @@ pub(super) enum TimingMethod {
 
 impl TimingMethod {
     /// The best of the enabled sources. `direct` is true for a display that no desktop drives.
-    pub(super) fn best(is_on: impl Fn(&CStr) -> bool, direct: bool) -> Self {
-        // The times of this source are of the clock that all programs share.
-        if steady::IS_SYSTEM_WIDE && is_on(google::display_timing::NAME) {
+    pub(super) fn best(is_on: impl Fn(&CStr) -> bool, surface: SurfaceTimes, direct: bool) -> Self {
+        // The times of the first two sources are of the clock that all programs share.
+        let timed = |extension: &CStr| steady::IS_SYSTEM_WIDE && is_on(extension);
+        if let Some(stage) = surface.stage.filter(|_| timed(PRESENT_TIMING)) {
+            Self::PresentTiming(stage)
+        } else if timed(google::display_timing::NAME) {
             Self::DisplayTiming
+        } else if surface.wait2 && is_on(PRESENT_WAIT2) {
+            Self::PresentWait2
         } else if is_on(khr::present_id::NAME) && is_on(khr::present_wait::NAME) {
             Self::PresentWait
         } else if direct && is_on(ext::display_control::NAME) {
@@ -62,16 +87,29 @@ impl TimingMethod {
 
     pub(super) fn name(self) -> &'static str {
         match self {
+            Self::PresentTiming(_) => "VK_EXT_present_timing",
             Self::DisplayTiming => "VK_GOOGLE_display_timing",
+            Self::PresentWait2 => "VK_KHR_present_wait2",
             Self::PresentWait => "VK_KHR_present_wait",
             Self::FirstPixel => "VK_EXT_display_control",
             Self::Acquire => "the time of acquiring",
+        }
+    }
+
+    /// The flags of a swapchain whose pictures this source times.
+    pub(super) fn flags(self) -> vk::SwapchainCreateFlagsKHR {
+        match self {
+            Self::PresentTiming(_) => WITH_PRESENT_ID2 | WITH_PRESENT_TIMING,
+            Self::PresentWait2 => WITH_PRESENT_ID2 | WITH_PRESENT_WAIT2,
+            _ => vk::SwapchainCreateFlagsKHR::empty(),
         }
     }
 }
 
 /// The calls of a device for one of these sources.
 enum Calls {
+    PresentTiming(PastTimes),
+    PresentWait2(WaitForPresent2),
     DisplayTiming(vk::PFN_vkGetPastPresentationTimingGOOGLE),
     PresentWait(vk::PFN_vkWaitForPresentKHR),
     FirstPixel(vk::PFN_vkRegisterDisplayEventEXT, vk::DisplayKHR, Option<vk::Fence>),
@@ -98,7 +136,15 @@ impl TimingSource {
         method: TimingMethod,
         display: vk::DisplayKHR,
     ) -> Self {
+        let newer = match method {
+            TimingMethod::PresentTiming(stage) => TimingCalls::load(instance, device)
+                .map(|calls| Calls::PresentTiming(PastTimes::new(device.handle(), calls, stage))),
+            TimingMethod::PresentWait2 => presentation::wait_for_present2(instance, device).map(Calls::PresentWait2),
+            _ => None,
+        };
         let calls = match method {
+            // A driver without the functions of its extensions is an error of the driver.
+            TimingMethod::PresentTiming(_) | TimingMethod::PresentWait2 => newer.unwrap_or(Calls::Acquire),
             TimingMethod::DisplayTiming => Calls::DisplayTiming(
                 google::display_timing::Device::new(instance, device).fp().get_past_presentation_timing_google,
             ),
@@ -112,6 +158,7 @@ impl TimingSource {
             ),
             TimingMethod::Acquire => Calls::Acquire,
         };
+        let method = if matches!(calls, Calls::Acquire) { TimingMethod::Acquire } else { method };
         let (lit, waiting) = (VecDeque::with_capacity(64), VecDeque::with_capacity(MOST));
         Self { device: device.clone(), method, calls, lit, waiting, newest: None, armed: false }
     }
@@ -132,7 +179,13 @@ impl TimingSource {
 
     pub(super) fn presented(&mut self, id: u64) {
         (self.newest, self.armed) = (Some(id), true);
-        if matches!(self.method, TimingMethod::PresentWait | TimingMethod::FirstPixel) {
+        match self.method {
+            // A picture whose time was not requested is not waited for.
+            TimingMethod::PresentTiming(_) if self.waiting.len() < MOST => self.waiting.push_back(id),
+            _ => {}
+        }
+        let waits = [TimingMethod::PresentWait2, TimingMethod::PresentWait, TimingMethod::FirstPixel];
+        if waits.contains(&self.method) {
             if self.waiting.len() == MOST {
                 self.waiting.pop_front();
             }
@@ -150,6 +203,25 @@ impl TimingSource {
                 let answer = register(self.device.handle(), *display, &info, std::ptr::null(), &mut made);
                 *fence = (answer == vk::Result::SUCCESS).then_some(made);
             }
+        }
+    }
+
+    /// Returns the request for the time of the next picture, if its time comes from `VK_EXT_present_timing`. A driver
+    /// refuses pictures with requests beyond the size of its queue, so there is none if the queue may be full.
+    pub(super) fn request(&self) -> Option<PresentTimingInfo> {
+        match &self.calls {
+            Calls::PresentTiming(past) if self.waiting.len() < MOST => past.request(),
+            _ => None,
+        }
+    }
+
+    /// Prepares a swapchain that was made. If its driver has no times on the clock of the system, the time of acquiring
+    /// is the source from now on.
+    pub(super) fn begin(&mut self, swapchain: vk::SwapchainKHR) {
+        if let Calls::PresentTiming(past) = &mut self.calls
+            && !past.begin(swapchain)
+        {
+            (self.method, self.calls) = (TimingMethod::Acquire, Calls::Acquire);
         }
     }
 
@@ -184,28 +256,23 @@ impl TimingSource {
                     self.lit.push_back(PresentTiming { id, time_ns: p.actual_present_time });
                 }
             }
+            Calls::PresentTiming(past) => past.take(swapchain, |number, time_ns| {
+                let id = number.saturating_sub(1);
+                self.waiting.retain(|waiting| *waiting > id);
+                self.lit.extend(time_ns.map(|time_ns| PresentTiming { id, time_ns }));
+            }),
+            Calls::PresentWait2(wait) => {
+                let (wait, device) = (*wait, self.device.handle());
+                self.wait_for_pictures(start, |present_id, timeout| {
+                    let info = PresentWait2Info { present_id, timeout, ..PresentWait2Info::default() };
+                    // SAFETY: as for `VK_KHR_present_wait`.
+                    unsafe { wait(device, swapchain, &info) }
+                });
+            }
             Calls::PresentWait(wait) => {
-                // The oldest picture lights up at the display's next refresh, for any number of pictures behind it.
-                // Therefore each picture needs only one wait.
-                let mut patience = PATIENCE_NS;
-                while let Some(id) = self.waiting.front().copied() {
-                    // SAFETY: the swapchain is the device's and used by this thread alone, and it was given this
-                    // number.
-                    let answer = unsafe { wait(self.device.handle(), swapchain, present_number(id), patience) };
-                    if answer == vk::Result::TIMEOUT {
-                        break;
-                    }
-                    if answer != vk::Result::SUCCESS && answer != vk::Result::SUBOPTIMAL_KHR {
-                        // The next acquire reports the reason.
-                        self.waiting.clear();
-                        break;
-                    }
-                    self.waiting.pop_front();
-                    if patience > 0 && start.elapsed() >= WAITED {
-                        self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
-                    }
-                    patience = 0;
-                }
+                let (wait, device) = (*wait, self.device.handle());
+                // SAFETY: the swapchain is the device's and used by this thread alone, and it was given this number.
+                self.wait_for_pictures(start, |number, patience| unsafe { wait(device, swapchain, number, patience) });
             }
             Calls::FirstPixel(_, _, fence) => {
                 let Some(made) = fence.take() else { return };
@@ -226,6 +293,30 @@ impl TimingSource {
         }
     }
 
+    /// Waits for pictures that are under way, by a function of a picture's number and of the longest time to wait, ns.
+    ///
+    /// The oldest picture lights up at the display's next refresh, for any number of pictures behind it. Therefore each
+    /// picture needs only one wait.
+    fn wait_for_pictures(&mut self, start: Instant, wait: impl Fn(u64, u64) -> vk::Result) {
+        let mut patience = PATIENCE_NS;
+        while let Some(id) = self.waiting.front().copied() {
+            let answer = wait(present_number(id), patience);
+            if answer == vk::Result::TIMEOUT {
+                break;
+            }
+            if answer != vk::Result::SUCCESS && answer != vk::Result::SUBOPTIMAL_KHR {
+                // The next acquire reports the reason.
+                self.waiting.clear();
+                break;
+            }
+            self.waiting.pop_front();
+            if patience > 0 && start.elapsed() >= WAITED {
+                self.lit.push_back(PresentTiming { id, time_ns: steady::now_ns() });
+            }
+            patience = 0;
+        }
+    }
+
     /// # Safety
     /// The device is idle, and this is not used any more.
     pub(super) unsafe fn destroy(&mut self) {
@@ -242,6 +333,20 @@ impl TimingSource {
     pub(super) fn pretend_present_wait(&mut self, wait: vk::PFN_vkWaitForPresentKHR) {
         (self.method, self.calls) = (TimingMethod::PresentWait, Calls::PresentWait(wait));
     }
+
+    /// Waits for pictures with another function than that of `VK_KHR_present_wait2`.
+    #[cfg(all(test, target_os = "linux"))]
+    pub(super) fn pretend_present_wait2(&mut self, wait: WaitForPresent2) {
+        (self.method, self.calls) = (TimingMethod::PresentWait2, Calls::PresentWait2(wait));
+    }
+
+    /// Takes times from other functions than those of `VK_EXT_present_timing`.
+    #[cfg(all(test, target_os = "linux"))]
+    pub(super) fn pretend_present_timing(&mut self, calls: TimingCalls, stage: u32, swapchain: vk::SwapchainKHR) {
+        let past = PastTimes::new(self.device.handle(), calls, stage);
+        (self.method, self.calls) = (TimingMethod::PresentTiming(stage), Calls::PresentTiming(past));
+        self.begin(swapchain);
+    }
 }
 
 /// The number of a picture for `VK_KHR_present_id`, which uses 0 for no number.
@@ -255,15 +360,32 @@ mod tests {
 
     #[test]
     fn the_best_of_what_is_on_is_taken() {
-        let all =
-            [google::display_timing::NAME, khr::present_id::NAME, khr::present_wait::NAME, ext::display_control::NAME];
-        let best = |on: &[&CStr], direct| TimingMethod::best(|name| on.contains(&name), direct);
+        let all = [
+            PRESENT_TIMING,
+            google::display_timing::NAME,
+            PRESENT_WAIT2,
+            khr::present_id::NAME,
+            khr::present_wait::NAME,
+            ext::display_control::NAME,
+        ];
+        let surface = SurfaceTimes { wait2: true, stage: Some(4) };
+        let of = |surface: SurfaceTimes, on: &[&CStr], direct| {
+            TimingMethod::best(|name| on.contains(&name), surface, direct)
+        };
+        let best = |on: &[&CStr], direct| of(surface, on, direct);
         // If the clock of programs is not the system's, the driver's times are useless.
-        let first = if steady::IS_SYSTEM_WIDE { TimingMethod::DisplayTiming } else { TimingMethod::PresentWait };
+        let times = [TimingMethod::PresentTiming(4), TimingMethod::DisplayTiming];
+        let [first, second] = if steady::IS_SYSTEM_WIDE { times } else { [TimingMethod::PresentWait2; 2] };
         assert_eq!(best(&all, true), first);
-        assert_eq!(best(&all[1..], true), TimingMethod::PresentWait);
-        assert_eq!(best(&all[2..], true), TimingMethod::FirstPixel);
-        assert_eq!(best(&all[2..], false), TimingMethod::Acquire);
+        assert_eq!(best(&all[1..], true), second);
+        assert_eq!(best(&all[2..], true), TimingMethod::PresentWait2);
+        assert_eq!(best(&all[3..], true), TimingMethod::PresentWait);
+        assert_eq!(best(&all[4..], true), TimingMethod::FirstPixel);
+        assert_eq!(best(&all[4..], false), TimingMethod::Acquire);
+        // A device may have extensions that a surface does not support.
+        let older = if steady::IS_SYSTEM_WIDE { TimingMethod::DisplayTiming } else { TimingMethod::PresentWait };
+        assert_eq!(of(SurfaceTimes::default(), &all, false), older);
+        assert_eq!(of(SurfaceTimes::default(), &all[2..], false), TimingMethod::PresentWait);
         assert_eq!(best(&[], true), TimingMethod::Acquire);
     }
 }

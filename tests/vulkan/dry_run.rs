@@ -10,6 +10,7 @@ use eyebox::low_level::plan::{DEVICES, Storage};
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{DryRun, DryRunStep, Problem, RefineSettings, Refiner, Settings};
 use eyebox_tests::both::watched;
+use std::collections::BTreeMap;
 
 /// Returns a problem with nine views. The target image then moves fewer bytes than with 81 views, and all other work is
 /// the same.
@@ -304,4 +305,30 @@ fn gpus_store_halves() {
     };
     let [as_preferred, full] = [None, Some(Storage::F32)].map(bytes);
     assert!(as_preferred < 0.8 * full, "{as_preferred} {full}");
+}
+
+/// Returns the number of pipelines of each kernel that were made.
+fn pipelines_by_kernel(gpu: &Gpu) -> BTreeMap<String, u64> {
+    let mut kernels = BTreeMap::new();
+    for (kernel, _, _) in gpu.device.pipelines_made() {
+        *kernels.entry(kernel).or_default() += 1;
+    }
+    kernels
+}
+
+/// A driver of a GPU compiles a pipeline in 0.1 to 0.3 s of a core, and a session shows nothing refined before.
+#[test]
+fn few_pipelines_are_compiled_before_the_first_step_of_a_session() {
+    for storage in [Storage::F16, Storage::F32] {
+        let gpu = gpu();
+        let steering = RefineSettings { storage: Some(storage), ..RefineSettings::default() };
+        let aim = PupilDistribution::around(&Pupil { x: 1e-3, y: 0.0, diameter: 4e-3, depth: 1e-3 }, 0.3e-3);
+        DryRun::of_refinement(problem(), 8, steering, aim, &gpu, 0).unwrap();
+        let (counts, made) = (gpu.counts(), pipelines_by_kernel(&gpu));
+        println!("{storage:?}: {} first, {} later, {made:?}", counts.pipelines, counts.pipelines_in_background);
+        assert!((10..=60).contains(&counts.pipelines), "{storage:?}: {counts:?}");
+        // The others are made as well, so that a pupil of another size does not wait for a compiler.
+        assert!(counts.pipelines_in_background > 60, "{storage:?}: {counts:?}");
+        assert_eq!(made.values().sum::<u64>(), counts.pipelines + counts.pipelines_in_background);
+    }
 }

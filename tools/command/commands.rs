@@ -1,9 +1,14 @@
 //! The command line with its commands, their help and their examples.
 
-use crate::args::{Bench, Demo, Encode, Solve};
+use crate::args::Solve;
+#[cfg(feature = "all-commands")]
+use crate::args::{Bench, Demo, Encode};
 use crate::device::Device;
+#[cfg(feature = "all-commands")]
 use crate::display::Display;
+#[cfg(feature = "all-commands")]
 use crate::eval::Eval;
+#[cfg(feature = "all-commands")]
 use crate::tracker::Tracker;
 use clap::{Parser, Subcommand};
 
@@ -25,6 +30,7 @@ pub struct Cli {
 #[derive(Subcommand)]
 pub enum Command {
     /// Solve the built-in still life, show it through several pupils, and measure it
+    #[cfg(feature = "all-commands")]
     #[command(after_help = "Example:\n  eyebox demo --out demo --size 256")]
     Demo(Box<Demo>),
     /// Turn a light field into a hologram
@@ -43,11 +49,13 @@ pub enum Command {
                       builtin:still-life?camera=2 the camera is 2 mm to the right.")]
     Solve(Box<Solve>),
     /// Refine a hologram for a pupil, and print what each step gains
+    #[cfg(feature = "all-commands")]
     #[command(
         after_help = "Examples:\n  eyebox refine still-life.zarr --pupil=4,0,4,1 --steps 16\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --spread 1 -o seen-there.zarr --json\n  eyebox refine still-life.zarr builtin:still-life --pupil=4,0,4,1 --prescription '-0.1' -o mine.zarr"
     )]
     Refine(Box<crate::refine::Refine>),
     /// Render what an eye sees, as a picture through one pupil or as a film along a path
+    #[cfg(feature = "all-commands")]
     #[command(after_help = "Examples:\n  eyebox render still-life.zarr --pupil=4,0,4,1.5 -o image.png\n  \
                       eyebox render still-life.zarr --pupil=4,0,4,1.5 --what both -o both.png\n  \
                       eyebox render lightfield/ --size 512x512 --color green --pupil=0,0,18,1 -o target.png\n  \
@@ -61,6 +69,7 @@ pub enum Command {
                       path gives the same film.")]
     Render(Box<crate::render::Render>),
     /// Show what an eye sees in a window. The mouse moves the pupil, the wheel changes focus
+    #[cfg(feature = "all-commands")]
     #[command(after_help = "Examples:\n  eyebox preview builtin:still-life --size 256\n  \
                       eyebox preview still-life.zarr --scene builtin:still-life\n  \
                       eyebox preview moving.zarr --pupil=2,0,6,1 --zoom 2\n  \
@@ -86,49 +95,59 @@ pub enum Command {
     )]
     Show(Box<crate::show::Show>),
     /// Write the video frames that a display receives, with levels or bit planes, as PNG
+    #[cfg(feature = "all-commands")]
     #[command(
         after_help = "Examples:\n  eyebox encode still-life.zarr --display planes24 --size 256x256 -o frames\n  \
                       eyebox encode phases.npy --display bench.toml -o frames --json\n\nFrames are in the order in which they are shown. A .npy is (sub-frame, row, column) or (color, sub-frame, row, column), float,\nradians. `eyebox convert frames phases.npy` converts back. docs/displays.md describes display files."
     )]
     Encode(Box<Encode>),
     /// Print the contents of a scene as it is read, a hologram, a sequence, a recording or a display
+    #[cfg(feature = "all-commands")]
     #[command(
         after_help = "Examples:\n  eyebox info lightfield/ -o views.png\n  eyebox info lightfield/ --order flip-rows --json\n  eyebox info still-life.zarr\n  eyebox info session.hid"
     )]
     Info(Box<crate::info::Info>),
     /// Convert phases between holograms, arrays, gray pictures and video frames
+    #[cfg(feature = "all-commands")]
     #[command(
         after_help = "Examples:\n  eyebox convert still-life.zarr phases.npy\n  eyebox convert still-life.zarr pictures\n  eyebox convert phases.npy mine.zarr --display bench.toml --color green\n  eyebox convert phases.npy mine.zarr --display bench.toml --color green --scene lightfield/\n  eyebox convert frames phases.npy\n\nA .npy is (row, column), (sub-frame, row, column) or (color, sub-frame, row, column). Colors are in the order red, green, blue."
     )]
     Convert(Box<crate::convert::Convert>),
     /// Measure holograms, methods, pupil steering and settings
+    #[cfg(feature = "all-commands")]
     #[command(subcommand)]
     Eval(Eval),
     /// List, check and calibrate displays
+    #[cfg(feature = "all-commands")]
     #[command(subcommand)]
     Display(Display),
     /// Watch, record and calibrate eye trackers
+    #[cfg(feature = "all-commands")]
     #[command(subcommand)]
     Tracker(Tracker),
     /// List and test engines and devices
     #[command(subcommand)]
     Device(Device),
     /// Time the steps of a solve and each kernel, in turn with another program
+    #[cfg(feature = "all-commands")]
     #[command(
         after_help = "Example:\n  eyebox bench builtin:still-life --size 512x512 --color green --steps 20 --beside 'python3 mine.py'"
     )]
     Bench(Box<Bench>),
     /// Send frames of scenes to a display that shows live content, as an application would
+    #[cfg(feature = "all-commands")]
     #[command(after_help = "Examples:\n  eyebox feed builtin:still-life --name demo --rate 30 --move=camera=-2..2\n  \
                       eyebox feed builtin:plane --name demo --move=depth=-1..1 --count 300 --json\n  \
                       eyebox feed frames/ --name demo --rate 24\n\nThe display takes them as live:NAME (docs/live-input.md). --display gives its optics. Ends when the display does.")]
     Feed(Box<crate::feed::Feed>),
     /// Print the completions of a shell
+    #[cfg(feature = "all-commands")]
     #[command(
         after_help = "Examples:\n  eyebox completions bash > ~/.local/share/bash-completion/completions/eyebox\n  eyebox completions zsh > ~/.zfunc/_eyebox\n  eyebox completions fish > ~/.config/fish/completions/eyebox.fish"
     )]
     Completions(crate::generate::Completions),
     /// Write the pages of the manual
+    #[cfg(feature = "all-commands")]
     #[command(after_help = "Example:\n  eyebox man -o ~/.local/share/man/man1")]
     Man(crate::generate::Man),
 }

@@ -8,6 +8,9 @@
 //!
 //! It is a library because the program `eyebox` (`main.rs`) and the Python package both have it.
 
+// Commands of other builds use the same modules.
+#![cfg_attr(not(feature = "all-commands"), allow(dead_code, unused_imports))]
+
 // Before all modules that print, because its macros replace the standard ones.
 #[macro_use]
 mod talk;
@@ -80,22 +83,36 @@ pub fn main(arguments: Vec<OsString>) -> u8 {
     signals::end_without_drafts();
     eyebox::low_level::engine::prepare_threads();
     let done = match &cli.command {
+        #[cfg(feature = "all-commands")]
         Command::Demo(args) => demo::run(args),
         Command::Solve(args) => solve::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Refine(args) => refine::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Render(args) => render::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Preview(args) => preview::run(args),
         Command::Show(args) => show::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Encode(args) => encode::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Info(args) => info::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Convert(args) => convert::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Eval(eval) => eval::run(eval),
+        #[cfg(feature = "all-commands")]
         Command::Display(display) => display::run(display),
+        #[cfg(feature = "all-commands")]
         Command::Tracker(tracker) => tracker::run(tracker),
         Command::Device(device) => device::run(device),
+        #[cfg(feature = "all-commands")]
         Command::Bench(args) => bench::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Feed(args) => feed::run(args),
+        #[cfg(feature = "all-commands")]
         Command::Completions(args) => generate::completions(args, headings::command::<Cli>()),
+        #[cfg(feature = "all-commands")]
         Command::Man(args) => generate::man(args, headings::command::<Cli>()),
     };
     match done {

@@ -165,6 +165,12 @@ impl Engine for Handover {
         self.second.prepare(&mut steps.into_iter(), at_once)
     }
 
+    fn prepare_later(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: usize) -> Result<(), EngineError> {
+        let steps: Vec<Step> = steps.collect();
+        self.first.prepare_later(&mut steps.iter().cloned(), at_once)?;
+        self.second.prepare_later(&mut steps.into_iter(), at_once)
+    }
+
     fn time_kernels(&mut self, on: bool) {
         self.first.time_kernels(on);
         self.second.time_kernels(on);

@@ -276,6 +276,15 @@ pub trait Engine: Send {
         Ok(())
     }
 
+    /// Makes the memory and tables of these steps, as [`prepare`](Self::prepare) does, and their pipelines in the
+    /// background. A step that comes before its pipelines makes them itself.
+    ///
+    /// # Errors
+    /// As of [`prepare`](Self::prepare).
+    fn prepare_later(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: usize) -> Result<(), EngineError> {
+        self.prepare(steps, Some(at_once))
+    }
+
     /// Turns timing of single kernels on or off, on engines for which it costs time.
     fn time_kernels(&mut self, _on: bool) {}
 

@@ -3,7 +3,7 @@
 #![allow(unsafe_code)]
 
 use super::{Policy, Swapchain};
-use ash::vk;
+use ash::{ext, vk};
 use eyebox_compute::gpu::EngineError;
 
 impl Swapchain {
@@ -60,7 +60,10 @@ impl Swapchain {
         let alpha = opaque.into_iter().find(|a| can.supported_composite_alpha.contains(*a));
         let alpha = alpha.ok_or_else(|| self.unsuitable("its window cannot be opaque"))?;
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
-        let info = vk::SwapchainCreateInfoKHR::default()
+        let mut exclusive =
+            vk::SurfaceFullScreenExclusiveInfoEXT::default().full_screen_exclusive(vk::FullScreenExclusiveEXT::ALLOWED);
+        let mut info = vk::SwapchainCreateInfoKHR::default()
+            .flags(self.times.method().flags())
             .surface(self.surface.raw)
             .min_image_count((can.min_image_count + 1).min(most))
             .image_format(format.format)
@@ -74,6 +77,10 @@ impl Swapchain {
             .present_mode(self.present_mode()?)
             .clipped(true)
             .old_swapchain(self.raw);
+        // On Windows, the driver may then show pictures without the compositor, which adds a video frame of latency.
+        if matches!(self.policy, Policy::Exact(_)) && self.gpu.device.has(ext::full_screen_exclusive::NAME) {
+            info = info.push_next(&mut exclusive);
+        }
         (self.format, self.extent) = (format.format, extent);
         self.wait()?;
         self.times.renewed();
@@ -96,6 +103,7 @@ impl Swapchain {
             let made = pretended.and_then(|_| self.calls.create_swapchain(info, None));
             self.drop_swapchain();
             self.raw = made.map_err(|e| self.error("vkCreateSwapchainKHR", e))?;
+            self.times.begin(self.raw);
             let images = self.calls.get_swapchain_images(self.raw);
             self.images = images.map_err(|e| self.error("vkGetSwapchainImagesKHR", e))?;
             for _ in 0..self.images.len() {

@@ -136,9 +136,16 @@ fn the_thread_hands_over_refined_sets_and_ends_without_taking_the_picture() {
     let options = options(tracker, clock, &timing, move || {
         Ok((LiveRefiner::new(vec![whole.clone()], Policy::default(), cpu)?, None))
     });
+    let started_ns = clock.now_ns();
     let (mut refinement, mut source) = Refinement::start(encoder(), options).unwrap();
     source.poll(0).unwrap();
     assert_eq!(source.readiness(0), Readiness::Ready, "the first set is there at once");
+    // The first set is not refined. Its encoding begins after the start, not at the zero of the clock.
+    source.show(0);
+    let first = source.newly_shown().unwrap();
+    assert_eq!(first.steps, 0);
+    let Timestamps { refine_start_ns, refine_end_ns, handed_over_ns, .. } = first.timestamps;
+    assert!(started_ns <= refine_start_ns && refine_start_ns == refine_end_ns && refine_end_ns <= handed_over_ns);
     let mut steps = 0;
     wait_for("refined sets", || {
         timing.store(timing.load().after(clock.now_ns() + 2_000_000, clock.now_ns()));

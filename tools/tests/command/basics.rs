@@ -223,7 +223,7 @@ fn a_full_disk_is_one_line_and_leaves_nothing() {
     // A limit on the size of files replaces a full disk. Writing fails in the middle.
     let script = format!(
         "trap '' XFSZ; ulimit -f 2; exec {} {}",
-        env!("CARGO_BIN_EXE_eyebox"),
+        crate::common::program(),
         solve("builtin:plane", "x.zarr", &[]).join(" ")
     );
     let mut shell = Command::new("bash");

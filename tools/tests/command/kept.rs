@@ -30,7 +30,7 @@ fn names(at: &Path) -> Vec<String> {
 fn after(at: &Path, before: &str, args: &[&str]) -> Output {
     let script = format!("{before}; exec \"$@\"");
     let mut shell = Command::new("bash");
-    shell.args(["-c", &script, "bash", env!("CARGO_BIN_EXE_eyebox")]).args(args).current_dir(at);
+    shell.args(["-c", &script, "bash", &crate::common::program()]).args(args).current_dir(at);
     shell.env("EYEBOX_JSON_ERRORS", "1");
     shell.env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests")).output().expect("bash")
 }

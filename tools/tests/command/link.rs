@@ -34,7 +34,7 @@ fn hologram(at: &Path, size: [usize; 2]) -> Hologram {
 
 /// Shows `x.zarr` on a server.
 fn show(at: &Path, name: &str, [rows, columns]: [usize; 2], more: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_eyebox"))
+    Command::new(crate::common::program())
         .args(["show", "x.zarr", "--size", &format!("{rows}x{columns}")])
         .args(if more.contains(&"--output") { &[][..] } else { &["--output", "window"] })
         .args(if more.contains(&"--display") { &[][..] } else { &["--display", "planes24"] })

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 fn eyebox(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eyebox"))
+    Command::new(crate::common::program())
         .args(args)
         .current_dir(folder)
         .env("XDG_CACHE_HOME", folder.join("cache"))
@@ -172,7 +172,7 @@ fn a_vulkan_device_shows_the_bytes_of_the_cpu() {
         }
         assert!(compared > 3, "{compared} files");
     }
-    let mut none = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    let mut none = Command::new(crate::common::program());
     let show = ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--engine", "vulkan", "--record", "none"];
     none.args(show)
         .current_dir(at)
@@ -192,7 +192,7 @@ fn a_direct_display_that_is_not_there_is_refused_in_a_sentence() {
     sequence(at);
     let show = ["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--output"];
     for more in [&["direct"][..], &["direct:HDMI-A-1"], &["direct", "--validation"]] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+        let mut command = Command::new(crate::common::program());
         command.args(show).args(more).current_dir(at).env("XDG_CACHE_HOME", at.join("cache"));
         let answer = crate::common::failed(&mut command);
         assert_eq!(text(&answer.stderr).trim().lines().count(), 1, "{}", text(&answer.stderr));
@@ -211,7 +211,7 @@ fn interrupted_it_leaves_the_idle_picture() {
     let at = here.path();
     sequence(at);
     for signal in ["-INT", "-TERM"] {
-        let mut playing = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+        let mut playing = Command::new(crate::common::program())
             .args(["show", "s.zarr", "--display", "planes24", "--size", "48x64", "--loop", "--output", "shared:shown"])
             .args(["--stats", "s.json"])
             .current_dir(at)

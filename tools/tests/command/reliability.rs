@@ -111,7 +111,7 @@ fn a_reader_that_goes_away_ends_talking_and_not_the_work() {
         let args = solve(&scenes, out, &[]);
         let words: Vec<String> = args.iter().map(|a| format!("'{a}'")).collect();
         let script =
-            format!("(sleep 0.2; '{}' {}; echo $? > code) {streams}", env!("CARGO_BIN_EXE_eyebox"), words.join(" "));
+            format!("(sleep 0.2; '{}' {}; echo $? > code) {streams}", crate::common::program(), words.join(" "));
         assert!(Command::new("sh").args(["-c", &script]).current_dir(at).status().unwrap().success());
         assert_eq!(std::fs::read_to_string(at.join("code")).unwrap().trim(), "0", "{streams}");
         let said = done(at, &["render", out, "--at", "2", "--pupil=0,0,4,0", "-o", "seen.png"]);
@@ -144,7 +144,7 @@ fn a_terminal_that_goes_away_asks_to_stop_and_under_nohup_it_does_not() {
         let steps = if stops { "100000" } else { "60" };
         let args = ["solve", "builtin:plane", "-o", "h.zarr", "--size", "64x64", "--color", "green", "--engine", "cpu"];
         let script =
-            format!("{before} '{}' {} --steps {steps} --duration 60", env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
+            format!("{before} '{}' {} --steps {steps} --duration 60", crate::common::program(), args.join(" "));
         let mut child =
             Command::new("sh").args(["-c", &script]).current_dir(at).stderr(Stdio::piped()).spawn().unwrap();
         // The first line appears when the command can be stopped.
@@ -217,7 +217,7 @@ fn where_the_system_gives_fewer_threads_fewer_compute() {
     let usual = text(&many.stderr).lines().count();
     std::fs::remove_dir_all(at.join("h.zarr")).unwrap();
     let fewer = (24..160).any(|mib| {
-        let script = format!("ulimit -v {}; exec '{}' {}", mib << 10, env!("CARGO_BIN_EXE_eyebox"), args.join(" "));
+        let script = format!("ulimit -v {}; exec '{}' {}", mib << 10, crate::common::program(), args.join(" "));
         let mut command = Command::new("sh");
         command.args(["-c", &script]).current_dir(at).env("RAYON_NUM_THREADS", "8").env("MALLOC_ARENA_MAX", "1");
         let answer = command.output().unwrap();

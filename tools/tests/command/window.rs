@@ -72,7 +72,7 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
         assert_eq!((answer.status.code(), text.trim().lines().count()), (Some(2), 1), "{text}");
         Refusal::of(&answer).is(what);
     }
-    let monitors = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+    let monitors = Command::new(crate::common::program())
         .args(["display", "monitors", "--json"])
         .env("DISPLAY", screen.name())
         .env_remove("WAYLAND_DISPLAY")
@@ -80,7 +80,7 @@ fn a_monitor_of_another_size_and_no_desktop_are_refused_in_a_sentence() {
         .expect("it runs");
     let list: serde_json::Value = serde_json::from_slice(&monitors.stdout).expect("JSON");
     assert_eq!((&list["monitors"][0]["rows"], &list["monitors"][0]["columns"]), (&60.into(), &80.into()));
-    let nowhere = Command::new(env!("CARGO_BIN_EXE_eyebox"))
+    let nowhere = Command::new(crate::common::program())
         .args(["display", "monitors"])
         .env_remove("DISPLAY")
         .env_remove("WAYLAND_DISPLAY")

@@ -471,6 +471,10 @@ impl Engine for VulkanEngine {
         self.prepare_steps(steps, at_once)
     }
 
+    fn prepare_later(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: usize) -> Result<(), EngineError> {
+        self.prepare_steps_later(steps, at_once)
+    }
+
     fn time_kernels(&mut self, on: bool) {
         self.is_timed = on;
     }

@@ -31,15 +31,31 @@ impl VulkanEngine {
         steps: &mut dyn Iterator<Item = Step>,
         at_once: Option<usize>,
     ) -> Result<(), EngineError> {
+        let recorded = self.collect(steps, at_once);
+        self.gpu.compile().and(recorded)
+    }
+
+    /// Makes memory and tables of these steps, and their pipelines in the background, see
+    /// [`Engine::prepare_later`](crate::engine::Engine::prepare_later).
+    pub(super) fn prepare_steps_later(
+        &mut self,
+        steps: &mut dyn Iterator<Item = Step>,
+        at_once: usize,
+    ) -> Result<(), EngineError> {
+        let recorded = self.collect(steps, Some(at_once));
+        self.gpu.compile_later().and(recorded)
+    }
+
+    /// Records the steps and discards the recordings. Memory and tables that they request are made, and their pipelines
+    /// are collected.
+    fn collect(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: Option<usize>) -> Result<(), EngineError> {
         self.gpu.recorder.idle()?;
-        // The steps are recorded and discarded, and all resources that the recordings request are made.
         self.gpu.want();
         let mut seen = HashSet::new();
-        let mut recorded = Ok(());
         for step in steps {
-            recorded = recorded.and_then(|()| self.prepare_step(&step, at_once, &mut seen));
+            self.prepare_step(&step, at_once, &mut seen)?;
         }
-        self.gpu.compile().and(recorded)
+        Ok(())
     }
 
     /// Makes room for a step, and records it if it has new window sizes.

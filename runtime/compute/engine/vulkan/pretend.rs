@@ -2,6 +2,8 @@
 
 use super::engine::VulkanEngine;
 #[cfg(test)]
+use crate::gpu::Patience;
+#[cfg(test)]
 use crate::gpu::guards::Guards;
 use crate::gpu::{Commands, EngineError, Gpu};
 
@@ -54,7 +56,8 @@ pub(super) fn pretend_stuck(commands: &mut Commands) {
     ) -> ash::vk::Result {
         ash::vk::Result::SUCCESS
     }
-    (commands.recorder.queue_submit, commands.recorder.patience_ns) = (nothing, 1_000_000);
+    commands.recorder.queue_submit = nothing;
+    commands.recorder.patience = Patience { usual_ns: 1_000_000, first_use_ns: 1_000_000 };
 }
 
 #[cfg(test)]

@@ -67,6 +67,24 @@ fn a_hazard_is_heard() {
     assert!(heard.iter().any(|m| m.contains("SYNC-HAZARD-READ-AFTER-WRITE")), "{heard:?}");
 }
 
+/// A kernel reads and writes beyond the bound ranges. GPU-assisted validation must report that, otherwise its silence
+/// means nothing.
+#[test]
+#[ignore = "tools/nightly.sh runs it under GPU-assisted validation"]
+fn an_access_beyond_a_range_is_heard() {
+    let mut gpu = open();
+    let (from, to) = (gpu.filled(&[0; 512], "phases").unwrap(), gpu.block(512, "field").unwrap());
+    let pipeline = gpu.pipeline(&spirv::MODULATE, 2, &[]).unwrap();
+    let push = [8u32, 8, 8, 8, 0, 0, 64, 64, 1f32.to_bits()];
+    gpu.recorder.shows_half = true;
+    gpu.recorder.begin(0).unwrap();
+    gpu.recorder.dispatch(pipeline, &[from.all(), to.all()], bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
+    gpu.recorder.submit("an access").unwrap();
+    drop((from, to));
+    let heard = close(gpu);
+    assert!(heard.iter().any(|m| m.contains("out of bounds")), "{heard:?}");
+}
+
 /// A device whose kernels bind only small ranges, and that has only the old barriers, gives the same result. Frames
 /// and views come in pieces.
 #[test]
@@ -168,6 +186,35 @@ fn a_device_that_does_not_answer_is_lost() {
         assert!(matches!(error, EngineError::DeviceLost { .. }), "{error}");
     }
     assert!(engine.gpu().is_lost());
+}
+
+/// A pipeline's first submission may take longer, because some devices compile it only then.
+#[test]
+fn only_the_first_use_of_a_pipeline_may_take_longer() {
+    use crate::gpu::Patience;
+    let mut gpu = open();
+    let device = std::sync::Arc::clone(&gpu.device);
+    gpu.recorder.patience = Patience { usual_ns: 60_000_000_001, first_use_ns: 60_000_000_002 };
+    let (from, to) = (gpu.filled(&[0; 512], "phases").unwrap(), gpu.block(512, "field").unwrap());
+    let pipelines = [&[], &[1u32][..]].map(|constants| gpu.pipeline(&spirv::MODULATE, 2, constants).unwrap());
+    let push = [8u32, 8, 8, 8, 0, 0, 64, 64, 1f32.to_bits()];
+    for (pipeline, is_sent, is_first) in
+        [(0, false, true), (0, true, true), (0, true, false), (1, true, true), (0, true, false), (1, true, false)]
+    {
+        gpu.recorder.begin(0).unwrap();
+        let buffers = [from.all(), to.all()];
+        gpu.recorder.dispatch(pipelines[pipeline], &buffers, bytemuck::cast_slice(&push), [1, 8, 1]).unwrap();
+        if is_sent {
+            let submission = gpu.recorder.send("a test").unwrap();
+            assert_eq!(gpu.recorder.patience_ns(), 60_000_000_001 + u64::from(is_first), "pipeline {pipeline}");
+            let of_device = device.patience().ns(is_first);
+            assert_eq!(device.patience_ns(), of_device, "pipeline {pipeline}");
+            assert_eq!(device.first_uses.load(std::sync::atomic::Ordering::Relaxed), usize::from(is_first));
+            gpu.recorder.wait_for(submission, "a test").unwrap();
+        }
+    }
+    drop((from, to));
+    assert_eq!(close(gpu), Vec::<String>::new());
 }
 
 /// Closing waits for submissions, but not forever. A device that does not answer is left unchanged.

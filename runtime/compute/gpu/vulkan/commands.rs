@@ -1,5 +1,6 @@
 //! Serves one user of a device, who allocates, fills and reads blocks and runs recorded kernels.
 
+use super::background::{Background, make};
 use super::block::Block;
 use super::device::Device;
 use super::error::EngineError;
@@ -19,6 +20,7 @@ const STAGE: u64 = 32 << 20;
 /// The resources of one user of a device.
 pub(crate) struct Commands {
     // Fields are in the order in which they are dropped, with recordings before their resources and the device last.
+    background: Vec<Background>,
     pub(crate) recorder: Recorder,
     up: Option<Block>,
     down: Option<Block>,
@@ -44,6 +46,7 @@ impl Commands {
         let (shared, device) = (gpu.clone(), Arc::clone(&gpu.device));
         let (recorder, batch, limits) = (Recorder::new(&device)?, Vec::with_capacity(64), device.report.limits);
         Ok(Self {
+            background: Vec::new(),
             recorder,
             up: None,
             down: None,
@@ -105,6 +108,17 @@ impl Commands {
     /// Makes all pipelines that were [collected](Self::want), on all cores.
     pub(crate) fn compile(&mut self) -> Result<(), EngineError> {
         self.device.compile(self.wanted.take().unwrap_or_default())
+    }
+
+    /// Makes all pipelines that were [collected](Self::want) in the background, or at once if nothing runs.
+    pub(crate) fn compile_later(&mut self) -> Result<(), EngineError> {
+        let missing = self.device.pipelines().missing(self.wanted.take().unwrap_or_default())?;
+        if self.device.record_only {
+            return missing.into_iter().try_for_each(|(wanted, pipeline)| make(&self.device, wanted, pipeline));
+        }
+        self.background.retain(|background| !background.is_over());
+        self.background.push(Background::start(&self.device, missing));
+        Ok(())
     }
 
     /// Starts to gather uploads, until [`send_uploads`](Self::send_uploads). Nothing else is recorded meanwhile.

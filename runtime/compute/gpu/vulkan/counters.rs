@@ -19,6 +19,8 @@ pub struct Counts {
     pub blocks: u64,
     /// Pipelines that were made.
     pub pipelines: u64,
+    /// Pipelines that were made while others already ran.
+    pub pipelines_in_background: u64,
     /// Descriptor pools that were made.
     pub pools: u64,
 }
@@ -35,6 +37,7 @@ impl Counts {
             losses_read_back: self.losses_read_back - before.losses_read_back,
             blocks: self.blocks - before.blocks,
             pipelines: self.pipelines - before.pipelines,
+            pipelines_in_background: self.pipelines_in_background - before.pipelines_in_background,
             pools: self.pools - before.pools,
         }
     }

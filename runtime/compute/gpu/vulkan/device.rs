@@ -3,20 +3,21 @@
 use super::counters::Counts;
 use super::devices::Candidate;
 use super::error::EngineError;
-use super::instance::{Instance, has};
+use super::instance::Instance;
 use super::modules::FloatModes;
 use super::pipelines::{Pipeline, Pipelines, Wanted};
+use super::presentation;
 use super::report::{DeviceKind, DeviceReport, Options};
 use super::tested::Record;
 use crate::plan::Recording;
-use ash::{ext, google, khr, vk};
+use ash::{khr, vk};
 use eyebox_spirv::Module;
 use gpu_allocator::AllocationSizes;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use rayon::prelude::*;
 use std::ffi::{CStr, CString};
 use std::ops::Deref;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A queue, which one thread at a time uses.
@@ -33,6 +34,22 @@ impl Queue {
     /// Locks the queue for as long as the guard lives.
     pub fn lock(&self) -> MutexGuard<'_, vk::Queue> {
         self.raw.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The longest times of a submission, nanoseconds. After them the device counts as lost.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Patience {
+    /// Drivers reset hardware that takes longer. Software is slow, and nothing resets it.
+    pub(crate) usual_ns: u64,
+    /// The time if a pipeline runs for the first time. Software and devices of virtual machines may compile it only
+    /// then, for minutes.
+    pub(crate) first_use_ns: u64,
+}
+
+impl Patience {
+    pub(crate) fn ns(self, is_first_use: bool) -> u64 {
+        if is_first_use { self.first_use_ns.max(self.usual_ns) } else { self.usual_ns }
     }
 }
 
@@ -103,6 +120,8 @@ pub struct Device {
     lost: AtomicBool,
     /// True if the device does not answer, and may still work on its submissions.
     stuck: AtomicBool,
+    /// The number of recorders with a submission in flight whose pipelines run for the first time.
+    pub(crate) first_uses: AtomicUsize,
     extensions: Vec<CString>,
     /// The instance of the device.
     pub instance: Arc<Instance>,
@@ -129,14 +148,14 @@ impl Device {
         }
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
         let mut synchronization = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
-        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default().present_id(true);
-        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default().present_wait(true);
-        if chosen.present.is_some() {
-            extensions.extend(presenting(instance, physical));
+        let mut features = presentation::Features::default();
+        let presents = chosen.presents.first().copied();
+        if presents.is_some() {
+            extensions.extend(presentation::extensions(instance, physical));
         }
         // These are one queue of each family, or two of the same.
         let priorities = [1.0; 2];
-        let (family, present) = (chosen.family, chosen.present.unwrap_or((chosen.family, 0)));
+        let (family, present) = (chosen.family, presents.unwrap_or((chosen.family, 0)));
         let queue = |family, count| {
             vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities[..count])
         };
@@ -152,9 +171,7 @@ impl Device {
         if chosen.synchronization2 {
             info = info.push_next(&mut synchronization);
         }
-        if extensions.contains(&khr::present_wait::NAME) {
-            info = info.push_next(&mut id).push_next(&mut wait);
-        }
+        info = features.enable(info, &extensions);
         // SAFETY: the device is of this instance, and has the requested queue families, extensions and features.
         let raw = unsafe { instance.raw.create_device(physical, &info, None) }
             .map_err(|e| EngineError::vulkan(&name, "vkCreateDevice", "setting up", e))?;
@@ -233,6 +250,7 @@ impl Device {
             record: Record::new(cache, &properties),
             lost: AtomicBool::new(false),
             stuck: AtomicBool::new(false),
+            first_uses: AtomicUsize::new(0),
             extensions,
             instance: Arc::clone(instance),
         }))
@@ -241,6 +259,11 @@ impl Device {
     /// Returns the queue for pictures. Kernels run on it too if there is no other queue.
     pub fn present(&self) -> &Queue {
         self.other.as_ref().unwrap_or(&self.compute)
+    }
+
+    /// Returns true if pictures and kernels share one queue.
+    pub fn shares_queue(&self) -> bool {
+        self.other.is_none()
     }
 
     /// Returns the families of its queues. There are two if pictures are presented on another family.
@@ -355,11 +378,16 @@ impl Device {
         self.error(call, during, vk::Result::ERROR_DEVICE_LOST)
     }
 
-    /// Returns the longest time of a submission, nanoseconds. Drivers reset hardware that takes longer, but software
-    /// is slow.
+    /// Returns the longest time to wait for a queue, nanoseconds.
     pub fn patience_ns(&self) -> u64 {
+        self.patience().ns(self.first_uses.load(Ordering::Relaxed) > 0)
+    }
+
+    /// Returns the longest times of submissions.
+    pub(crate) fn patience(&self) -> Patience {
         const SECOND: u64 = 1_000_000_000;
-        if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 10 * SECOND }
+        let usual_ns = if self.report.kind == DeviceKind::Cpu { 600 * SECOND } else { 10 * SECOND };
+        Patience { usual_ns, first_use_ns: 600 * SECOND }
     }
 
     /// Turns an error code of Vulkan into an error. `call` names the call, `during` the kernel, the transfer or the
@@ -370,28 +398,4 @@ impl Device {
         }
         EngineError::vulkan(&self.report.name, call, during, result)
     }
-}
-
-/// Returns the extensions for presentation and for its times, as far as the device has them.
-fn presenting(instance: &Instance, physical: vk::PhysicalDevice) -> Vec<&'static CStr> {
-    // SAFETY: the device is of this instance.
-    let has_all = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-    let mut wanted = vec![khr::swapchain::NAME];
-    if has(&has_all, google::display_timing::NAME) {
-        wanted.push(google::display_timing::NAME);
-    }
-    if has(&has_all, khr::present_id::NAME) && has(&has_all, khr::present_wait::NAME) {
-        let mut id = vk::PhysicalDevicePresentIdFeaturesKHR::default();
-        let mut wait = vk::PhysicalDevicePresentWaitFeaturesKHR::default();
-        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut id).push_next(&mut wait);
-        // SAFETY: the device is of this instance, of Vulkan 1.2, and has the extensions.
-        unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
-        if id.present_id == vk::TRUE && wait.present_wait == vk::TRUE {
-            wanted.extend([khr::present_id::NAME, khr::present_wait::NAME]);
-        }
-    }
-    if instance.has(ext::display_surface_counter::NAME) && has(&has_all, ext::display_control::NAME) {
-        wanted.push(ext::display_control::NAME);
-    }
-    wanted
 }

@@ -11,8 +11,9 @@ pub(crate) struct Candidate {
     pub(crate) raw: vk::PhysicalDevice,
     pub(crate) report: DeviceReport,
     pub(crate) family: u32,
-    /// Queue family and queue index for pictures, if presentation was wanted and is possible.
-    pub(crate) present: Option<(u32, u32)>,
+    /// Queue families and queue indices for pictures, best first, if presentation was wanted and is possible. Only a
+    /// surface decides which of them it accepts.
+    pub(crate) presents: Vec<(u32, u32)>,
     pub(crate) synchronization2: bool,
     pub(crate) portability_subset: bool,
 }
@@ -31,7 +32,7 @@ pub(crate) fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candi
     // SAFETY: the instance is valid.
     let all = unsafe { instance.raw.enumerate_physical_devices() }
         .map_err(|e| EngineError::NoDevice { reason: format!("devices could not be listed ({e:?})") })?;
-    let shows = |c: Candidate| Candidate { present: c.present.filter(|_| present), ..c };
+    let shows = |c: Candidate| Candidate { presents: if present { c.presents } else { Vec::new() }, ..c };
     Ok(all.into_iter().enumerate().map(|(index, raw)| shows(inspect(instance, index, raw, None))).collect())
 }
 
@@ -77,9 +78,7 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         .position(|q| computes(q) && !draws(q) && q.timestamp_valid_bits > 0)
         .or_else(|| queues.iter().position(computes));
     let family = only.map(|f| f as usize).filter(|f| queues.get(*f).is_some_and(computes)).or(best);
-    // Another queue is better, because a picture then does not wait for a kernel.
-    let present = queues.iter().position(draws).filter(|_| has(&extensions, khr::swapchain::NAME));
-    let present = present.map(|p| (p as u32, u32::from(Some(p) == family && queues[p].queue_count > 1)));
+    let presents = if has(&extensions, khr::swapchain::NAME) { presenting(&queues, family) } else { Vec::new() };
     let local = vk::MemoryPropertyFlags::DEVICE_LOCAL;
     let types = &memory.memory_types[..memory.memory_type_count as usize];
     let has_type = |heap: u32| types.iter().any(|t| t.heap_index == heap && t.property_flags.contains(local));
@@ -136,9 +135,30 @@ pub(crate) fn inspect(instance: &Instance, index: usize, raw: vk::PhysicalDevice
         raw,
         report,
         family: family.unwrap_or(0) as u32,
-        present,
+        presents,
         synchronization2: features2.synchronization2 == vk::TRUE,
         portability_subset: has(&extensions, khr::portability_subset::NAME),
+    }
+}
+
+/// Returns the families and indices of queues that can copy pictures, best first. `computes` is the family of the
+/// kernels. Families that draw come first, because most surfaces accept them. In the family of the kernels, a second
+/// queue is better, because a picture then does not wait for a kernel.
+fn presenting(queues: &[vk::QueueFamilyProperties], computes: Option<usize>) -> Vec<(u32, u32)> {
+    let copies = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER;
+    let mut families: Vec<usize> =
+        (0..queues.len()).filter(|&f| queues[f].queue_count > 0 && queues[f].queue_flags.intersects(copies)).collect();
+    families.sort_by_key(|&f| !queues[f].queue_flags.contains(vk::QueueFlags::GRAPHICS));
+    let index = |f: usize| u32::from(Some(f) == computes && queues[f].queue_count > 1);
+    families.into_iter().map(|f| (f as u32, index(f))).collect()
+}
+
+impl Candidate {
+    /// Returns this device with only the best queue that `shows` accepts, or none if it accepts none.
+    pub(crate) fn that_shows(mut self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Option<Self> {
+        self.presents.retain(|(family, _)| shows(self.raw, *family));
+        self.presents.truncate(1);
+        (!self.presents.is_empty() && self.report.usable.is_ok()).then_some(self)
     }
 }
 
@@ -253,6 +273,36 @@ mod tests {
         );
         let unknown = pick(&all, Some("nothing"), false).unwrap_err();
         assert!(matches!(&unknown, EngineError::NoDevice { reason } if reason.contains("Onboard")), "{unknown}");
+    }
+
+    fn family(flags: vk::QueueFlags, count: u32) -> vk::QueueFamilyProperties {
+        vk::QueueFamilyProperties { queue_flags: flags, queue_count: count, ..Default::default() }
+    }
+
+    #[test]
+    fn pictures_go_to_a_queue_that_the_surface_accepts() {
+        let (draws, computes, copies) = (vk::QueueFlags::GRAPHICS, vk::QueueFlags::COMPUTE, vk::QueueFlags::TRANSFER);
+        let decodes = vk::QueueFlags::VIDEO_DECODE_KHR;
+        let queues = [family(computes, 2), family(decodes, 1), family(copies, 1), family(draws | computes, 16)];
+        assert_eq!(presenting(&queues, Some(0)), [(3, 0), (0, 1), (2, 0)]);
+        // A single queue is for both.
+        assert_eq!(presenting(&queues[3..], Some(0)), [(0, 1)]);
+        assert_eq!(presenting(&[family(draws | computes, 1)], Some(0)), [(0, 0)]);
+        let candidate = |usable: Result<(), String>| Candidate {
+            raw: vk::PhysicalDevice::null(),
+            report: report(0, "", DeviceKind::Integrated, usable),
+            family: 0,
+            presents: presenting(&queues, Some(0)),
+            synchronization2: false,
+            portability_subset: false,
+        };
+        // The first family draws, but only the others reach this surface.
+        let accepted =
+            |accepts: &[u32]| candidate(Ok(())).that_shows(|_, family| accepts.contains(&family)).map(|c| c.presents);
+        assert_eq!(accepted(&[0, 2]), Some(vec![(0, 1)]));
+        assert_eq!(accepted(&[2, 3]), Some(vec![(3, 0)]));
+        assert_eq!(accepted(&[1]), None);
+        assert!(candidate(Err("too small".into())).that_shows(|_, _| true).is_none());
     }
 
     #[test]

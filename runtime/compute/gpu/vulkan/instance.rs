@@ -1,15 +1,16 @@
 //! Loads the Vulkan instance at run time, and collects the validation layer's messages.
 
 use super::error::EngineError;
+use super::validation::{self, Validation};
 use ash::{ext, khr, vk};
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// Extensions for windows on desktops, and for displays without a desktop.
-const SURFACES: [&CStr; 9] = [
+const SURFACES: [&CStr; 10] = [
     khr::surface::NAME,
+    khr::get_surface_capabilities2::NAME,
     khr::xcb_surface::NAME,
     khr::xlib_surface::NAME,
     khr::wayland_surface::NAME,
@@ -64,40 +65,28 @@ impl Instance {
             wanted.push(khr::portability_enumeration::NAME.as_ptr());
             flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
         }
-        if validation {
-            // SAFETY: the entry is valid.
-            let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
-            let layer_extensions = extension_names(&entry, Some(VALIDATION_LAYER));
-            let missing = |what: &str| EngineError::Unsuitable {
-                device: "the Vulkan loader".into(),
-                reason: format!("validation was requested, but {what} is not installed. `tools/setup.sh` installs it"),
-            };
-            if !known.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
-                return Err(missing("the layer VK_LAYER_KHRONOS_validation"));
-            }
-            if !has(&layer_extensions, ext::validation_features::NAME)
-                || !(has(&there, ext::debug_utils::NAME) || has(&layer_extensions, ext::debug_utils::NAME))
-            {
-                return Err(missing("a validation layer with VK_EXT_validation_features and VK_EXT_debug_utils"));
-            }
-            layers.push(VALIDATION_LAYER.as_ptr());
-            wanted.push(ext::debug_utils::NAME.as_ptr());
-            wanted.push(ext::validation_features::NAME.as_ptr());
+        let checks = if validation { Some(Validation::find(&entry, &there)?) } else { None };
+        if let Some(checks) = checks {
+            layers.push(checks.layer().as_ptr());
+            wanted.extend([ext::debug_utils::NAME.as_ptr(), checks.extension().as_ptr()]);
         }
         let messages = Messages::default();
         let application =
             vk::ApplicationInfo::default().application_name(c"eyebox").engine_name(c"eyebox").api_version(BASELINE);
-        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+        let settings = validation::settings();
+        let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
+        let mut features = validation::features();
         let mut listen = messenger_info(&messages);
         let mut info = vk::InstanceCreateInfo::default()
             .flags(flags)
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&wanted);
-        if validation {
-            info = info.push_next(&mut features).push_next(&mut listen);
-        }
+        info = match checks {
+            Some(Validation::Settings) => info.push_next(&mut settings).push_next(&mut listen),
+            Some(Validation::Features) => info.push_next(&mut features).push_next(&mut listen),
+            None => info,
+        };
         keep_drivers(&entry);
         // SAFETY: all pointers in `info` live until the call returns, and the messages outlive the instance.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| match e {
@@ -168,7 +157,7 @@ pub(crate) fn version_text(version: u32) -> String {
     format!("{major}.{minor}.{}", vk::api_version_patch(version))
 }
 
-fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Vec<vk::ExtensionProperties> {
+pub(super) fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Vec<vk::ExtensionProperties> {
     // SAFETY: the entry is valid. A missing layer gives an error, here an empty list.
     unsafe { entry.enumerate_instance_extension_properties(layer) }.unwrap_or_default()
 }
@@ -194,12 +183,17 @@ unsafe extern "system" fn collect(
     messages: *mut c_void,
 ) -> vk::Bool32 {
     // SAFETY: `messages` is the mutex that `messenger_info` received, which outlives the instance. The layer passes
-    // valid callback data and a message that ends in zero.
-    let (messages, text) = unsafe {
-        let text = data.as_ref().filter(|d| !d.p_message.is_null()).map(|d| CStr::from_ptr(d.p_message));
-        (&*messages.cast::<Mutex<Vec<String>>>().cast_const(), text)
+    // valid callback data and texts that end in zero.
+    let (messages, [id, text]) = unsafe {
+        let data = data.as_ref();
+        let text = |text: *const c_char| {
+            if text.is_null() { String::new() } else { CStr::from_ptr(text).to_string_lossy().into_owned() }
+        };
+        let texts = [data.map(|d| d.p_message_id_name), data.map(|d| d.p_message)];
+        (&*messages.cast::<Mutex<Vec<String>>>().cast_const(), texts.map(|t| t.map_or_else(String::new, text)))
     };
-    let text = text.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
+    // Newer layers leave the identifier out of the text.
+    let text = if text.contains(&id) { text } else { format!("{id}: {text}") };
     messages.lock().unwrap_or_else(PoisonError::into_inner).push(format!("{severity:?}: {text}"));
     vk::FALSE
 }

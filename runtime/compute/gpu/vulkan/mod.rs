@@ -6,14 +6,16 @@
 //! queues, which take one submission at a time. If a device has more than one queue, pictures are presented on
 //! another queue than kernels run on, so that neither waits for the other.
 //!
-//! Module `instance` loads Vulkan. Module `devices` lists devices and chooses one. The shared parts are in `device`,
-//! and memory is in `block`. Modules `pipelines` and `cache` compile. Module `recorder` records and submits, and
-//! `commands` joins all of these for one user. Data that users pass to each other without the host is in `pictures`,
-//! and memory shared with another process in `external`. Module `tested` stores the results of device tests. Module
-//! `open` makes the handle, for its own device or for one from the program.
+//! Module `instance` loads Vulkan, and `validation` requests its checks. Module `devices` lists devices and chooses
+//! one. The shared parts are in `device`, and memory is in `block`. Modules `pipelines`, `background` and `cache` compile. Module
+//! `recorder` records and submits, and `commands` joins all of these for one user. Data that users pass to each other
+//! without the host is in `pictures`, and memory shared with another process in `external`. Module `presentation` chooses the
+//! extensions for pictures. Module `tested` stores the
+//! results of device tests. Module `open` makes the handle, for its own device or for one from the program.
 
 #![allow(unsafe_code)]
 
+mod background;
 mod block;
 mod cache;
 mod commands;
@@ -29,6 +31,7 @@ mod modules;
 mod open;
 mod pictures;
 mod pipelines;
+pub mod presentation;
 mod recorder;
 #[cfg(target_os = "linux")]
 mod sharing;
@@ -38,6 +41,7 @@ pub mod statistics;
 #[cfg(any(test, feature = "test-hooks"))]
 pub mod test_options;
 mod tested;
+mod validation;
 
 #[cfg(any(test, feature = "test-hooks"))]
 use super::Options;
@@ -47,6 +51,8 @@ pub use block::{Block, Range};
 pub(crate) use commands::Commands;
 pub use counters::Counts;
 pub use device::Device;
+#[cfg(test)]
+pub(crate) use device::Patience;
 pub use devices::devices;
 #[cfg(target_os = "linux")]
 pub use external::{SharedLayout, SharedMemory, SlotWriter};

@@ -69,7 +69,8 @@ impl Gpu {
     /// # Safety
     /// The handles are valid and belong together. They stay so until the last clone of this, and everything made from
     /// it, is dropped. The listed extensions are the enabled ones. With `VK_KHR_synchronization2`,
-    /// `VK_KHR_present_id` and `VK_KHR_present_wait` their features are enabled too. The queue is of that family, and
+    /// `VK_KHR_present_id`, `VK_KHR_present_wait`, their second versions and `VK_EXT_present_timing`, their features are
+    /// enabled too. The queue is of that family, and
     /// the program uses it only within [`with_queue`](Self::with_queue).
     pub unsafe fn from_raw(raw: RawDevice, cache: Option<&Path>) -> Result<Self, EngineError> {
         let RawDevice { entry, instance, instance_extensions, physical, device, device_extensions, family, queue } =
@@ -94,17 +95,17 @@ impl Gpu {
         Ok(Self { device, options })
     }
 
-    /// Returns this device if `shows` accepts it for a surface and a queue family, otherwise the best other device
-    /// that it accepts.
+    /// Returns this device if `shows` accepts it for a surface and a queue family. Otherwise this opens the same device
+    /// with a queue family that it accepts, or the best other device.
     pub fn that_shows(&self, shows: impl Fn(vk::PhysicalDevice, u32) -> bool) -> Result<Self, EngineError> {
         let device = &self.device;
         if device.has(ash::khr::swapchain::NAME) && shows(device.physical, device.present().family) {
             return Ok(self.clone());
         }
-        let mut all = candidates(&device.instance, true)?;
-        all.retain(|c| c.report.usable.is_ok() && c.present.is_some_and(|(family, _)| shows(c.raw, family)));
-        let best = all.into_iter().min_by_key(|c| c.report.kind).ok_or_else(|| EngineError::NoDevice {
-            reason: "no Vulkan device can show pictures in a window of this system".into(),
+        let all = candidates(&device.instance, true)?.into_iter().filter_map(|c| c.that_shows(&shows));
+        // The same device with a queue of another family is better than another device.
+        let best = all.min_by_key(|c| (c.raw != device.physical, c.report.kind)).ok_or_else(|| {
+            EngineError::NoDevice { reason: "no Vulkan device can show pictures in a window of this system".into() }
         })?;
         Self::on(&device.instance, best, &self.options)
     }

@@ -4,14 +4,16 @@
 //! are reset, and query pools, which grow.
 
 use super::block::{Block, Range};
-use super::device::Device;
+use super::device::{Device, Patience};
 use super::error::EngineError;
 use super::pipelines::{PUSH_BYTES, Pipeline};
 use super::slot::{IN_FLIGHT, Slot, Time};
 use crate::plan::{Entry, Move, SUBMISSION_BYTES};
 use ash::{khr, vk};
 use std::cell::Cell;
+use std::collections::HashSet;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 /// Most buffers that a kernel may bind.
 const MOST_BUFFERS: usize = 16;
@@ -84,7 +86,13 @@ pub(crate) struct Recorder {
     #[cfg(any(test, feature = "test-hooks"))]
     fails_from: Option<(u64, vk::Result)>,
     /// Longest time of a submission, nanoseconds.
-    pub(crate) patience_ns: u64,
+    pub(crate) patience: Patience,
+    /// Pipelines that were dispatched.
+    used: HashSet<vk::Pipeline>,
+    /// True if the recording has a pipeline that was never dispatched before.
+    uses_new: bool,
+    /// The last submission with such a pipeline.
+    first_use: u64,
     /// Times of finished submissions, until someone takes them. In the steady state nothing is allocated.
     pub(crate) times: Vec<Time>,
     regions: Vec<vk::BufferCopy>,
@@ -119,7 +127,10 @@ impl Recorder {
             guards: None,
             #[cfg(test)]
             shows_half: false,
-            patience_ns: device.patience_ns(),
+            patience: device.patience(),
+            used: HashSet::new(),
+            uses_new: false,
+            first_use: 0,
             times: Vec::new(),
             regions: Vec::new(),
             recording: false,
@@ -163,6 +174,10 @@ impl Recorder {
         self.slots[next].begin(marks)?;
         self.moved.set(0);
         self.is_held = false;
+        // Pipelines of a discarded recording did not run.
+        if std::mem::take(&mut self.uses_new) {
+            self.used.clear();
+        }
         self.recording = true;
         if self.over < self.submitted {
             self.barrier();
@@ -172,6 +187,11 @@ impl Recorder {
 
     fn command(&self) -> vk::CommandBuffer {
         self.slots[self.at].command
+    }
+
+    /// Returns the longest time to wait for submissions, nanoseconds.
+    pub(crate) fn patience_ns(&self) -> u64 {
+        self.patience.ns(self.first_use > self.over)
     }
 
     /// Runs `groups` workgroups of a pipeline over these buffers. Without a barrier, it may run at the same time as
@@ -210,6 +230,7 @@ impl Recorder {
         push: &[u8],
         groups: Groups<'_>,
     ) -> Result<(), EngineError> {
+        self.uses_new |= self.used.insert(pipeline.raw);
         let set = self.set(pipeline.set_layout)?;
         let command = self.command();
         let mut infos = [[vk::DescriptorBufferInfo::default()]; MOST_BUFFERS];
@@ -435,6 +456,12 @@ impl Recorder {
         }
         device.count(|counts| counts.submissions += 1);
         self.submitted = next;
+        if std::mem::take(&mut self.uses_new) {
+            if self.first_use <= self.over {
+                device.first_uses.fetch_add(1, Ordering::Relaxed);
+            }
+            self.first_use = next;
+        }
         #[cfg(any(test, feature = "test-hooks"))]
         if let Some((_, fault)) = self.fails_from.filter(|(from, _)| next > *from) {
             self.wait_for(next, during)?;
@@ -458,10 +485,13 @@ impl Recorder {
                     return Err(device.give_up("vkWaitSemaphores", during));
                 }
                 // SAFETY: the semaphore is this recorder's, and the submission that signals it was made.
-                match unsafe { device.raw.wait_semaphores(&wait, self.patience_ns) } {
+                match unsafe { device.raw.wait_semaphores(&wait, self.patience_ns()) } {
                     Err(vk::Result::TIMEOUT) => return Err(device.give_up("vkWaitSemaphores", during)),
                     other => other.map_err(|e| device.error("vkWaitSemaphores", during, e))?,
                 }
+            }
+            if (self.over + 1..=submission).contains(&self.first_use) {
+                device.first_uses.fetch_sub(1, Ordering::Relaxed);
             }
             self.over = submission;
         }
@@ -491,9 +521,12 @@ impl Drop for Recorder {
         let (semaphores, values) = ([self.done.raw], [self.submitted]);
         let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: all submissions are over after the wait (or the device is lost, and nothing runs either).
-        if unsafe { self.device.raw.wait_semaphores(&wait, self.patience_ns) } == Err(vk::Result::TIMEOUT) {
+        if unsafe { self.device.raw.wait_semaphores(&wait, self.patience_ns()) } == Err(vk::Result::TIMEOUT) {
             // Objects that the device may still use are not destroyed.
             let _ = self.device.give_up("vkWaitSemaphores", "closing");
+        }
+        if self.first_use > self.over {
+            self.device.first_uses.fetch_sub(1, Ordering::Relaxed);
         }
     }
 }

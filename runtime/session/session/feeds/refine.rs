@@ -89,13 +89,18 @@ impl Refinement {
         };
         let scenes = refining.first_of_scenes().map_or(0, |_| 1);
         refining.shared.taken.store(SceneCounts { scenes, ..SceneCounts::default() });
-        // Two runs are needed, because the first one takes longer than all later ones.
+        // Two runs are needed, because the first one compiles. Its time is no measure of later ones.
         for _ in 0..2 {
+            refining.encoding = Duration::ZERO;
             let mut time = WorkTime::begin(refining.options.cost, 0);
             if refining.waits() {
                 refining.rehearse()?;
             } else {
-                refining.hand_over(Timestamps::default(), None, 0, &mut time)?;
+                // The set is not refined, so its encoding begins now.
+                let now_ns = refining.options.clock.map_or(0, |clock| clock.now_ns());
+                let [refine_start_ns, aimed_ns, refine_end_ns] = [now_ns; 3];
+                let begun = Timestamps { refine_start_ns, aimed_ns, refine_end_ns, ..Timestamps::default() };
+                refining.hand_over(begun, None, 0, &mut time)?;
             }
         }
         let mut thread = None;
@@ -218,6 +223,10 @@ impl Refining {
         }
         let device = device_encoder(&refiner, gpu, &self.encoder)?;
         (self.refiner, self.device) = (refiner, device);
+        // As at the start, a run that compiles is no measure of later ones.
+        for _ in 0..2 {
+            self.rehearse()?;
+        }
         self.options.journal.iter().for_each(Journal::break_off);
         self.options.moments.begun_again();
         Ok(())

@@ -1,6 +1,6 @@
 //! Draws the pupils of the next step of a refinement, around the eye and sometimes anywhere.
 
-use super::{DIAMETERS, Drawing, EYES, Refiner};
+use super::{DIAMETERS, Drawing, EYES, FIRST_WINDOWS, Refiner, USUAL_EYE};
 use crate::engine::EngineError;
 use crate::optics::{Pupil, Window};
 use crate::plan::{Kernel, Step, Viewpoint};
@@ -9,26 +9,35 @@ use crate::solve::step::Update;
 use std::collections::HashSet;
 
 impl Refiner {
-    /// Makes the device objects for steps over pupils of an eye's size and over pupils of the first aim, so that none
-    /// is made during the refinement.
+    /// Makes the device objects for steps over pupils of an eye's size and over pupils of the first aim. Pipelines for
+    /// pupils of a usual size are made before this returns, and the others in the background.
     pub(super) fn prepare(&mut self) -> Result<(), EngineError> {
         let [low, high] = self.aim.diameter;
         let (low, high) = (low.min(EYES[0]), high.max(EYES[1]));
         let [x, y] = self.aim.centre;
         let mut seen = HashSet::new();
         let mut viewpoints = Vec::new();
-        for i in 0..=DIAMETERS {
-            let diameter = low + (high - low) * f64::from(i) / f64::from(DIAMETERS);
+        let diameter = |i: u32| low + (high - low) * f64::from(i) / f64::from(DIAMETERS);
+        let mut diameters: Vec<f64> = (0..=DIAMETERS).map(diameter).collect();
+        diameters.sort_by(|a, b| (a - USUAL_EYE).abs().total_cmp(&(b - USUAL_EYE).abs()));
+        for diameter in diameters {
             let pupil = Pupil { x, y, diameter, depth: 0.0 };
             let window = Window::new(&self.planner.grid, &pupil, self.steering.window);
             if seen.insert((window.rows, window.columns)) {
                 viewpoints.push(Viewpoint::Pupil(pupil));
             }
         }
+        let later = viewpoints.split_off(FIRST_WINDOWS.min(viewpoints.len()));
         let update = self.steering.strategy.update(1);
-        let step = update.step(&self.planner, update.pupil_passes(&self.planner, &viewpoints, self.exposure), 0);
+        let Self { planner, engine, .. } = self;
+        let step =
+            |viewpoints: &[Viewpoint]| update.step(planner, update.pupil_passes(planner, viewpoints, self.exposure), 0);
         let at_once = self.steering.pupils + self.steering.elsewhere as usize + 1;
-        self.engine.prepare(&mut std::iter::once(step), Some(at_once))
+        engine.prepare(&mut std::iter::once(step(&viewpoints)), Some(at_once))?;
+        if later.is_empty() {
+            return Ok(());
+        }
+        engine.prepare_later(&mut std::iter::once(step(&later)), at_once)
     }
 
     /// Draws pupils for the next step around the eye and sometimes anywhere. They are rarer elsewhere if the position

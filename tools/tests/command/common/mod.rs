@@ -20,9 +20,14 @@ pub use printed::Printed;
 use std::path::Path;
 use std::process::{Command, Output};
 
+/// Returns the command to test. `EYEBOX_BINARY=FILE` names the command of another build, or a script that runs it.
+pub fn program() -> String {
+    std::env::var("EYEBOX_BINARY").unwrap_or_else(|_| env!("CARGO_BIN_EXE_eyebox").into())
+}
+
 /// Returns the command with its arguments in `folder`, with a cache that only tests use.
 pub fn command(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    let mut command = Command::new(program());
     command.args(args).current_dir(folder).env("XDG_CACHE_HOME", std::env::temp_dir().join("eyebox-tests"));
     command
 }

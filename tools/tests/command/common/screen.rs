@@ -38,7 +38,7 @@ pub fn hologram(folder: &Path, display: &Display) -> Hologram {
 
 /// Returns the command that shows `x.zarr` in a window on the screen, or in the `--output` that `more` has.
 pub fn play(folder: &Path, screen: &Screen, preset: &str, more: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_eyebox"));
+    let mut command = Command::new(super::program());
     command
         .args(["show", "x.zarr", "--display", preset, "--size", "36x64"])
         .args(if more.contains(&"--output") { &[][..] } else { &["--output", "window"] })

@@ -1,0 +1,72 @@
+#!/usr/bin/env bash
+# Builds the command for Linux on aarch64, such as a Jetson or a Raspberry Pi 4 or newer with a 64-bit system:
+#     tools/aarch64.sh [PROFILE]       an archive in dist/, of the profile `release` or another
+#     tools/aarch64.sh test            tests of the library and of the command under qemu-user
+# tools/setup.sh aarch64 installs the linker and qemu-user.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+target=aarch64-unknown-linux-gnu
+cross=aarch64-linux-gnu
+for tool in $cross-gcc $cross-strip $cross-objdump qemu-aarch64; do
+    command -v "$tool" >/dev/null || { echo "$tool was not found: tools/setup.sh aarch64" >&2; exit 1; }
+done
+rustup target add "$target" 2>/dev/null || true
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=$cross-gcc
+# Debian's cross compiler has the libraries of the system there.
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64 -L /usr/$cross"
+built=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+
+# A script that runs the command. Tests of this machine start it like the command.
+wrapper() {
+    local script=$built/$target/eyebox-under-qemu
+    printf '#!/bin/sh\nexec qemu-aarch64 -L /usr/%s %s "$@"\n' "$cross" "$1" >"$script"
+    chmod +x "$script"
+    echo "$script"
+}
+
+library() { cargo test --quiet --target "$target" --lib "$@"; }
+
+if [[ ${1:-} == test ]]; then
+    cargo build --target "$target" --package eyebox-tools --bin eyebox
+    # qemu-user has no Vulkan driver, and Xvfb of another processor cannot be loaded. Tests of both are left out.
+    library --package eyebox-kernels
+    library --package eyebox-base
+    library --package eyebox-optics
+    library --package eyebox-scene
+    library --package eyebox-compute -- engine::cpu plan::
+    library --package eyebox-tracking
+    library --package eyebox-solve -- encode:: encoded:: evaluate:: hologram:: reconstruction:: solve::tests
+    EYEBOX_BINARY=$(wrapper "$built/$target/debug/eyebox")
+    export EYEBOX_BINARY
+    cargo test --quiet --package eyebox-tools --test golden
+    cargo test --quiet --package eyebox-tools --test command -- basics:: files::
+    exit 0
+fi
+
+profile=${1:-release}
+folder=$profile
+[[ $profile != dev ]] || folder=debug
+features=()
+# The profile for devices goes with the smaller command.
+[[ $profile != device ]] || features=(--no-default-features)
+cargo build --profile "$profile" --target "$target" --package eyebox-tools --bin eyebox "${features[@]}"
+program=$built/$target/$folder/eyebox
+version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
+name=eyebox-$version-aarch64-linux
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+mkdir -p dist "$work/$name"
+cp -r README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT docs tools/eyebox-show.service "$work/$name"
+"$cross-strip" -o "$work/$name/eyebox" "$program"
+tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct)" -C "$work" \
+    -czf "dist/$name.tar.gz" "$name"
+# The packed program runs.
+mkdir "$work/tried"
+tar -xzf "dist/$name.tar.gz" -C "$work/tried"
+cd "$work/tried"
+run() { qemu-aarch64 -L /usr/$cross "$name/eyebox" "$@"; }
+run --version
+run solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
+needs=$("$cross-objdump" -T "$name/eyebox" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -n 1)
+echo "dist/$name.tar.gz: $(stat -c %s "$name/eyebox") bytes of program, which needs $needs"
