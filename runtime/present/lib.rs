@@ -70,14 +70,14 @@ pub use link::{Link, LinkCheck, LinkPart, LinkState, LinkSystem};
 pub use modes::{DirectDisplay, DirectMode};
 pub use monitor::Monitor;
 pub use offscreen::Offscreen;
-pub use presenter::{Event, Feedback, Presenter};
+pub use presenter::{Apart, Event, Feedback, Presenter};
 pub use rate::{Rate, SECOND_NS};
 pub use sink::Sink;
 pub use surface::WindowHandle;
 pub use swapchain::{Policy, Swapchain};
 pub use test_picture::{CaptureReport, LinkFault, TestPictureError, judge_capture, test_picture};
 pub use timing::PresentTiming;
-pub use two_panels::{Apart, TwoPanels};
+pub use two_panels::TwoPanels;
 pub use window::{OrdinaryWindow, WindowEvent, WindowKey};
 
 use eyebox_base::error::Reason;

@@ -1,7 +1,6 @@
 //! Defines presenters, which take video frames in order and report when they lit up.
 
 use super::link::Link;
-use super::two_panels::Apart;
 use super::{Interference, PresentError};
 use eyebox_base::reason;
 use eyebox_compute::gpu::{Gpu, Pictures, PixelOrder};
@@ -13,6 +12,30 @@ pub struct Feedback {
     pub id: u64,
     /// The time on the player's clock.
     pub actual_display_time_ns: i64,
+}
+
+/// The distance in time between the lights of two panels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Apart {
+    /// The video frames whose lights both panels reported.
+    pub video_frames: u64,
+    /// The video frames that the panels lit more than half a period apart.
+    pub in_other_periods: u64,
+    /// The sum of the distances, and the largest one (ns).
+    pub(super) sum_ns: u64,
+    pub(super) largest_ns: u64,
+}
+
+impl Apart {
+    /// Returns the mean distance (ms).
+    pub fn mean_ms(&self) -> f64 {
+        self.sum_ns as f64 / self.video_frames.max(1) as f64 * 1e-6
+    }
+
+    /// Returns the largest distance (ms).
+    pub fn largest_ms(&self) -> f64 {
+        self.largest_ns as f64 * 1e-6
+    }
 }
 
 /// An action of a user on a presenter.

@@ -1,7 +1,8 @@
 //! Presents each video frame on two panels, one for each eye.
 
 use super::link::Link;
-use super::{Event, Feedback, Interference, PresentError, Presenter};
+use super::presenter::{Apart, Event, Feedback, Presenter};
+use super::{Interference, PresentError};
 use std::collections::VecDeque;
 
 /// Two panels that show one video frame together. The picture holds the bytes of the left panel and then those of the
@@ -22,30 +23,6 @@ struct Panel {
     is_lost: bool,
     /// The reported lights that are not compared yet.
     lights: VecDeque<Feedback>,
-}
-
-/// The distance in time between the lights of two panels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Apart {
-    /// The video frames whose lights both panels reported.
-    pub video_frames: u64,
-    /// The video frames that the panels lit more than half a period apart.
-    pub in_other_periods: u64,
-    /// The sum of the distances, and the largest one (ns).
-    sum_ns: u64,
-    largest_ns: u64,
-}
-
-impl Apart {
-    /// Returns the mean distance (ms).
-    pub fn mean_ms(&self) -> f64 {
-        self.sum_ns as f64 / self.video_frames.max(1) as f64 * 1e-6
-    }
-
-    /// Returns the largest distance (ms).
-    pub fn largest_ms(&self) -> f64 {
-        self.largest_ns as f64 * 1e-6
-    }
 }
 
 /// Lights that wait for the other panel.

@@ -35,7 +35,7 @@
 //! | `latency` | measures every set that was shown, from the sample to the light |
 //! | `ticks` | hands video frames to a program with a display and a loop of its own, through a [`TickedSession`] |
 //! | `on_screen` | stores which version of a hologram is on the screen, for the camera of the [`BenchFollower`] |
-//! | `stereo` | shows the content of two eyes on one schedule |
+//! | `two_eyed`, `both_eyes` | show the content of two eyes on one schedule |
 //! | `controller` | starts the controller of the display, checks it, and puts it to sleep |
 //! | `triggers`, `pulses` | give a pulse with the light of each set, and take pulses that advance content |
 //! | `marks` | makes the sync picture and the corner mark |
@@ -51,7 +51,6 @@ mod options;
 mod playback;
 mod present_thread;
 mod refinement;
-mod stereo;
 mod ticked;
 
 #[cfg(all(test, target_os = "linux"))]
@@ -86,6 +85,8 @@ mod thread_tests;
 mod together_tests;
 #[cfg(all(test, target_os = "linux", feature = "triggers"))]
 mod trigger_tests;
+#[cfg(test)]
+mod two_eyes_tests;
 
 #[cfg(target_os = "linux")]
 pub use content::application::{LiveInput, darkness};
@@ -100,8 +101,9 @@ pub use feeds::play::Play;
 pub use feeds::sets::FinishedSet;
 pub use feeds::showing::ContentReport;
 pub use feeds::sidecar::{LitSources, Now, SidecarOpener, SidecarWindow, SourceSwitch, UserRequest};
-pub use feeds::statistics::{Ending, LiveStatistics, Statistics};
+pub use feeds::statistics::{Ending, LiveStatistics, Statistics, TwoEyesReport};
 pub use feeds::tracking::Tracking;
+pub use feeds::two_eyed::TwoEyed;
 pub use frame_log::account::{Account, Cause, RepeatReason};
 pub use frame_log::error::SessionError;
 pub use frame_log::latency::{Histogram, Latency, Stage, Timestamps};
@@ -127,8 +129,6 @@ pub use refinement::live_refiner::{EngineOpener, Followed, LiveRefiner, PhasesOf
 pub use refinement::pupil_tracker::TrackerCounts;
 pub use refinement::set_timing::SetTiming;
 pub use refinement::work_time::Cost;
-pub use stereo::report::TwoEyesReport;
-pub use stereo::two_eyed::TwoEyed;
 pub use ticked::TickedSession;
 // These items are shared with a study of simulated eyes.
 pub use content::shifted::shifted_problem;

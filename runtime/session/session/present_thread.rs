@@ -5,7 +5,9 @@ use crate::gpu::{Gpu, Messages};
 use crate::optics::Display;
 use crate::present::plm::SOURCE_TIME;
 use crate::present::{Interference, Link, Presenter, SECOND_NS};
+use crate::session::feeds::eye_content::EyeContent;
 use crate::session::feeds::following::{HandedOver, LiveState};
+use crate::session::feeds::statistics::TwoEyesReport;
 use crate::session::feeds::statistics::{Ending, Statistics};
 use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
@@ -20,7 +22,6 @@ use crate::session::playback::report::Report;
 use crate::session::playback::scheduler::Scheduler;
 use crate::session::playback::triggers::TriggerThread;
 use crate::session::refinement::set_timing::as_ns;
-use crate::session::stereo::report::TwoEyesReport;
 use eyebox_base::reason;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -101,12 +102,15 @@ impl PresentThread {
         let other_gpu = encoder_gpu.filter(|gpu| !options.gpu.iter().any(|other| gpu.is(other)));
         messages.extend(other_gpu.iter().map(Gpu::messages));
         let setup = match content {
-            Content::Play(play) => play.start(&display, notes, trace.clone())?,
+            Content::Play(play) => play.start(&display, notes, trace.clone())?.map(ActiveContent::One),
             Content::Live(live) => {
                 let on_host = options.record.is_some() || options.observer.is_some();
                 live.start(&mut display, on_host, Arc::clone(&shared.steered), &notes, trace.clone(), None)?
+                    .map(ActiveContent::One)
             }
-            Content::TwoEyed(both) => both.start(&mut display, &shared.steered, &notes, &trace)?,
+            Content::TwoEyed(both) => {
+                both.start(&mut display, &shared.steered, &notes, &trace)?.map(ActiveContent::Both)
+            }
         };
         let mode_rate = display.mode_rate.unwrap_or(display.rate);
         let watch = |controller: Option<PreparedController>| {
@@ -289,14 +293,10 @@ impl PresentThread {
             ..Statistics::default()
         };
         let mut tracks = vec![self.player.track];
-        let eyes = match self.running {
-            ActiveContent::Both(both) => Vec::from(both.eyes),
-            one => vec![one],
-        };
-        for (at, eye) in eyes.into_iter().enumerate() {
+        for (at, eye) in self.running.into_eyes().into_iter().enumerate() {
             match eye {
-                ActiveContent::Play(stream) => tracks.extend(stream.stop()),
-                ActiveContent::Live(following) => {
+                EyeContent::Play(stream) => tracks.extend(stream.stop()),
+                EyeContent::Live(following) => {
                     result = result.and(following.followed());
                     let (live, more, kept) = following.stop();
                     result = result.and(kept);
@@ -306,7 +306,6 @@ impl PresentThread {
                     }
                     tracks.extend(more);
                 }
-                ActiveContent::Both(_) => {}
             }
         }
         if let Some(triggers) = self.triggers.map(TriggerThread::stop) {

@@ -29,7 +29,7 @@ pub struct Vergence {
 }
 
 /// A change of the direction that ends a fixation, radians. It is above the noise of trackers and below most saccades.
-const MOVED: f64 = 0.035;
+const MOVED: f64 = 0.022;
 /// The largest number of samples in a mean, which is half a second at 120 Hz.
 const MOST: u32 = 64;
 

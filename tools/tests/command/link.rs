@@ -249,7 +249,7 @@ fn the_right_monitor_of_two_is_covered() {
             let _ = process.kill();
             let _ = process.wait();
         } else {
-            eprintln!("skipped: {manager} is missing");
+            eprintln!("skipped: {manager} is missing or manages nothing");
         }
     }
 }

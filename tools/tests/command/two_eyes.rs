@@ -130,7 +130,7 @@ fn seconds() -> &'static str {
 }
 
 fn on_monitors(at: &Path, xorg: &Xorg, output: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_eyebox"))
+    Command::new(common::program())
         .args(["show", "builtin:still-life", "--display", "two.toml", "--tracker", "simulated", "--output", output])
         .args(["--size", "64x64", "--duration", seconds(), "--stats", "s.json", "--display-rate", "20"])
         .args(["--quality", "fast", "--views", "3", "--engine", "cpu"])

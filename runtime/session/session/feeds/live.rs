@@ -7,6 +7,8 @@ use crate::hologram::Hologram;
 use crate::optics::{Display, PupilDistribution};
 use crate::scene::LightField;
 use crate::session::content::scenes::Scenes;
+use crate::session::feeds::ContentSetup;
+use crate::session::feeds::eye_content::EyeContent;
 use crate::session::feeds::following::{FollowedEye, LiveState, OPEN};
 use crate::session::feeds::journal::{Journal, JournalWriter, RecordedSession};
 use crate::session::feeds::play::encoder_of;
@@ -16,13 +18,13 @@ use crate::session::feeds::showing::ContentReport;
 use crate::session::feeds::sidecar::{SidecarOpener, SourceSwitch};
 use crate::session::feeds::statistics::LiveStatistics;
 use crate::session::feeds::tracking::Tracking;
-use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::{Schedule, Start};
 use crate::session::playback::timeline::Speed;
+use crate::session::refinement::agreement::Member;
 use crate::session::refinement::field::{Field, LiveColor};
 use crate::session::refinement::live_refiner::look_up::{begin_with_tables, start_tables};
 use crate::session::refinement::live_refiner::together::{lighting_of, sub_frames_of};
@@ -32,7 +34,6 @@ use crate::session::refinement::pupil_source::{PupilSource, Samples};
 use crate::session::refinement::pupil_tracker::{PupilTracker, TrackerCounts};
 use crate::session::refinement::set_timing::{SetTiming, as_ns};
 use crate::session::refinement::work_time::{Cost, Times};
-use crate::session::stereo::agreement::Member;
 use crate::solve::{PupilRange, StartTable};
 use crate::trackers::Stream;
 use crossbeam_utils::atomic::AtomicCell;
@@ -278,7 +279,7 @@ impl Live {
         notes: &Notes,
         trace: Trace,
         pair: Option<Member>,
-    ) -> Result<ContentSetup, SessionError> {
+    ) -> Result<ContentSetup<EyeContent>, SessionError> {
         let clock = display.real_clock;
         self.check_clock(clock.is_some())?;
         let Self { colors, encoder, engines, field, tracking, mut policy, scenes, whole, whole_sets, cost, .. } = self;
@@ -372,7 +373,7 @@ impl Live {
             medians: [None; 2],
             medians_at_ns: i64::MIN,
         };
-        Ok(ContentSetup { running: ActiveContent::Live(Box::new(following)), schedule, idle, sub_frames })
+        Ok(ContentSetup { running: EyeContent::Live(Box::new(following)), schedule, idle, sub_frames })
     }
 }
 

@@ -6,7 +6,8 @@ use crate::gpu::Gpu;
 use crate::hologram::{ColorHologram, Hologram, Sequence};
 use crate::optics::{Color, Display};
 use crate::present::{Rate, SECOND_NS};
-use crate::session::feeds::{ActiveContent, ContentSetup};
+use crate::session::feeds::ContentSetup;
+use crate::session::feeds::eye_content::EyeContent;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
@@ -153,7 +154,12 @@ impl Play {
         Ok(())
     }
 
-    pub(crate) fn start(self, display: &OpenDisplay, notes: Notes, trace: Trace) -> Result<ContentSetup, SessionError> {
+    pub(crate) fn start(
+        self,
+        display: &OpenDisplay,
+        notes: Notes,
+        trace: Trace,
+    ) -> Result<ContentSetup<EyeContent>, SessionError> {
         let speed = self.exact_speed()?;
         let Self { sequence, encoder, .. } = self;
         let (shape, sent) = (sequence.shape(), sequence.about().sent_colors());
@@ -195,6 +201,6 @@ impl Play {
         let device = self.device.map(|gpu| VulkanEncoder::new(&gpu, encoder.plan())).transpose()?;
         let stream = Stream::start(sequence, encoder, device, options)?;
         let sub_frames = (sent.len() * shape[1]) as u64;
-        Ok(ContentSetup { running: ActiveContent::Play(stream), schedule, idle, sub_frames })
+        Ok(ContentSetup { running: EyeContent::Play(stream), schedule, idle, sub_frames })
     }
 }

@@ -1,5 +1,6 @@
 //! Refines holograms for the tracked pupil, with the refiner, the source of pupils and the motion during a set.
 
+pub(crate) mod agreement;
 pub(crate) mod field;
 pub(crate) mod likeness;
 pub(crate) mod live_refiner;

@@ -86,18 +86,23 @@ impl Xorg {
         set.reply().expect("it is lit");
     }
 
-    /// Starts a window manager and waits until it manages the screen. Returns nothing if it is missing.
+    /// Starts a window manager and waits until it manages the screen. Returns nothing if it is missing, or does not run
+    /// by itself. Xfwm4 needs a session bus, for example.
     pub fn manage(&self, manager: &str) -> Option<Child> {
         let mut command = Command::new(manager);
         command.env("DISPLAY", &self.name).stdout(Stdio::null()).stderr(Stdio::null());
-        let process = command.spawn().ok()?;
+        let mut process = command.spawn().ok()?;
         let (check, since) = (self.atom("_NET_SUPPORTING_WM_CHECK"), Instant::now());
         let property = || {
             let any = AtomEnum::ANY;
             self.connection.get_property(false, self.root, check, any, 0, 1).expect("sent").reply().expect("a property")
         };
         while property().value.is_empty() {
-            assert!(since.elapsed() < Duration::from_secs(60), "{manager} manages nothing");
+            if since.elapsed() > Duration::from_secs(30) {
+                let _ = process.kill();
+                let _ = process.wait();
+                return None;
+            }
             std::thread::sleep(Duration::from_millis(20));
         }
         Some(process)

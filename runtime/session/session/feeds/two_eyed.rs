@@ -3,16 +3,16 @@
 use crate::encode::Encoder;
 use crate::gpu::Gpu;
 use crate::optics::{Panels, Stereo};
+use crate::session::feeds::ContentSetup;
+use crate::session::feeds::both_eyes::BothEyes;
 use crate::session::feeds::live::Live;
 use crate::session::feeds::play::Play;
-use crate::session::feeds::{ActiveContent, ContentSetup};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::frame_log::trace::Trace;
 use crate::session::playback::output::OpenDisplay;
 use crate::session::playback::scheduler::Start;
-use crate::session::stereo::agreement::Member;
-use crate::session::stereo::both_eyes::BothEyes;
+use crate::session::refinement::agreement::Member;
 use eyebox_base::reason;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -106,7 +106,7 @@ impl TwoEyed {
         steered: &Arc<AtomicBool>,
         notes: &Notes,
         trace: &Trace,
-    ) -> Result<ContentSetup, SessionError> {
+    ) -> Result<ContentSetup<Box<BothEyes>>, SessionError> {
         let Self { eyes, stereo, places } = self;
         let traces = ["left ", "right "].map(|eye| trace.named(eye));
         let [left, right] = match eyes {
@@ -142,6 +142,6 @@ impl TwoEyed {
         let (eyes, idle) = ([left.running, right.running], [left.idle, right.idle]);
         let both = BothEyes::new(eyes, idle, (stereo, places), period_ns, notes.clone());
         let idle = both.idle();
-        Ok(ContentSetup { running: ActiveContent::Both(Box::new(both)), schedule, idle, sub_frames })
+        Ok(ContentSetup { running: Box::new(both), schedule, idle, sub_frames })
     }
 }

@@ -232,7 +232,7 @@ fn eyes_that_do_not_belong_together_are_refused() {
         TwoEyed::live(eye(&stage, left, Some(1.0)), eye(&small, right, Some(1.0)), Stereo::Together, Panels::Monitors);
     assert_eq!(code(other, memory()), "setting/eyes-differ");
     let mut journal = two_live(Stereo::Together, [Some(1.0), Some(1.0)], Panels::Monitors);
-    if let super::two_eyed::Eyes::Live(eyes) = &mut journal.eyes {
+    if let super::feeds::two_eyed::Eyes::Live(eyes) = &mut journal.eyes {
         eyes[1].journal = Some(here.path().join("j"));
     }
     assert_eq!(code(journal, memory()), "setting/eyes-journal");

@@ -2,19 +2,19 @@
 
 use crate::encode::VideoFrames;
 use crate::optics::{Panels, Stereo};
-use crate::session::feeds::ActiveContent;
+use crate::session::feeds::eye_content::EyeContent;
 use crate::session::feeds::following::LiveState;
+use crate::session::feeds::joined::{join, join_sets};
 use crate::session::frame_log::account::RepeatReason;
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::notes::Notes;
 use crate::session::playback::player::SetSource;
 use crate::session::playback::scheduler::{Content, Readiness, Target};
-use crate::session::stereo::joined::{join, join_sets};
 
 /// The running content of two eyes.
 pub(crate) struct BothEyes {
     /// The content of the left and the right eye.
-    pub eyes: [ActiveContent; 2],
+    pub eyes: [EyeContent; 2],
     pub stereo: Stereo,
     places: Panels,
     /// The sets that are shown without content.
@@ -47,7 +47,7 @@ fn slower(one: Readiness, other: Readiness) -> Readiness {
 impl BothEyes {
     /// Joins the content of both eyes on a display of this period (ns). `idle` is shown by each eye without content.
     pub(crate) fn new(
-        eyes: [ActiveContent; 2],
+        eyes: [EyeContent; 2],
         idle: [VideoFrames; 2],
         (stereo, places): (Stereo, Panels),
         period_ns: i64,
@@ -67,7 +67,7 @@ impl BothEyes {
     pub(crate) fn handed_over(&mut self) {
         let [left, right] = &self.eyes;
         let belong = match (left, right) {
-            (ActiveContent::Live(left), ActiveContent::Live(right)) => {
+            (EyeContent::Live(left), EyeContent::Live(right)) => {
                 match (&left.source.on_screen, &right.source.on_screen) {
                     (Some(left), Some(right)) => Some(left.belongs_to(right, self.period_ns)),
                     _ => None,
@@ -86,7 +86,7 @@ impl BothEyes {
 
     fn lives(&self) -> Option<[&LiveState; 2]> {
         match &self.eyes {
-            [ActiveContent::Live(left), ActiveContent::Live(right)] => Some([left, right]),
+            [EyeContent::Live(left), EyeContent::Live(right)] => Some([left, right]),
             _ => None,
         }
     }
@@ -105,7 +105,7 @@ impl BothEyes {
     /// Returns true for eyes whose own sets are shown, because the eyes are independent or the other eye makes none.
     fn are_alone(&self) -> [bool; 2] {
         let is_away = |at: usize| match &self.eyes[at] {
-            ActiveContent::Live(live) => self.has_failed[at] || live.source.is_away(),
+            EyeContent::Live(live) => self.has_failed[at] || live.source.is_away(),
             _ => self.has_failed[at],
         };
         [1, 0].map(|other| self.stereo == Stereo::Independent || is_away(other))
@@ -114,7 +114,7 @@ impl BothEyes {
     fn show_live(&mut self, position: u64) {
         let (alone, pair, failed) = (self.are_alone(), self.pair(), self.has_failed);
         for (at, eye) in self.eyes.iter_mut().enumerate() {
-            let (ActiveContent::Live(live), false) = (eye, failed[at]) else { continue };
+            let (EyeContent::Live(live), false) = (eye, failed[at]) else { continue };
             match pair {
                 _ if alone[at] => live.source.show(position),
                 Some(pair) => live.source.show_waiting(pair[at]),
@@ -189,14 +189,14 @@ impl SetSource for BothEyes {
         if self.stereo == Stereo::Together {
             let failed = self.has_failed;
             let mut can_make = |at: usize| match &mut self.eyes[at] {
-                ActiveContent::Live(live) if !failed[at] => live.source.can_make(target),
+                EyeContent::Live(live) if !failed[at] => live.source.can_make(target),
                 _ => true,
             };
             let can = [can_make(0), can_make(1)];
             if can != [true; 2] {
                 // Both wait for the slower one.
                 for (at, eye) in self.eyes.iter_mut().enumerate() {
-                    if let ActiveContent::Live(live) = eye {
+                    if let EyeContent::Live(live) = eye {
                         live.source.waits(if can[at] { RepeatReason::OtherEye } else { RepeatReason::StepTooLong });
                     }
                 }
