@@ -9,6 +9,7 @@ pub enum Subject {
     Depth,
     Format,
     Layers,
+    Near,
     NoLayers,
     OnlyQuads,
     Panic,

@@ -39,7 +39,10 @@ pub fn show(args: &Show, settings: ShowSettings, command: &[String]) -> Result<(
     application(args, settings, NAME, || {
         match command.split_first() {
             Some((program, arguments)) => running = Some(Running::start(program, arguments, &layer)?),
-            None => layer.variables().iter().for_each(|(name, value)| eprintln!("{name}={}", value.display())),
+            None => {
+                eprintln!("start the OpenXR application with these variables:");
+                layer.variables().iter().for_each(|(name, value)| eprintln!("{name}={}", value.display()));
+            }
         }
         Ok(())
     })
