@@ -259,7 +259,7 @@ impl Worker {
         }
     }
 
-    /// Connects to displays that are there now, and notices those that are gone.
+    /// Connects to displays that are there now, and notices displays that are gone.
     fn connect(&mut self) {
         for output in &mut self.outputs {
             let Output { name, connection, .. } = output;
@@ -328,6 +328,6 @@ impl Worker {
 }
 
 fn gone(connection: &mut Option<Connection>, name: &str) {
-    say(&format!("live:{name}: the display is gone"));
+    say(&format!("the display live:{name} is gone"));
     *connection = None;
 }
