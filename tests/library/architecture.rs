@@ -436,8 +436,8 @@ fn the_library_names_no_option_of_the_command() {
     }
 }
 
-/// `unsafe` is in code for Vulkan, for handles of windows, for memory shared with an application, for calls from C, for
-/// the calls of OpenXR, and for phases that NumPy borrows. Clippy checks that each block has a comment with its reason. Only the shared memory
+/// `unsafe` is in code for Vulkan, for handles of windows, for memory shared with an application, for calls from C and
+/// of OpenXR, and for phases that NumPy borrows. Clippy checks that each block has a comment with its reason. Only the shared memory
 /// is mapped.
 #[test]
 fn unsafe_is_where_the_page_of_promises_says() {

@@ -9,6 +9,7 @@ pub enum Subject {
     Depth,
     Format,
     Layers,
+    Near,
     NoLayers,
     OnlyQuads,
     Panic,
@@ -38,7 +39,7 @@ impl Notes {
     }
 }
 
-/// Prints a message.
+/// Prints a message of the layer.
 pub fn say(text: &str) {
     eprintln!("eyebox openxr: {text}");
 }

@@ -3,7 +3,7 @@
 use crate::composition::{Alpha, Canvas, Cylinder, DepthRange, Format, Frustum, Quad, Sheet};
 use crate::notes::{Notes, Subject, say};
 use crate::vulkan::{Captured, Part};
-use eyebox_live_input::{Application, Content, FrameInfo, LiveError, Sample, Transfer};
+use eyebox_live_input::{Application, Content, FrameInfo, LiveError, Offer, Sample, Transfer};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -180,9 +180,15 @@ impl Connection {
     }
 
     /// Composes and sends the layers.
-    fn send(&mut self, layers: &[Layer], shows_ns: i64) -> Result<(), LiveError> {
+    fn send(&mut self, layers: &[Layer], shows_ns: i64, notes: &Notes) -> Result<(), LiveError> {
         self.canvas.clear();
         layers.iter().for_each(|layer| draw(&mut self.canvas, layer));
+        let nearest = nearest(self.application.offer());
+        if self.canvas.limit(nearest) {
+            let meters = 1.0 / nearest;
+            let line = || format!("content nearer than {meters:.2} m is shown at this distance, the display's limit");
+            notes.once(Subject::Near, line);
+        }
         self.canvas.samples(self.application.offer().colors, &mut self.samples);
         let request = self.application.request().map_or(0, |request| request.number);
         let info = FrameInfo {
@@ -192,6 +198,16 @@ impl Connection {
         };
         self.application.send(&info, bytemuck::cast_slice(&self.samples), self.canvas.dioptres()).map(drop)
     }
+}
+
+/// The share of a picture by which the eye may displace content. `eyebox show` refuses frames above it.
+const DISPLACEMENT: f64 = 0.25;
+
+/// Returns the dioptres of the nearest content that a display shows.
+fn nearest(offer: &Offer) -> f32 {
+    let pixels = DISPLACEMENT * f64::from(offer.size[0].min(offer.size[1]));
+    let reach_m = offer.eyebox_mm[0].max(offer.eyebox_mm[1]) / 2.0 * 1e-3;
+    (pixels * offer.pixel_angle / reach_m) as f32
 }
 
 fn frustum(application: &Application) -> Frustum {
@@ -243,7 +259,7 @@ impl Worker {
         }
     }
 
-    /// Connects to displays that are there now, and notices those that are gone.
+    /// Connects to displays that are there now, and notices displays that are gone.
     fn connect(&mut self) {
         for output in &mut self.outputs {
             let Output { name, connection, .. } = output;
@@ -299,7 +315,7 @@ impl Worker {
                 left = true;
                 continue;
             }
-            match there.send(layers, frame.shows_ns) {
+            match there.send(layers, frame.shows_ns, &self.shared.notes) {
                 Ok(()) => sent = true,
                 Err(error) => self.shared.notes.once(Subject::Refused, || format!("live:{name}: {error}")),
             }
@@ -312,6 +328,6 @@ impl Worker {
 }
 
 fn gone(connection: &mut Option<Connection>, name: &str) {
-    say(&format!("live:{name}: the display is gone"));
+    say(&format!("the display live:{name} is gone"));
     *connection = None;
 }

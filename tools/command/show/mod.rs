@@ -39,9 +39,8 @@ use tracked::LiveOptions;
 #[derive(Args)]
 pub struct Show {
     /// NAME.zarr (a hologram, a sequence or a far field in tiles), bare phases, scenes, live:NAME, or openxr. Scenes
-    /// are solved first, and several scenes or a folder of light-field folders become a sequence. live:NAME is an
-    /// application that sends frames. openxr starts an OpenXR application (openxr -- ./application) and shows its
-    /// frames
+    /// are solved first, and several scenes or a folder of light-field folders become a sequence. With live:NAME, an
+    /// application sends frames. With openxr -- ./application, eyebox starts an OpenXR application and shows its frames
     #[arg(required = true, value_name = "WHAT")]
     pub what: Vec<String>,
     #[command(flatten)]

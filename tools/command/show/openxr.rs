@@ -39,7 +39,10 @@ pub fn show(args: &Show, settings: ShowSettings, command: &[String]) -> Result<(
     application(args, settings, NAME, || {
         match command.split_first() {
             Some((program, arguments)) => running = Some(Running::start(program, arguments, &layer)?),
-            None => layer.variables().iter().for_each(|(name, value)| eprintln!("{name}={}", value.display())),
+            None => {
+                eprintln!("start the OpenXR application with these variables:");
+                layer.variables().iter().for_each(|(name, value)| eprintln!("{name}={}", value.display()));
+            }
         }
         Ok(())
     })
@@ -56,7 +59,10 @@ impl Layer {
     fn new() -> Result<Self, Failure> {
         let library = library()?;
         let failed = |error: &dyn std::fmt::Display| {
-            Failure::Arguments(reason!("openxr-manifest", "a folder for the manifest of the OpenXR layer: {error}"))
+            Failure::Arguments(reason!(
+                "openxr-manifest",
+                "the manifest of the OpenXR layer cannot be written ({error})"
+            ))
         };
         let mut manifest: serde_json::Value = serde_json::from_str(MANIFEST).map_err(|e| failed(&e))?;
         let about = &mut manifest["api_layer"];
@@ -100,7 +106,7 @@ fn library() -> Result<PathBuf, Failure> {
         let folder = folder.display();
         Failure::Arguments(reason!(
             "openxr-layer",
-            "{folder}: {LIBRARY} is not there. Build it with cargo build -p eyebox-openxr, or copy it there"
+            "the OpenXR layer {LIBRARY} is not in {folder}. Build it with cargo build -p eyebox-openxr, or copy it there"
         ))
     })
 }
@@ -113,7 +119,7 @@ struct Running {
 impl Running {
     fn start(program: &str, arguments: &[String], layer: &Layer) -> Result<Self, Failure> {
         let child = Command::new(program).args(arguments).envs(layer.variables()).spawn();
-        let child = child.map_err(|e| Failure::Arguments(reason!("openxr-start", "{program}: {e}")))?;
+        let child = child.map_err(|e| Failure::Arguments(reason!("openxr-start", "{program} does not start ({e})")))?;
         let child = Arc::new(Mutex::new(Some(child)));
         let (watched, program) = (child.clone(), program.to_owned());
         std::thread::spawn(move || {
@@ -122,7 +128,7 @@ impl Running {
                 let mut child = watched.lock().unwrap_or_else(PoisonError::into_inner);
                 let Some(running) = child.as_mut() else { return };
                 if let Ok(Some(status)) = running.try_wait() {
-                    eprintln!("note: {program} ended ({status}). The last picture stays");
+                    eprintln!("{program} ended ({status}). The last picture stays");
                     *child = None;
                     return;
                 }

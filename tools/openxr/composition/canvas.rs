@@ -50,6 +50,15 @@ impl Canvas {
         self.dioptres.fill(0.0);
     }
 
+    /// Moves content that is nearer than this many dioptres to this distance. Returns true if there was any.
+    pub fn limit(&mut self, dioptres: f32) -> bool {
+        let nearest = self.dioptres.iter().copied().fold(0.0, f32::max);
+        if nearest > dioptres {
+            self.dioptres.iter_mut().for_each(|d| *d = d.min(dioptres));
+        }
+        nearest > dioptres
+    }
+
     /// Returns the distances in dioptres as (row, column).
     pub fn dioptres(&self) -> &[f32] {
         &self.dioptres

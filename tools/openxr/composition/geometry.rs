@@ -18,7 +18,7 @@ impl Pose {
         Self { rotation, origin: origin.map(f64::from) }
     }
 
-    /// Rotates a vector.
+    /// Rotates a vector without moving it.
     pub fn turn(&self, v: [f64; 3]) -> [f64; 3] {
         let [x, y, z, w] = self.rotation;
         let axis = [x, y, z];
@@ -27,7 +27,7 @@ impl Pose {
         std::array::from_fn(|i| v[i] + w * t[i] + u[i])
     }
 
-    /// Maps a point.
+    /// Maps a point to the space around.
     pub fn place(&self, point: [f64; 3]) -> [f64; 3] {
         let turned = self.turn(point);
         std::array::from_fn(|i| turned[i] + self.origin[i])

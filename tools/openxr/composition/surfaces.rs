@@ -1,4 +1,4 @@
-//! Intersects the rays of an eye with quads and cylinders. Coordinates are those of the eye's view.
+//! Intersects the rays of an eye with quads and cylinders. All coordinates are in the space of the eye's view.
 
 use super::geometry::{Pose, cross, dot};
 

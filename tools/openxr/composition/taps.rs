@@ -35,7 +35,7 @@ pub struct Taps {
     pub nearest: usize,
 }
 
-/// Returns the taps of each pixel, or none for a pixel outside the view. `tangents` are those of the pixels. The view
+/// Returns the taps of each pixel, or none for a pixel outside the view. Each pixel has one of the `tangents`. The view
 /// has `count` samples between the tangents `begin` and `end`.
 ///
 /// Neighboring samples are interpolated. If a pixel is wider than a sample, all samples below it count, so that fine

@@ -21,7 +21,7 @@ pub unsafe fn links(first: *const c_void) -> impl Iterator<Item = (xr::Structure
 /// Returns the structure of this type.
 ///
 /// # Safety
-/// As for [`links`]. `T` must be the structure of the type.
+/// The chain must be valid as for [`links`], and `T` must be the structure of the type.
 pub unsafe fn link<'a, T>(first: *const c_void, kind: xr::StructureType) -> Option<&'a T> {
     // SAFETY: as stated above.
     let found = unsafe { links(first) }.find(|(ty, _)| *ty == kind)?.1;

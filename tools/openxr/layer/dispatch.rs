@@ -74,7 +74,7 @@ impl<T> Table<T> {
         self.0.read().unwrap_or_else(PoisonError::into_inner).get(&handle).cloned()
     }
 
-    /// Returns any object.
+    /// Returns any of the objects.
     pub fn any(&self) -> Option<Arc<T>> {
         self.0.read().unwrap_or_else(PoisonError::into_inner).values().next().cloned()
     }

@@ -1,4 +1,4 @@
-//! The end of a frame, where the layer collects the copies that the frame uses.
+//! Collects the copies that a frame uses when the frame ends.
 
 use super::chain::link;
 use super::session::{SESSIONS, Session};
@@ -103,7 +103,7 @@ fn collect(session: &Session, info: &xr::FrameEndInfo, layers: &[&Header]) {
     for (eye, layers) in found.iter_mut().enumerate().filter(|(eye, _)| eyes[*eye]) {
         match scene.seen_by(eye, &kinds) {
             Some(seen) if !seen.is_empty() => *layers = Some(seen),
-            // Nothing is shown to this eye, or its view was not copied.
+            // This eye sees no layer, or its view was not copied.
             _ => {
                 session.account.incomplete.fetch_add(1, Ordering::Relaxed);
                 return;

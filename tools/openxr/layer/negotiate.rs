@@ -15,7 +15,7 @@ const TIME: &CStr = c"XR_KHR_convert_timespec_time";
 /// Answers the loader, which calls this function by its name.
 ///
 /// # Safety
-/// The pointers must be those of OpenXR's loader.
+/// OpenXR's loader must pass the pointers.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn xrNegotiateLoaderApiLayerInterface(
     loader: *const xr::NegotiateLoaderInfo,
@@ -77,7 +77,7 @@ unsafe extern "system" fn create_api_layer_instance(
     (info.enabled_extension_names, info.enabled_extension_count) = (kept.as_ptr(), kept.len() as u32);
     let mut passed = *layer;
     passed.next_info = next.next;
-    // SAFETY: the function is the next layer's, or the loader's. The structures are those that it expects.
+    // SAFETY: the function is the next layer's, or the loader's. It expects these structures.
     let result = unsafe { create(&info, &passed, created) };
     if result != xr::Result::SUCCESS {
         return result;

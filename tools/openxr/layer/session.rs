@@ -19,7 +19,7 @@ pub static SESSIONS: Table<Session> = Table::new();
 /// The name of the display, as `live:NAME`. The second one is used if the variable is not set.
 const NAME: &str = "EYEBOX_OPENXR_NAME";
 const USUAL_NAME: &str = "openxr";
-/// Whether applications render for the field of view of the display (`display`) or of the runtime.
+/// The field of view for which applications render, `display` or any other value for the one of the runtime.
 const FIELD_OF_VIEW: &str = "EYEBOX_OPENXR_FOV";
 
 /// A session of an application.
@@ -90,7 +90,7 @@ impl Session {
         if frames > 0 {
             let each_ms = count(spent_ns) as f64 / frames as f64 * 1e-6;
             say(&format!(
-                "{frames} frames: {sent} sent, {replaced} replaced by a newer one, {unsent} without a display, {} not copied, {} empty, {} copies left out; {each_ms:.3} ms per frame on the application's threads",
+                "{frames} frames ended, {sent} sent, {replaced} replaced by a newer one, {unsent} without a display, {} not copied, {} empty, {} copies left out, {each_ms:.3} ms per frame on the application's threads",
                 count(incomplete),
                 count(empty),
                 count(crowded)

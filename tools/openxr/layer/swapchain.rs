@@ -105,7 +105,7 @@ impl Swapchain {
             Ok(None) => drop(self.session.account.crowded.fetch_add(1, Ordering::Relaxed)),
             Err(error) => {
                 state.copier = None;
-                let line = || format!("an image cannot be copied: {error}. The last picture stays");
+                let line = || format!("an image cannot be copied ({error}). The last picture stays");
                 self.session.notes.once(Subject::Vulkan, line);
             }
         }

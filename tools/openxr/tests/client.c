@@ -1,15 +1,16 @@
 // An OpenXR application for tests of the layer. It renders pictures whose every pixel follows from the number of the
 // frame, through images of Vulkan, and does not wait for its device.
 //
-// Arguments are KEY=VALUE:
-//   frames=N      frames of a session               sessions=N   sessions, one after the other
-//   size=WxH      pixels of a view                   layout=NAME  array (one layer per eye) or wide (side by side)
-//   color=NAME    srgb, unorm, bgra, half, ten       depth=NAME   none, d16, d24, d32
-//   near=M far=M  distances of depths 0 and 1        show=NAMES   projection, quad, view-quad, cylinder, empty
-//   resize=N      frame from which views are half as large
-//   pause=A-B     frames without layers              die=N        frame at which the process is killed
-//   noise=1       submits on a second thread         samples=N    samples of a color image
-//   graphics=gl   begins a session for OpenGL        tangent=T    the tangent of the edges of a view
+// Arguments are KEY=VALUE.
+//
+// With frames=N, a session has N frames. With sessions=N, N sessions follow each other. With size=WxH, a view has W x H
+// pixels. With tangent=T, the edges of a view have this tangent. With layout=array, an image has a layer per eye. With
+// layout=wide, the eyes are side by side. The words color=NAME take srgb, unorm, bgra, half or ten. The words depth=NAME
+// take none, d16, d24 or d32. With near=M and far=M, depths 0 and 1 have these distances. With samples=N, a color image
+// has N samples. The words show=NAMES list layers (projection, quad, view-quad, cylinder). With resize=N, views are half
+// as large from frame N on. With pause=A-B, these frames have no layers. With die=N, the process is killed at frame N.
+// With noise=1, a second thread submits. With graphics=gl, a session begins for OpenGL.
+//
 // At the end it prints the frames, the size of its memory after a quarter of them and at the end (KiB), and the mean
 // time of a frame (us).
 
@@ -36,7 +37,7 @@
         }                                                                 \
     } while (0)
 enum { IMAGES = 3 };
-// An endless wait keeps lavapipe 22.3 busy, and may starve the thread that signals the fence.
+// An endless wait runs without a pause on lavapipe 22.3, and may starve the thread that signals the fence.
 static const uint64_t PATIENCE_NS = 20000000000;
 
 static int words;

@@ -81,6 +81,21 @@ fn a_view_without_depth_is_at_two_meters_and_is_reported_once() {
     assert_eq!(common::times(&run.errors, "no depth"), 1, "{}", run.errors);
 }
 
+/// A display with a small picture shows near content at its limit, instead of no frame.
+#[test]
+fn content_that_is_too_near_for_the_display_is_moved_back() {
+    let Some(setup) = Setup::new("near") else { return };
+    let (mut nearest, mut farthest) = (0.0f32, f32::MAX);
+    let arguments = ["frames=60", "depth=d32", "near=0.02", "far=inf"];
+    let run = setup.run("pictures", &arguments, |frame| {
+        nearest = frame.dioptres().iter().copied().fold(nearest, f32::max);
+        farthest = frame.dioptres().iter().copied().fold(farthest, f32::min);
+    });
+    // A quarter of 64 pixels of 0.01 rad, for an eye that is 5 mm from the center.
+    assert!(run.code == Some(0) && nearest == 32.0 && farthest < 0.1, "{nearest}, {farthest}: {}", run.errors);
+    assert_eq!(common::times(&run.errors, "0.03 m"), 1, "{}", run.errors);
+}
+
 /// A quad in the local space, and one in the space of the head, are at the same place before the left eye. Without a
 /// projection, the runtime locates the eye.
 #[test]

@@ -1,4 +1,4 @@
-//! The application's device.
+//! The Vulkan device of the application.
 
 use ash::vk::{self, Handle};
 use std::sync::OnceLock;

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const SHOW: [&str; 9] = ["show", "openxr", "--display", "planes8", "--size", "64x96", "--engine", "cpu", "--frames=2"];
+const SHOW: [&str; 10] =
+    ["show", "openxr", "--display", "planes8", "--size", "64x96", "--engine", "cpu", "--color", "green"];
 
 /// Returns true if cargo built the layer with the command. `cargo test --workspace` does.
 fn has_layer() -> bool {

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// Rows and columns of the display, which are those of a view of the application.
+/// Rows and columns of the display. A view of the application has as many.
 const SIZE: [u32; 2] = [64, 96];
 /// The tangent of the edges of a view, and the angle of a pixel that follows.
 const TANGENT: &str = "tangent=0.48";
