@@ -1,13 +1,12 @@
 """Sends frames from a Python program to an eyebox display (docs/live-input.md).
 
-The module needs Linux and only the standard library. A program looks like this.
+The module needs Linux and only the standard library. It implements the format itself and is no binding of the Rust
+crate, so a program needs only this file. `samples` and `dioptres` are objects with a buffer, such as bytes, array.array
+or contiguous NumPy arrays. A program looks like this.
 
     with eyebox_live.Live("demo") as live:
         while request := live.wait(1.0):
             live.send(live.color_and_depth(), samples, dioptres, request=request)
-
-`samples` and `dioptres` are objects with a buffer, such as bytes, array.array or contiguous NumPy arrays. This module
-implements the format itself and is no binding of the Rust crate, so a program needs only this file.
 """
 
 import ctypes, fcntl, mmap, os, platform, select, socket, struct, sys, threading, time

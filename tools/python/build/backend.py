@@ -1,9 +1,10 @@
 """Builds the package by maturin, and adds the documents of the command to the wheel.
 
 It is the build backend of pyproject.toml. A wheel also has completions for shells, pages of the manual, and the
-licenses of the crates that are linked in. ``backend.py WHEEL`` adds them to a wheel of maturin. ``backend.py WHEEL
---target TARGET --like OTHER`` does this for a target of Rust that this machine cannot run, with the completions and the
-manual of a wheel that it can.
+licenses of the crates that are linked in.
+
+``backend.py WHEEL`` adds them to a wheel of maturin. If this machine cannot run the wheel, ``--target`` is its target of
+Rust. ``--like OTHER`` then takes the completions and the manual from another wheel.
 """
 
 import argparse

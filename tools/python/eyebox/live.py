@@ -1,11 +1,7 @@
 """Sends frames from a Python program to a display that shows ``live:NAME`` (docs/live-input.md). It needs Linux.
 
 Lengths are meters and times are seconds of ``time.monotonic()``. The focus of an eye and the depths of a frame are
-diopters, because the connection does not have the focal length of the display. 0 is infinity, and larger is nearer.
-
-    with eyebox.live.Live("demo") as there:
-        while request := there.wait(1.0):
-            there.send(there.color_and_depth(), samples, diopters, request=request)
+diopters, because the connection does not have the focal length of the display. Infinity is 0, and larger is nearer.
 """
 
 from __future__ import annotations
@@ -79,47 +75,33 @@ _COLORS = {"red": 1, "green": 2, "blue": 4}
 
 
 class Request(NamedTuple):
-    """A request of the display.
+    """A request of the display, in meters, seconds and diopters."""
 
-    Attributes
-    ----------
-    number : int
-        Number of the request, from 1.
-    lit : float
-        Time when the next set lights up, in seconds of ``time.monotonic()``.
-    period : float
-        Time from one set to the next, in seconds.
-    x, y, diameter : float
-        Pupil of the eye in meters, as in :class:`eyebox.Pupil`.
-    focus_diopters : float
-        Focus of the eye in diopters.
-    velocity : (float, float)
-        Velocity of the pupil in meters per second.
-    kind : Kind
-        Requested content.
-    tracked : bool
-        Whether a tracker measured the pupil. Otherwise it is a guess.
-    view_rows, view_columns : int
-        Requested numbers of views.
-    view_pitch : float
-        Distance of neighboring views in meters.
-    center : (float, float)
-        Position of the central view in meters.
-    """
-
+    #: Number of the request, from 1.
     number: int
+    #: Time when the next set lights up, in seconds of ``time.monotonic()``.
     lit: float
+    #: Time from one set to the next, in seconds.
     period: float
+    #: Center of the pupil in meters, to the right and down.
     x: float
     y: float
+    #: Diameter of the pupil in meters.
     diameter: float
+    #: Focus of the eye in diopters.
     focus_diopters: float
+    #: Velocity of the pupil in meters per second.
     velocity: tuple[float, float]
+    #: Requested content.
     kind: Kind
+    #: Whether a tracker measured the pupil. Otherwise it is a guess.
     tracked: bool
+    #: Requested numbers of views.
     view_rows: int
     view_columns: int
+    #: Distance of neighboring views in meters.
     view_pitch: float
+    #: Position of the central view in meters.
     center: tuple[float, float]
 
     @classmethod
@@ -133,25 +115,16 @@ class Request(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """The description of a frame, from :meth:`Live.views`, :meth:`Live.color_and_depth` or :meth:`Live.layers`.
-
-    Attributes
-    ----------
-    kind, sample, transfer : Kind, Sample, Transfer
-        Content, type of the samples, and transfer function.
-    shape : tuple of int
-        Shape of the samples.
-    view_pitch : float
-        Distance of neighboring views in meters, or 0 for other kinds.
-    diopters : tuple of float
-        Depths of layers, the farthest first.
-    """
+    """The description of a frame, from :meth:`Live.views`, :meth:`Live.color_and_depth` or :meth:`Live.layers`."""
 
     kind: Kind
     sample: Sample
     transfer: Transfer
+    #: Shape of the samples.
     shape: tuple[int, ...]
+    #: Distance of neighboring views in meters, or 0 for other kinds.
     view_pitch: float
+    #: Depths of layers, the farthest first.
     diopters: tuple[float, ...]
 
 
@@ -304,6 +277,7 @@ class Live:
             Depth of each pixel in float32 diopters, for color and depth only.
         request : Request, optional
             Request that the frame answers.
+
         content_time : float, optional
             Time of the content in seconds of ``time.monotonic()``. The default is the time of the request.
         center : (float, float)

@@ -1,9 +1,9 @@
 """Measures the number of workers that a far field can use.
 
-    python3 tools/python/measure/far_field_graph.py [DISPLAY] [SIDE] [PASSES] [PUPIL_MM]
-
 The script begins a solve in regions, takes the graph of its visits, and simulates them on 1 to 1,000 workers. Each
 visit takes one unit of time. The first free worker takes the first visit that may begin.
+
+    python3 tools/python/measure/far_field_graph.py [DISPLAY] [SIDE] [PASSES] [PUPIL_MM]
 """
 
 import heapq

@@ -79,7 +79,7 @@ def test_pytorch(display):
     tensor = torch.from_numpy(VIEWS.copy())
     np.testing.assert_array_equal(scene(tensor, display).views[..., 0], VIEWS)
     phases = torch.zeros(1, 40, 48, requires_grad=True)
-    with named(TypeError, "phases", "grad"):
+    with named(TypeError, "phases", "detach"):
         eyebox.Hologram.from_phases(phases, display, "green")
     assert eyebox.Hologram.from_phases(phases.detach(), display, "green").frames == 1
 

@@ -1,4 +1,4 @@
-"""Tests the build back end: the documents of wheels, wheels for other machines, and builds without cargo."""
+"""Tests the build back end with its documents, its wheels for other machines, and builds without cargo."""
 
 import base64
 import csv

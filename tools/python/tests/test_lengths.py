@@ -135,10 +135,13 @@ def filmed(o, a, monkeypatch):
 
 
 def looked(o, a):
-    """Returns where a session looks, from the requests of its steps."""
+    """Returns a sample as the library receives it."""
+    sent = []
     with eyebox.show(o.hologram, o.display, eye="own", focus=a("0.01D", o.display), queue=0, engine="cpu") as session:
-        session.look(a("1mm"), a("-1mm"), a("4mm"))
-    return []
+        own, session._native = session._native, types.SimpleNamespace(look=lambda *words: sent.append(words))
+        session.look(a("1mm"), a("-2mm"), a("4mm"))
+        session._native = own
+    return sent[0][:3]
 
 
 def refined(o, a):

@@ -28,7 +28,7 @@ class Pressed(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def pressed(after):
-    """Presses ctrl-C after some seconds, if the block lasts so long."""
+    """Presses ctrl-C after some seconds, unless the block ends earlier."""
 
     def press(*_):
         raise Pressed
@@ -234,7 +234,7 @@ def calls(tmp_path, monkeypatch):
 
 
 def _live(stack, display, objects, usual):
-    """Adds an application and a display that shows it, where the system has them."""
+    """Adds an application and a display that shows it, if the system has shared memory for them."""
     try:
         import eyebox.live as live
     except ImportError:

@@ -53,8 +53,8 @@ class NoUsualValue(Exception):
 class Calls:
     """The calls of all public functions, from one generator of random numbers.
 
-    ``objects`` has the objects on which methods are called, by the name of their class. ``usual`` has usual values of
-    arguments, by the name of the argument, or of the function and the argument.
+    Methods are called on ``objects``, by the name of their class. The keys of ``usual`` are names of arguments, alone or
+    after the name of the function.
     """
 
     def __init__(self, rng: random.Random, objects: dict, usual: dict) -> None:
