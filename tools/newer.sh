@@ -9,6 +9,7 @@ suite=${1:?a suite of Debian, such as trixie or sid}
 shift
 folder=${EYEBOX_SUITES:-/var/tmp/eyebox-suites}/$suite
 if [[ ! -e $folder.complete ]]; then
+    command -v debootstrap >/dev/null || { echo "debootstrap was not found: apt-get install debootstrap" >&2; exit 1; }
     rm -rf "$folder"
     mkdir -p "$folder"
     packages=mesa-vulkan-drivers,vulkan-validationlayers,libvulkan1

@@ -186,7 +186,7 @@ impl Surface {
         }
         let calls = khr::get_surface_capabilities2::Instance::new(&self.instance.entry, &self.instance.raw);
         let info = vk::PhysicalDeviceSurfaceInfo2KHR::default().surface(self.raw);
-        // SAFETY: the device is of the surface's instance, which has the extension, because the device's extensions
+        // SAFETY: The device is of the surface's instance, which has the extension, because the device's extensions
         // need it.
         let asked = unsafe { calls.get_physical_device_surface_capabilities2(device.physical, &info, &mut can) };
         if asked.is_err() || id2.supported == vk::FALSE {

@@ -405,7 +405,7 @@ impl Swapchain {
         if !device.shares_queue() || self.policy == Policy::Newest {
             return Ok(());
         }
-        // SAFETY: the fence is the device's.
+        // SAFETY: The fence is the device's.
         match unsafe { device.raw.wait_for_fences(&[slot.done], true, device.patience_ns()) } {
             Err(vk::Result::TIMEOUT) => Err(device.give_up("vkWaitForFences", "showing pictures")),
             other => other.map_err(|e| self.error("vkWaitForFences", e)),

@@ -308,9 +308,9 @@ unsafe extern "system" fn wait2(
     swapchain: vk::SwapchainKHR,
     info: *const PresentWait2Info,
 ) -> Code {
-    // SAFETY: the caller passes a valid structure.
+    // SAFETY: The caller passes a valid structure.
     let info = unsafe { *info };
-    // SAFETY: the function uses neither handle.
+    // SAFETY: The function uses neither handle.
     unsafe { wait(device, swapchain, info.present_id, info.timeout) }
 }
 
@@ -367,7 +367,7 @@ unsafe extern "system" fn size(_: vk::Device, _: vk::SwapchainKHR, size: u32) ->
 
 unsafe extern "system" fn domains(_: vk::Device, _: vk::SwapchainKHR, all: *mut TimeDomains, _: *mut u64) -> Code {
     let clocks = CLOCKS.lock().unwrap();
-    // SAFETY: the caller has room for as many domains as it states.
+    // SAFETY: The caller has room for as many domains as it states.
     unsafe {
         let room = std::mem::replace(&mut (*all).count, clocks.len() as u32);
         assert!(room as usize >= clocks.len());
@@ -380,7 +380,7 @@ unsafe extern "system" fn domains(_: vk::Device, _: vk::SwapchainKHR, all: *mut 
 
 unsafe extern "system" fn past(_: vk::Device, _: *const PastTimingInfo, all: *mut PastTimings) -> Code {
     let results: Vec<_> = std::mem::take(&mut *RESULTS.lock().unwrap());
-    // SAFETY: the caller has room for as many results as it states, each with one stage.
+    // SAFETY: The caller has room for as many results as it states, each with one stage.
     unsafe {
         assert!((*all).count as usize >= results.len());
         (*all).count = results.len() as u32;

@@ -265,13 +265,13 @@ impl TimingSource {
                 let (wait, device) = (*wait, self.device.handle());
                 self.wait_for_pictures(start, |present_id, timeout| {
                     let info = PresentWait2Info { present_id, timeout, ..PresentWait2Info::default() };
-                    // SAFETY: as for `VK_KHR_present_wait`.
+                    // SAFETY: As for `VK_KHR_present_wait`.
                     unsafe { wait(device, swapchain, &info) }
                 });
             }
             Calls::PresentWait(wait) => {
                 let (wait, device) = (*wait, self.device.handle());
-                // SAFETY: the swapchain is the device's and used by this thread alone, and it was given this number.
+                // SAFETY: The swapchain is the device's and used by this thread alone, and it was given this number.
                 self.wait_for_pictures(start, |number, patience| unsafe { wait(device, swapchain, number, patience) });
             }
             Calls::FirstPixel(_, _, fence) => {
@@ -334,13 +334,13 @@ impl TimingSource {
         (self.method, self.calls) = (TimingMethod::PresentWait, Calls::PresentWait(wait));
     }
 
-    /// Waits for pictures with another function than that of `VK_KHR_present_wait2`.
+    /// Replaces the driver's function of `VK_KHR_present_wait2`.
     #[cfg(all(test, target_os = "linux"))]
     pub(super) fn pretend_present_wait2(&mut self, wait: WaitForPresent2) {
         (self.method, self.calls) = (TimingMethod::PresentWait2, Calls::PresentWait2(wait));
     }
 
-    /// Takes times from other functions than those of `VK_EXT_present_timing`.
+    /// Replaces the driver's functions of `VK_EXT_present_timing`.
     #[cfg(all(test, target_os = "linux"))]
     pub(super) fn pretend_present_timing(&mut self, calls: TimingCalls, stage: u32, swapchain: vk::SwapchainKHR) {
         let past = PastTimes::new(self.device.handle(), calls, stage);

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The digests by instruction set. Transforms split sums by the width of its vectors. AVX-512 takes those of AVX2.
+/// The digests by instruction set. Transforms split sums by the width of its vectors. AVX-512 has the digests of AVX2.
 const DIGESTS: [(&str, &str, &str); 2] = [
     ("AVX", "digests.txt", include_str!("golden/digests.txt")),
     ("NEON", "digests-neon.txt", include_str!("golden/digests-neon.txt")),

@@ -280,7 +280,7 @@ pub trait Engine: Send {
     /// background. A step that comes before its pipelines makes them itself.
     ///
     /// # Errors
-    /// As of [`prepare`](Self::prepare).
+    /// The errors of [`prepare`](Self::prepare).
     fn prepare_later(&mut self, steps: &mut dyn Iterator<Item = Step>, at_once: usize) -> Result<(), EngineError> {
         self.prepare(steps, Some(at_once))
     }

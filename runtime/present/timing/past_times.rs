@@ -8,7 +8,7 @@ use eyebox_compute::gpu::presentation::{
     PastTiming, PastTimingInfo, PastTimings, PresentTimingInfo, StageTime, TimeDomains, TimingCalls,
 };
 
-/// The most time domains of a swapchain that are looked at.
+/// The most time domains of a swapchain that are read.
 const DOMAINS: usize = 8;
 
 /// The source of times of one swapchain.
@@ -31,7 +31,7 @@ impl PastTimes {
         let (mut domains, mut ids) = ([vk::TimeDomainKHR::default(); DOMAINS], [0; DOMAINS]);
         let (list, numbers) = (domains.as_mut_ptr(), ids.as_mut_ptr());
         let mut all = TimeDomains { count: DOMAINS as u32, domains: list, ids: numbers, ..TimeDomains::default() };
-        // SAFETY: the swapchain was made for times, and both arrays have room for `count` values.
+        // SAFETY: The swapchain was made for times, and both arrays have room for `count` values.
         let [sized, read] = unsafe {
             let sized = (self.calls.set_queue_size)(self.device, swapchain, MOST as u32);
             [sized, (self.calls.domains)(self.device, swapchain, &mut all, std::ptr::null_mut())]
@@ -55,19 +55,19 @@ impl PastTimes {
         let first = times.as_mut_ptr();
         let mut timings: [PastTiming; MOST] = std::array::from_fn(|i| PastTiming {
             stage_count: 1,
-            // SAFETY: the element is inside the array.
+            // SAFETY: The element is inside the array.
             stages: unsafe { first.add(i) },
             ..PastTiming::default()
         });
         let mut all = PastTimings { count: MOST as u32, timings: timings.as_mut_ptr(), ..PastTimings::default() };
         let info = PastTimingInfo { swapchain, ..PastTimingInfo::default() };
-        // SAFETY: the swapchain was made for times, and there is room for `count` results of one stage each.
+        // SAFETY: The swapchain was made for times, and there is room for `count` results of one stage each.
         let answer = unsafe { (self.calls.past)(self.device, &info, &mut all) };
         if !matches!(answer, vk::Result::SUCCESS | vk::Result::INCOMPLETE) {
             return;
         }
         for (i, timing) in timings.iter().take(all.count as usize).enumerate() {
-            // SAFETY: the element is inside the array, which the driver no longer writes.
+            // SAFETY: The element is inside the array, which the driver no longer writes.
             let StageTime { stage, time } = unsafe { *first.add(i) };
             let is_known = timing.stage_count > 0 && stage == self.stage && time > 0;
             let is_ours = timing.is_complete == vk::TRUE && Some(timing.time_domain_id) == self.domain;

@@ -28,9 +28,9 @@ const USUAL_EYE: f64 = 4e-3;
 /// constant is the number of diameters that are tested for their windows.
 const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
 const DIAMETERS: u32 = 6000;
-/// Window sizes whose pipelines exist before the first step, those of the pupils that are nearest to the usual one. A
-/// driver of a GPU takes 0.1 to 0.3 s of a core for each of the pipelines of a window.
-const FIRST_WINDOWS: usize = 8;
+/// Number of window sizes whose pipelines exist before the first step. Their pupils are nearest to the usual one. A
+/// driver of a GPU takes 0.1 to 0.3 s of a core for each pipeline.
+const FIRST_WINDOWS: usize = 6;
 
 /// A hologram under refinement, which is one color on one engine.
 pub struct Refiner {

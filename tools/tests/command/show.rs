@@ -315,3 +315,54 @@ fn settings_of_solves_are_refused_for_phases_that_are_not_refined() {
     let render = ["render", "s.zarr", "--at", "0", "--pupil=0,0,4,0", "--quality", "fast", "-o", "r.png"];
     refused(at, &render, "r.png", "arguments/quality-of-phases");
 }
+
+/// Waits until a file of shared memory has a picture that `is` accepts, and returns its pixels.
+#[cfg(target_os = "linux")]
+fn shared_picture(file: &Path, is: impl Fn(&[u8]) -> bool) -> Vec<u8> {
+    // A header of 64 bytes precedes the picture.
+    let picture =
+        || std::fs::read(file).map_or_else(|_| Vec::new(), |bytes| bytes.into_iter().skip(64).collect::<Vec<u8>>());
+    let until = Instant::now() + Duration::from_secs(120);
+    loop {
+        let read = picture();
+        // The second read shows that the picture was complete.
+        if read.iter().any(|byte| *byte != 0) && is(&read) && read == picture() {
+            return read;
+        }
+        assert!(Instant::now() < until, "no such picture in {}", file.display());
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// The unit for systemd starts the command again after a fault. The command then shows the content that is there.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_unit_for_systemd_shows_the_last_content_after_a_fault() {
+    let unit = include_str!("../../eyebox-show.service");
+    let lines: Vec<&str> = unit.lines().collect();
+    assert!(lines.contains(&"Restart=always") && lines.contains(&"StartLimitIntervalSec=0"), "{unit}");
+    let start = lines.iter().find_map(|line| line.strip_prefix("ExecStart=/usr/local/bin/eyebox ")).expect("a command");
+    let line = start
+        .replace("/var/lib/eyebox/content.zarr", "content.zarr")
+        .replace("/etc/eyebox/display.toml", "planes8")
+        .replace("--output direct", "--output shared:picture");
+    let temp = common::folder();
+    let at = temp.path();
+    for (name, scene) in [("content.zarr", "builtin:plane"), ("next.zarr", "builtin:still-life")] {
+        let solve = ["solve", scene, "--steps", "2", "--frames", "8", "--views", "3", "-o", name];
+        done(at, &[&solve, &SIZE[..]].concat());
+    }
+    let words: Vec<&str> = line.split(' ').chain(["--engine", "cpu", "--size", "32x32"]).collect();
+    let begin = || common::command(at, &words).stderr(Stdio::null()).stdout(Stdio::null()).spawn().expect("it starts");
+    let mut shown = begin();
+    let first = shared_picture(&at.join("picture"), |_| true);
+    // New content replaces the old one, and the next start shows it.
+    std::fs::remove_dir_all(at.join("content.zarr")).unwrap();
+    std::fs::rename(at.join("next.zarr"), at.join("content.zarr")).unwrap();
+    shown.kill().unwrap();
+    assert!(!shown.wait().unwrap().success());
+    let mut again = begin();
+    shared_picture(&at.join("picture"), |picture| picture != first);
+    again.kill().unwrap();
+    again.wait().unwrap();
+}

@@ -26,7 +26,7 @@ impl Background {
                 while let Some((wanted, pipeline)) = next().filter(|_| !ends.load(Ordering::Relaxed)) {
                     if let Err(error) = make(&device, wanted, pipeline) {
                         // A step that needs the pipeline reports the error.
-                        tracing::debug!("{}: a pipeline was not made: {error}", device.report.name);
+                        tracing::debug!("a pipeline of {} was not made ({error})", device.report.name);
                     }
                 }
                 device.pipelines().save();

@@ -1,7 +1,7 @@
 //! Chooses the extensions of a device for presentation and for its times.
 //!
-//! Three of them are not in ash 0.38, so their bindings are here: `VK_KHR_present_id2`, `VK_KHR_present_wait2` and
-//! `VK_EXT_present_timing`. Names and values are those of the Vulkan headers 1.4.363.
+//! ash 0.38 has no `VK_KHR_present_id2`, `VK_KHR_present_wait2` and `VK_EXT_present_timing`, so their bindings are here.
+//! Names and values come from the Vulkan headers 1.4.363.
 
 use super::instance::{Instance, has};
 use ash::{ext, google, khr, vk};
@@ -16,11 +16,11 @@ pub const PRESENT_TIMING: &CStr = c"VK_EXT_present_timing";
 /// `VK_EXT_present_timing` requires this extension.
 const CALIBRATED_TIMESTAMPS: &CStr = c"VK_KHR_calibrated_timestamps";
 
-/// `VK_SWAPCHAIN_CREATE_PRESENT_ID_2_BIT_KHR`.
+/// The flag `VK_SWAPCHAIN_CREATE_PRESENT_ID_2_BIT_KHR` of swapchains.
 pub const WITH_PRESENT_ID2: vk::SwapchainCreateFlagsKHR = vk::SwapchainCreateFlagsKHR::from_raw(0x40);
-/// `VK_SWAPCHAIN_CREATE_PRESENT_WAIT_2_BIT_KHR`.
+/// The flag `VK_SWAPCHAIN_CREATE_PRESENT_WAIT_2_BIT_KHR` of swapchains.
 pub const WITH_PRESENT_WAIT2: vk::SwapchainCreateFlagsKHR = vk::SwapchainCreateFlagsKHR::from_raw(0x80);
-/// `VK_SWAPCHAIN_CREATE_PRESENT_TIMING_BIT_EXT`.
+/// The flag `VK_SWAPCHAIN_CREATE_PRESENT_TIMING_BIT_EXT` of swapchains.
 pub const WITH_PRESENT_TIMING: vk::SwapchainCreateFlagsKHR = vk::SwapchainCreateFlagsKHR::from_raw(0x200);
 
 /// `VK_PRESENT_STAGE_IMAGE_FIRST_PIXEL_OUT_BIT_EXT`, the time at which the first pixel leaves the device.
@@ -30,11 +30,11 @@ pub const FIRST_PIXEL_VISIBLE: u32 = 8;
 
 /// A structure of Vulkan with these fields after its type and its chain. The default has zeros.
 macro_rules! structure {
-    ($(#[$about:meta])* $name:ident = $number:literal { $($field:ident: $kind:ty),* }) => {
-        $(#[$about])*
+    ($vulkan:literal, $name:ident = $number:literal { $($field:ident: $kind:ty),* }) => {
+        #[doc = concat!("The structure `", $vulkan, "` of Vulkan.")]
         #[repr(C)]
         #[derive(Debug, Clone, Copy)]
-        #[allow(missing_docs, reason = "the names are those of Vulkan")]
+        #[allow(missing_docs, reason = "Vulkan defines the names")]
         pub struct $name {
             pub s_type: vk::StructureType,
             pub p_next: *mut c_void,
@@ -43,7 +43,7 @@ macro_rules! structure {
 
         impl Default for $name {
             fn default() -> Self {
-                // SAFETY: all fields are numbers, handles or pointers, for which zeros are valid.
+                // SAFETY: All fields are numbers, handles or pointers, for which zeros are valid.
                 let zeros: Self = unsafe { std::mem::zeroed() };
                 Self { s_type: vk::StructureType::from_raw($number), ..zeros }
             }
@@ -52,15 +52,15 @@ macro_rules! structure {
 }
 
 structure!(
-    /// `VkPhysicalDevicePresentId2FeaturesKHR`.
+    "VkPhysicalDevicePresentId2FeaturesKHR",
     PresentId2Features = 1_000_479_002 { present_id2: vk::Bool32 }
 );
 structure!(
-    /// `VkPhysicalDevicePresentWait2FeaturesKHR`.
+    "VkPhysicalDevicePresentWait2FeaturesKHR",
     PresentWait2Features = 1_000_480_001 { present_wait2: vk::Bool32 }
 );
 structure!(
-    /// `VkPhysicalDevicePresentTimingFeaturesEXT`.
+    "VkPhysicalDevicePresentTimingFeaturesEXT",
     PresentTimingFeatures = 1_000_208_000 {
         present_timing: vk::Bool32,
         present_at_absolute_time: vk::Bool32,
@@ -68,15 +68,15 @@ structure!(
     }
 );
 structure!(
-    /// `VkSurfaceCapabilitiesPresentId2KHR`.
+    "VkSurfaceCapabilitiesPresentId2KHR",
     SurfacePresentId2 = 1_000_479_000 { supported: vk::Bool32 }
 );
 structure!(
-    /// `VkSurfaceCapabilitiesPresentWait2KHR`.
+    "VkSurfaceCapabilitiesPresentWait2KHR",
     SurfacePresentWait2 = 1_000_480_000 { supported: vk::Bool32 }
 );
 structure!(
-    /// `VkPresentTimingSurfaceCapabilitiesEXT`.
+    "VkPresentTimingSurfaceCapabilitiesEXT",
     SurfacePresentTiming = 1_000_208_008 {
         supported: vk::Bool32,
         at_absolute_time: vk::Bool32,
@@ -85,15 +85,15 @@ structure!(
     }
 );
 structure!(
-    /// `VkPresentId2KHR`.
+    "VkPresentId2KHR",
     PresentId2 = 1_000_479_001 { swapchain_count: u32, present_ids: *const u64 }
 );
 structure!(
-    /// `VkPresentWait2InfoKHR`.
+    "VkPresentWait2InfoKHR",
     PresentWait2Info = 1_000_480_002 { present_id: u64, timeout: u64 }
 );
 structure!(
-    /// `VkPresentTimingInfoEXT`.
+    "VkPresentTimingInfoEXT",
     PresentTimingInfo = 1_000_208_004 {
         flags: u32,
         target_time: u64,
@@ -103,19 +103,19 @@ structure!(
     }
 );
 structure!(
-    /// `VkPresentTimingsInfoEXT`.
+    "VkPresentTimingsInfoEXT",
     PresentTimingsInfo = 1_000_208_003 { swapchain_count: u32, infos: *const PresentTimingInfo }
 );
 structure!(
-    /// `VkSwapchainTimeDomainPropertiesEXT`.
+    "VkSwapchainTimeDomainPropertiesEXT",
     TimeDomains = 1_000_208_002 { count: u32, domains: *mut vk::TimeDomainKHR, ids: *mut u64 }
 );
 structure!(
-    /// `VkPastPresentationTimingInfoEXT`.
+    "VkPastPresentationTimingInfoEXT",
     PastTimingInfo = 1_000_208_005 { flags: u32, swapchain: vk::SwapchainKHR }
 );
 structure!(
-    /// `VkPastPresentationTimingEXT`.
+    "VkPastPresentationTimingEXT",
     PastTiming = 1_000_208_007 {
         present_id: u64,
         target_time: u64,
@@ -127,11 +127,11 @@ structure!(
     }
 );
 structure!(
-    /// `VkPastPresentationTimingPropertiesEXT`.
+    "VkPastPresentationTimingPropertiesEXT",
     PastTimings = 1_000_208_006 { properties_counter: u64, domains_counter: u64, count: u32, timings: *mut PastTiming }
 );
 
-/// `VkPresentStageTimeEXT`.
+/// The structure `VkPresentStageTimeEXT` of Vulkan.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StageTime {
@@ -141,38 +141,38 @@ pub struct StageTime {
     pub time: u64,
 }
 
-/// `PFN_vkWaitForPresent2KHR`.
+/// The type of the function `vkWaitForPresent2KHR`.
 pub type WaitForPresent2 =
     unsafe extern "system" fn(vk::Device, vk::SwapchainKHR, *const PresentWait2Info) -> vk::Result;
-/// `PFN_vkSetSwapchainPresentTimingQueueSizeEXT`.
+/// The type of the function `vkSetSwapchainPresentTimingQueueSizeEXT`.
 pub type SetTimingQueueSize = unsafe extern "system" fn(vk::Device, vk::SwapchainKHR, u32) -> vk::Result;
-/// `PFN_vkGetSwapchainTimeDomainPropertiesEXT`.
+/// The type of the function `vkGetSwapchainTimeDomainPropertiesEXT`.
 pub type GetTimeDomains =
     unsafe extern "system" fn(vk::Device, vk::SwapchainKHR, *mut TimeDomains, *mut u64) -> vk::Result;
-/// `PFN_vkGetPastPresentationTimingEXT`.
+/// The type of the function `vkGetPastPresentationTimingEXT`.
 pub type GetPastTimings = unsafe extern "system" fn(vk::Device, *const PastTimingInfo, *mut PastTimings) -> vk::Result;
 
-// SAFETY: each begins with its type and its chain, and the specification lists it for this chain.
+// SAFETY: Each begins with its type and its chain, and the specification lists it for this chain.
 unsafe impl vk::ExtendsPhysicalDeviceFeatures2 for PresentId2Features {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsPhysicalDeviceFeatures2 for PresentWait2Features {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsPhysicalDeviceFeatures2 for PresentTimingFeatures {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsDeviceCreateInfo for PresentId2Features {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsDeviceCreateInfo for PresentWait2Features {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsDeviceCreateInfo for PresentTimingFeatures {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsSurfaceCapabilities2KHR for SurfacePresentId2 {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsSurfaceCapabilities2KHR for SurfacePresentWait2 {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsSurfaceCapabilities2KHR for SurfacePresentTiming {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsPresentInfoKHR for PresentId2 {}
-// SAFETY: as above.
+// SAFETY: As above.
 unsafe impl vk::ExtendsPresentInfoKHR for PresentTimingsInfo {}
 
 /// The features of the extensions for presentation.
@@ -187,7 +187,7 @@ pub(crate) struct Features<'a> {
 
 /// Returns the extensions of a device for presentation, as far as it has them with their features.
 pub(crate) fn extensions(instance: &Instance, physical: vk::PhysicalDevice) -> Vec<&'static CStr> {
-    // SAFETY: the device is of this instance.
+    // SAFETY: The device is of this instance.
     let offered = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
     let offers = |name: &CStr| has(&offered, name);
     let mut features = Features::default();
@@ -207,7 +207,7 @@ pub(crate) fn extensions(instance: &Instance, physical: vk::PhysicalDevice) -> V
     if offers(PRESENT_TIMING) {
         all = all.push_next(&mut features.timing);
     }
-    // SAFETY: the device is of this instance, of Vulkan 1.2, and has the extensions of the structures.
+    // SAFETY: The device is of this instance, of Vulkan 1.2, and has the extensions of the structures.
     unsafe { instance.raw.get_physical_device_features2(physical, &mut all) };
     let is_on = [features.id.present_id, features.wait.present_wait].map(|on| on == vk::TRUE);
     let of_surfaces = instance.has(khr::get_surface_capabilities2::NAME);
@@ -261,7 +261,7 @@ impl<'a> Features<'a> {
 
 /// The functions of `VK_EXT_present_timing`.
 #[derive(Clone, Copy)]
-#[allow(missing_docs, reason = "the names are those of Vulkan")]
+#[allow(missing_docs, reason = "Vulkan defines the names")]
 pub struct TimingCalls {
     pub set_queue_size: SetTimingQueueSize,
     pub domains: GetTimeDomains,
@@ -271,7 +271,7 @@ pub struct TimingCalls {
 impl TimingCalls {
     /// Loads the functions from a device with `VK_EXT_present_timing`, or returns `None` if one is missing.
     pub fn load(instance: &ash::Instance, device: &ash::Device) -> Option<Self> {
-        // SAFETY: the names are those of functions of these types.
+        // SAFETY: The functions of these names have these types.
         unsafe {
             Some(Self {
                 set_queue_size: load(instance, device, c"vkSetSwapchainPresentTimingQueueSizeEXT")?,
@@ -284,16 +284,16 @@ impl TimingCalls {
 
 /// Loads the function of `VK_KHR_present_wait2` from a device, or returns `None` if it is missing.
 pub fn wait_for_present2(instance: &ash::Instance, device: &ash::Device) -> Option<WaitForPresent2> {
-    // SAFETY: the name is that of a function of this type.
+    // SAFETY: The function of this name has this type.
     unsafe { load(instance, device, c"vkWaitForPresent2KHR") }
 }
 
 /// # Safety
 /// `F` is the type of a pointer to the function of this name.
 unsafe fn load<F: Copy>(instance: &ash::Instance, device: &ash::Device, name: &CStr) -> Option<F> {
-    // SAFETY: the device is of the instance, and the name ends in zero.
+    // SAFETY: The device is of the instance, and the name ends in zero.
     let found = unsafe { instance.get_device_proc_addr(device.handle(), name.as_ptr()) }?;
     assert_eq!(size_of::<F>(), size_of_val(&found));
-    // SAFETY: the caller guarantees the type, and both are pointers to functions.
+    // SAFETY: The caller guarantees the type, and both are pointers to functions.
     Some(unsafe { std::mem::transmute_copy::<unsafe extern "system" fn(), F>(&found) })
 }

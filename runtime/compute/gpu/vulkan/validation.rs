@@ -17,9 +17,9 @@ const SETTINGS: [&CStr; 2] = [c"validate_sync", c"syncval_shader_accesses_heuris
 /// The interface of the installed layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Validation {
-    /// The extension `VK_EXT_layer_settings`.
+    /// Settings by name, with the extension `VK_EXT_layer_settings`.
     Settings,
-    /// The extension `VK_EXT_validation_features`.
+    /// Features by number, with the extension `VK_EXT_validation_features`.
     Features,
 }
 
@@ -30,7 +30,7 @@ impl Validation {
             device: "the Vulkan loader".into(),
             reason: format!("validation was requested, but {what} is not installed. `tools/setup.sh` installs it"),
         };
-        // SAFETY: the entry is valid.
+        // SAFETY: The entry is valid.
         let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
         if !known.iter().any(|l| l.layer_name_as_c_str() == Ok(LAYER)) {
             return Err(missing("the layer VK_LAYER_KHRONOS_validation"));

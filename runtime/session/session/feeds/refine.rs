@@ -223,7 +223,7 @@ impl Refining {
         }
         let device = device_encoder(&refiner, gpu, &self.encoder)?;
         (self.refiner, self.device) = (refiner, device);
-        // As at the start, a run that compiles is no measure of later ones.
+        // The first run compiles, as at the start.
         for _ in 0..2 {
             self.rehearse()?;
         }
