@@ -19,6 +19,7 @@ pub mod compare;
 pub mod crosstalk;
 pub mod decode_views;
 pub mod divide_by_overlap;
+pub mod draw_splats;
 pub mod drive;
 pub mod drive_adjoint;
 pub mod encode;
