@@ -1,7 +1,7 @@
 //! Draws the projected splats of one view, tile by tile and front to back.
 //!
 //! A splat is a Gaussian of constant color in the picture. Every pixel takes the splats of its tile in their order. It
-//! stops as soon as it is opaque. The rules are those of 3D Gaussian splatting (Kerbl et al. 2023).
+//! stops as soon as it is opaque. 3D Gaussian splatting has the same rules (Kerbl et al. 2023).
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -33,9 +33,9 @@ const CHECKED: usize = 16;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// Rows of pixels.
+    /// Number of pixel rows.
     pub height: u32,
-    /// Columns of pixels.
+    /// Number of pixel columns.
     pub width: u32,
     /// Tiles along a row.
     pub across: u32,

@@ -117,7 +117,7 @@ fn exact(
                 let u = cross([a, b, c], t);
                 [0, 1, 2].map(|k| v[k] + w * t[k] + u[k])
             };
-            // Each axis of the splat moves the pixel by its derivative, which is that of at most 1.3 half pictures.
+            // Each axis of the splat moves the pixel by its derivative. It is constant beyond 1.3 half pictures.
             let [u, v] = [(x, width), (y, height)].map(|(x, n)| {
                 let most = 1.3 * n as f64 / 2.0 / focal;
                 (x / z).clamp(-most, most)
@@ -176,7 +176,7 @@ fn distances(pixels: &[[f64; 5]]) -> [f64; 2] {
     [seen[outside], seen[seen.len() - 1 - outside]]
 }
 
-/// Each view of all degrees is that of float64 within 45 dB, on a display that is not square.
+/// Each view of all degrees agrees with float64 to 45 dB, on a display that is not square.
 #[test]
 fn views_are_those_of_float64() {
     let folder = tempfile::tempdir().unwrap();
@@ -486,7 +486,7 @@ fn splats_are_a_source_like_others() {
     let before = digest(&stated).unwrap();
     fs::remove_file(folder.path().join("cameras.json")).unwrap();
     assert_eq!(digest(&stated).unwrap(), before);
-    // Views from any place are those of the light field at its places.
+    // Views from any place equal the light field at its places.
     let source = format!("{source}?eye=0,0,0");
     let field = get(&source, &request);
     let anywhere = SplatViews::new(&source, &request).unwrap();

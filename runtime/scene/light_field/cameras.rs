@@ -288,7 +288,11 @@ impl fmt::Display for CamerasFound {
                  field. Train splats from them, and give the .ply, .splat or .spz file"
             ),
         }?;
-        if matches!(self, Self::Misplaced(_) | Self::Carried { .. }) { Ok(()) } else { f.write_str(". `order` as-named confirms a grid") }
+        if matches!(self, Self::Misplaced(_) | Self::Carried { .. }) {
+            Ok(())
+        } else {
+            f.write_str(". `order` as-named confirms a grid")
+        }
     }
 }
 

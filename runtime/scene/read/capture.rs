@@ -39,7 +39,7 @@ pub(crate) fn refused(folder: &Path) -> Result<(), SceneError> {
         return Ok(());
     }
     let around = folder.canonicalize().ok().and_then(|whole| whole.parent().map(Path::to_path_buf));
-    // The folder around is that of the capture only if this one has its usual name.
+    // The folder around belongs to the capture only if this one has its usual name.
     let is_usual = folder.file_name().is_some_and(|name| name.to_string_lossy().starts_with("images"));
     let places = [Some(folder.to_path_buf()), around.filter(|_| is_usual)];
     for file in places.iter().flatten().flat_map(|place| FILES.map(|name| place.join(name))) {

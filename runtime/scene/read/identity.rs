@@ -4,9 +4,12 @@
 //! scene, and one changed view makes it another. Files that loading does not read do not count.
 
 use crate::formats::options::parts;
-use crate::splats::format::Format;
 use crate::read::source::{Source, ViewSource};
-use crate::{LightField, SceneError, formats::video, read::folder, read::frames, read::planes, read::settings, read::stack, splats};
+use crate::splats::format::Format;
+use crate::{
+    LightField, SceneError, formats::video, read::folder, read::frames, read::planes, read::settings, read::stack,
+    splats,
+};
 use eyebox_base::files::{self, Digester};
 use eyebox_optics::Color;
 use rayon::prelude::*;

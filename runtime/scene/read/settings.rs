@@ -171,9 +171,10 @@ fn aperture(diameter: Option<f64>) -> Result<Option<f64>, Reason> {
 
 fn layers(dioptres: Option<Vec<f64>>, is_stack: bool) -> Result<Option<Vec<f64>>, Reason> {
     match dioptres {
-        Some(_) if is_stack => {
-            Err(reason!("layers-and-focus", "focus_mm is for a focal stack and layers_dioptres for layers. Leave out one"))
-        }
+        Some(_) if is_stack => Err(reason!(
+            "layers-and-focus",
+            "focus_mm is for a focal stack and layers_dioptres for layers. Leave out one"
+        )),
         Some(all) if !all.iter().all(|v| v.is_finite()) => {
             Err(reason!("layers", "layers_dioptres must have finite numbers"))
         }

@@ -183,11 +183,7 @@ pub(crate) const SMALLER: &str =
 ///
 /// # Errors
 /// [`SceneError::Request`] with the displacement and `must`, the remedy.
-pub(crate) fn check_parallax(
-    pixels: f64,
-    [height, width]: [usize; 2],
-    must: &'static str,
-) -> Result<(), SceneError> {
+pub(crate) fn check_parallax(pixels: f64, [height, width]: [usize; 2], must: &'static str) -> Result<(), SceneError> {
     if pixels <= (height.min(width) as f64 / 4.0).max(2.0) {
         return Ok(());
     }

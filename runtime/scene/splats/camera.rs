@@ -19,7 +19,7 @@ const ABOVE: usize = 2;
 /// A camera in units of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Camera {
-    /// Position.
+    /// Position in units of the scene.
     pub place: [f64; 3],
     /// Directions to the right, downwards and forward in the picture, each of length 1.
     pub axes: [[f64; 3]; 3],

@@ -21,9 +21,9 @@ pub(crate) enum Format {
     Ply,
     /// Records of 32 bytes.
     Plain,
-    /// Compressed attributes.
+    /// Attributes of all splats, which are compressed.
     Spz,
-    /// The built-in scene.
+    /// The splats of the built-in scene.
     BuiltIn,
 }
 

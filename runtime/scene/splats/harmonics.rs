@@ -14,8 +14,8 @@ pub(crate) const fn count(degree: usize) -> usize {
     (degree + 1) * (degree + 1) - 1
 }
 
-/// Returns the harmonics of the degrees 1 to 3 in a direction of length 1. The signs are those of 3D Gaussian
-/// splatting.
+/// Returns the harmonics of the degrees 1 to 3 in a direction of length 1. 3D Gaussian splatting has the same
+/// signs.
 #[inline(always)]
 pub(crate) fn harmonics([x, y, z]: [f32; 3]) -> [f32; MOST] {
     let (xx, yy, zz) = (x * x, y * y, z * z);

@@ -7,10 +7,10 @@ use eyebox_base::reason;
 const TAKES: &str =
     "splats take fov=DEGREES, eye=X,Y,Z, at=X,Y,Z, up=X,Y,Z, camera=NUMBER and range=NEAR,FAR, with & between";
 
-/// Distances of the nearest and the farthest depth of the built-in scene, which are those of a span from -1 to 1.
+/// Distances of the nearest and the farthest depth of the built-in scene, for a span from -1 to 1.
 const BUILTIN_RANGE: [f64; 2] = [1.0 / 1.2, 1.0 / 0.8];
 
-/// The stated camera.
+/// The statements about the camera.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Options {
     /// Field of view across the shorter side of the picture, in degrees.

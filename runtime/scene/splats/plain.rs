@@ -13,7 +13,7 @@ use std::path::Path;
 /// Bytes of a record.
 const RECORD: usize = 32;
 
-/// Reads a file.
+/// Reads the splats of a `.splat` file.
 ///
 /// # Errors
 /// [`SceneError::Corrupt`] for a file that is not valid, and [`SceneError::Memory`].

@@ -202,7 +202,7 @@ impl Layout {
     }
 }
 
-/// Reads a file.
+/// Reads the splats of a `.ply` file.
 ///
 /// # Errors
 /// [`SceneError::Corrupt`] for a file that is not valid, and [`SceneError::Memory`].

@@ -69,7 +69,7 @@ impl Header {
     }
 }
 
-/// Reads a file.
+/// Reads the splats of a `.spz` file.
 ///
 /// # Errors
 /// [`SceneError::Corrupt`] for a file that is not valid, and [`SceneError::Memory`].

@@ -6,8 +6,8 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
-    self, DepthSource, Interpolator, Layers, Pyramid, Reprojection, Request, SceneError, SplatViews, Stage,
-    ViewGrid, ViewSynthesis, shrink_to_share,
+    self, DepthSource, Interpolator, Layers, Pyramid, Reprojection, Request, SceneError, SplatViews, Stage, ViewGrid,
+    ViewSynthesis, shrink_to_share,
 };
 use rayon::prelude::*;
 use std::path::Path;
