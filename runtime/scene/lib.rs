@@ -12,6 +12,7 @@
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
 //! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]), reprojected to
 //! views |
+//! | `.ply`, `.splat`, `.spz` | splats, rendered from a camera ([`SplatViews`]) |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views ([`BUILTINS`]) |
 //!
 //! **Folders.** The views are the files whose names differ only in their numbers. The numbers are row and column,
@@ -69,6 +70,7 @@ mod depth;
 mod formats;
 mod light_field;
 mod read;
+mod splats;
 mod synthesis;
 #[cfg(test)]
 mod tests;
@@ -98,8 +100,8 @@ pub use read::identity::{digest, digest_of_picture, path_and_options};
 pub use read::inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use read::order_found::OrderFound;
 pub use read::single::Reprojection;
+pub use splats::views::SplatViews;
 pub use synthesis::closer::ENOUGH;
-#[cfg(target_os = "linux")]
 pub use synthesis::given::{Layer, Places, views_of_depths, views_of_layers};
 pub use synthesis::interpolate::Interpolator;
 pub use synthesis::layers::Layers;
@@ -110,8 +112,8 @@ use eyebox_base::files::NpyArray;
 use read::source::Source;
 use std::path::Path;
 
-/// Returns rows and columns of the pictures of a source, from their names and headers alone. Built-in scenes return
-/// `None`, because they have any size.
+/// Returns rows and columns of the pictures of a source, from their names and headers alone. Built-in scenes
+/// and splats return `None`, because they have any size.
 ///
 /// # Errors
 /// Any [`SceneError`] that names and headers can cause.
@@ -120,6 +122,7 @@ pub fn native_size(source: &str) -> Result<Option<[usize; 2]>, SceneError> {
         Source::BuiltIn(name) => builtin::check(name).map(|()| None),
         Source::Views(kept) => kept.size().map(Some),
         Source::Picture(path) => formats::still::size(path).map(Some),
+        Source::Splats(..) => Ok(None),
     }
 }
 
@@ -153,6 +156,11 @@ pub fn is_single(source: &str) -> Result<bool, SceneError> {
     Ok(matches!(Source::of(source)?, Source::Picture(_)))
 }
 
+/// Returns true if a source is a file of splats.
+pub fn is_splats(source: &str) -> bool {
+    splats::format::Format::of(formats::options::parts(source).0).is_some()
+}
+
 /// Refuses a depth map for a source that is not a single picture.
 pub fn check_map(source: &str, request: &Request) -> Result<(), SceneError> {
     match request.depth_map {
@@ -177,6 +185,12 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
         Source::BuiltIn(name) => builtin::load(name, request),
         Source::Picture(path) => {
             let field = read::single::load(path, request)?;
+            formats::tone::warn_of_black(source, field.brightest());
+            Ok(field)
+        }
+        Source::Splats(_, format, options) => {
+            let (field, read_as) = splats::views::load(source, format, &options, request)?;
+            tracing::info!("{source}: {read_as}");
             formats::tone::warn_of_black(source, field.brightest());
             Ok(field)
         }

@@ -22,6 +22,8 @@ mod profile;
 mod reading;
 #[path = "sequence_tests.rs"]
 mod sequence;
+#[path = "splats_tests.rs"]
+mod splats;
 #[path = "tone_tests.rs"]
 mod tone;
 

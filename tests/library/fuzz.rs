@@ -4,6 +4,8 @@
 //! run is part of the tests. `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` runs
 //! each subject for that time on its own thread, with new seeds each time.
 
+mod splats;
+
 use eyebox::low_level::gaze::{Estimator, EyeVelocity, Settings};
 use eyebox::low_level::hologram::{self, ColorHologram, Hologram};
 use eyebox::low_level::optics::{Color, Display, Optics, Pupil, WindowFactor};

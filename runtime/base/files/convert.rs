@@ -40,7 +40,7 @@ impl Wanted {
         match self {
             Self::Scene => {
                 "a scene is a folder of views, a NumPy array of them, a picture (PNG, JPEG, EXR, TIFF, BMP, PPM) with a depth map, \
-                 a .y4m video with one, or builtin:NAME"
+                 a .y4m video with one, splats (.ply, .splat, .spz), or builtin:NAME"
             }
             Self::DepthMap => {
                 "a depth map is a grayscale PNG, JPEG, TIFF, PGM or BMP, an EXR, a PFM or a NumPy array (.npy)"
@@ -96,6 +96,9 @@ const LARGEST: &str = "key=lambda v: v.size";
 pub fn remedy(file: &Path, found: FileKind, wanted: Wanted) -> String {
     let numbers = wanted != Wanted::Table && wanted != Wanted::Hologram;
     let convert = |line: String| format!("convert it by: {line}");
+    if file.extension().is_some_and(|ending| ending == "ksplat") {
+        return convert(format!("npx @playcanvas/splat-transform {} {}", word(file), beside(file, "ply")));
+    }
     match found {
         FileKind::Npz if numbers => {
             convert(python(file, &format!("a = max(numpy.load(sys.argv[1]).values(), {LARGEST})")))

@@ -13,6 +13,8 @@
 //!   shorter side. Several values make a scene in which content moves (0).
 //! - `depth` is the depth of `plane` in millimeters (0).
 
+#[cfg(test)]
+mod as_splats;
 mod grass;
 mod render;
 mod shape;
@@ -38,8 +40,11 @@ pub struct Builtin {
     pub about: &'static str,
 }
 
+/// The scene of splats, which this module does not render.
+const SPLATS: &str = "still-life-splats";
+
 /// The built-in scenes. The first one is the scene of the demonstration.
-pub const BUILTINS: [Builtin; 7] = [
+pub const BUILTINS: [Builtin; 8] = [
     Builtin { name: "still-life", about: "fruit, a vase and lettering on a checked cloth, from the wall to the front" },
     Builtin { name: "still-life-dark", about: "the same by lamplight, mostly dark" },
     Builtin { name: "still-life-bright", about: "the same on white, mostly bright" },
@@ -47,6 +52,7 @@ pub const BUILTINS: [Builtin; 7] = [
     Builtin { name: "points", about: "single points at several depths, on black" },
     Builtin { name: "plane", about: "one flat, finely textured plane, and ?depth=MM moves it" },
     Builtin { name: "chart", about: "a resolution chart with bars of 2 to 32 pixels and a star, at three depths" },
+    Builtin { name: SPLATS, about: "the still life as splats" },
 ];
 
 /// Parallax of half the depth span over the whole eyebox, as a share of the shorter side. It is 3 mm on 512 pixels of 8
@@ -99,6 +105,9 @@ fn parse(source: &str) -> Result<(&'static str, Parameters), SceneError> {
         .iter()
         .find(|b| b.name == name)
         .ok_or_else(|| unknown(source, reason!("no-such-scene", "there is no such scene")))?;
+    if name == SPLATS {
+        return Err(unknown(source, reason!("splats", "its splats are not rendered here")));
+    }
     let mut read = Parameters { brightness: 1.0, span: None, camera: 0.0, shift: 0.0, depth: 0.0 };
     for pair in query.split('&').filter(|p| !p.is_empty()) {
         let wrong = |must: &str| unknown(source, reason!("parameter", "'{pair}': {must}"));
@@ -134,7 +143,7 @@ pub(super) fn check(source: &str) -> Result<(), SceneError> {
 
 /// Returns true if both sources are one scene.
 pub(super) fn same(a: &str, b: &str) -> bool {
-    matches!((parse(a), parse(b)), (Ok(a), Ok(b)) if a == b)
+    a == b || matches!((parse(a), parse(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Returns the items of a scene in scene units. `unit` is the depth of one scene unit.

@@ -225,6 +225,14 @@ pub enum CamerasFound {
     /// Hardly any content of a view is found again in its neighbors. This is the percentage of its patches that are
     /// found.
     Unlike(u8),
+    /// The camera was carried around, by a file of another program. It took this number of pictures. The rows and
+    /// columns are those of a grid, if its positions are in one.
+    Carried {
+        /// Number of cameras.
+        count: usize,
+        /// Rows and columns of a grid.
+        grid: Option<[usize; 2]>,
+    },
 }
 
 impl fmt::Display for CamerasFound {
@@ -269,8 +277,22 @@ impl fmt::Display for CamerasFound {
                 "the views are not neighbors, because only {percent} % of a view's detail is found again in the next \
                  one. Take views of one scene from positions closer to each other. Stated depths do not help"
             ),
+            Self::Carried { count, grid: Some([rows, columns]) } => write!(
+                f,
+                "it has the {count} cameras of another program, which are a grid. State `grid = [{rows}, {columns}]` in \
+                 lightfield.toml, if the pictures are row by row"
+            ),
+            Self::Carried { count, grid: None } => write!(
+                f,
+                "it has the {count} cameras of another program, which are in no grid, so the pictures are no light \
+                 field. Train splats from them, and give the .ply, .splat or .spz file"
+            ),
         }?;
-        if matches!(self, Self::Misplaced(_)) { Ok(()) } else { f.write_str(". `order` as-named confirms a grid") }
+        if matches!(self, Self::Misplaced(_) | Self::Carried { .. }) {
+            Ok(())
+        } else {
+            f.write_str(". `order` as-named confirms a grid")
+        }
     }
 }
 

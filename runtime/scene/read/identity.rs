@@ -5,7 +5,11 @@
 
 use crate::formats::options::parts;
 use crate::read::source::{Source, ViewSource};
-use crate::{LightField, SceneError, formats::video, read::folder, read::frames, read::settings, read::stack};
+use crate::splats::format::Format;
+use crate::{
+    LightField, SceneError, formats::video, read::folder, read::frames, read::planes, read::settings, read::stack,
+    splats,
+};
 use eyebox_base::files::{self, Digester};
 use eyebox_optics::Color;
 use rayon::prelude::*;
@@ -24,6 +28,15 @@ pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
     let read = match Source::of(source)? {
         Source::BuiltIn(_) => return Ok(None),
         Source::Picture(path) => return digest_of_picture(path).map(Some),
+        Source::Splats(_, Format::BuiltIn, _) => return Ok(None),
+        Source::Splats(path, _, options) => {
+            // The options place the camera, so they are a part of the scene.
+            let mut all = vec![parts(source).1.to_owned()];
+            for file in splats::views::files(path, &options) {
+                all.push(digest_of_file(&file)?);
+            }
+            return Ok(Some(digest_of_parts(all.iter().map(String::as_bytes))));
+        }
         Source::Views(ViewSource::Folder(path)) => in_folder(path)?,
         Source::Views(ViewSource::Array(path, options) | ViewSource::Mosaic(path, _, options)) => {
             // The settings of a folder may be for other files than this one.
@@ -61,6 +74,9 @@ pub fn path_and_options(source: &str) -> Option<(PathBuf, &str)> {
 /// Returns the files of a folder that loading reads. The views come first, in their order, and then the files that
 /// determine how they are read.
 fn in_folder(path: &Path) -> Result<Vec<PathBuf>, SceneError> {
+    if let Some(planes) = planes::find(path)? {
+        return Ok(planes.into_files(path.join(SETTINGS[0])));
+    }
     if let Some(stack) = stack::find(path)? {
         return Ok(stack.into_files(path.join(SETTINGS[0])));
     }

@@ -2,6 +2,7 @@
 
 pub(crate) mod admit;
 pub(crate) mod array;
+pub(crate) mod capture;
 pub(crate) mod eyes;
 pub(crate) mod folder;
 pub(crate) mod frames;
@@ -13,6 +14,7 @@ pub(crate) mod mosaic_grid;
 pub(crate) mod names;
 pub(crate) mod numbers;
 pub(crate) mod order_found;
+pub(crate) mod planes;
 pub(crate) mod positions;
 pub(crate) mod repeats;
 pub(crate) mod settings;

@@ -38,6 +38,8 @@ pub(crate) struct Settings {
     pub focus: Option<Vec<f64>>,
     /// Diameter of the aperture of a focal stack, in meters.
     pub aperture: Option<f64>,
+    /// Vergence of each picture of a multi-plane image, in diopters.
+    pub layers: Option<Vec<f64>>,
 }
 
 /// The contents of `lightfield.toml`, with lengths in millimeters and otherwise as in [`Settings`].
@@ -79,6 +81,8 @@ struct Toml {
     focus_mm: Option<Vec<f64>>,
     /// Diameter of the aperture of a focal stack, in millimeters.
     aperture_mm: Option<f64>,
+    /// Vergence of each picture of a multi-plane image, in diopters.
+    layers_dioptres: Option<Vec<f64>>,
 }
 
 /// Reads `lightfield.toml` if it exists, otherwise `parameters.cfg` if that exists. `names` are the files of the
@@ -165,6 +169,19 @@ fn aperture(diameter: Option<f64>) -> Result<Option<f64>, Reason> {
     Ok(diameter)
 }
 
+fn layers(dioptres: Option<Vec<f64>>, is_stack: bool) -> Result<Option<Vec<f64>>, Reason> {
+    match dioptres {
+        Some(_) if is_stack => Err(reason!(
+            "layers-and-focus",
+            "focus_mm is for a focal stack and layers_dioptres for layers. Leave out one"
+        )),
+        Some(all) if !all.iter().all(|v| v.is_finite()) => {
+            Err(reason!("layers", "layers_dioptres must have finite numbers"))
+        }
+        other => Ok(other),
+    }
+}
+
 fn range(key: &str, value: Option<[f64; 2]>, unit: f64) -> Result<Option<[f64; 2]>, Reason> {
     match value {
         Some([a, b]) if !(a.is_finite() && b.is_finite() && a <= b) => {
@@ -220,6 +237,7 @@ fn from_toml(text: &str) -> Result<Settings, Reason> {
     let depth = range("depth_mm", read.depth_mm, 1e-3)?;
     depth.map_or(Ok(()), check_usual_depths).map_err(|e| reason!("depth", "depth_mm: {e}"))?;
     let tiles = cameras(&read)?;
+    let is_stack = read.focus_mm.is_some();
     let says_order = [read.transpose, read.flip_rows, read.flip_columns].iter().any(Option::is_some);
     let order = Order {
         transpose: read.transpose.unwrap_or(false),
@@ -241,6 +259,7 @@ fn from_toml(text: &str) -> Result<Settings, Reason> {
         positions: read.positions_mm.map(PositionsToml::metres).transpose()?,
         focus: focus(read.focus_mm)?,
         aperture: aperture(read.aperture_mm)?,
+        layers: layers(read.layers_dioptres, is_stack)?,
     })
 }
 

@@ -101,22 +101,14 @@ impl Reprojection {
         let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / views as f64);
         let reach = reach(views as f64) + camera.abs() / cell;
         let (disparity, ends) = disparities(&map, [height, width], scale, reach, range, cell, display);
-        let parallax = ends[0].abs().max(ends[1].abs()) * reach;
-        if parallax > (height.min(width) as f64 / 4.0).max(2.0) {
-            return Err(SceneError::Request {
-                what: "the displacement in the outermost views (pixels)",
-                value: format!("{parallax:.1}"),
-                must: match map.meaning {
-                    Meaning::Disparity => {
-                        "at most a quarter of the picture. Disparities of cameras that are far apart need the depth \
-                         range that they are scaled to, as in `depth`=-3..3"
-                    }
-                    Meaning::Relative(_) => {
-                        "at most a quarter of the picture. Take a smaller depth range, or fewer or closer views"
-                    }
-                },
-            });
-        }
+        let must = match map.meaning {
+            Meaning::Disparity => {
+                "at most a quarter of the picture. Disparities of cameras that are far apart need the depth range that \
+                 they are scaled to, as in `depth`=-3..3"
+            }
+            Meaning::Relative(_) => SMALLER,
+        };
+        check_parallax(ends[0].abs().max(ends[1].abs()) * reach, [height, width], must)?;
         let size = [height, width];
         Ok(Self {
             read_as: [picture.read_as, map.read_as],
@@ -209,12 +201,28 @@ fn largest_span(display: &Display, camera: f64) -> f64 {
     0.24 * height.min(width) as f64 * display.focal_length * display.picture_pixel() / reach
 }
 
+/// The remedy for depths that displace content too far.
+pub(crate) const SMALLER: &str =
+    "at most a quarter of the picture. Take a smaller depth range, or fewer or closer views";
+
+/// Refuses depths that displace content by more than a quarter of the picture in the outermost views.
+///
+/// # Errors
+/// [`SceneError::Request`] with the displacement and `must`, the remedy.
+pub(crate) fn check_parallax(pixels: f64, [height, width]: [usize; 2], must: &'static str) -> Result<(), SceneError> {
+    if pixels <= (height.min(width) as f64 / 4.0).max(2.0) {
+        return Ok(());
+    }
+    let what = "the displacement in the outermost views (pixels)";
+    Err(SceneError::Request { what, value: format!("{pixels:.1}"), must })
+}
+
 /// Most bytes for views beyond the requested number.
 const MEMORY: u64 = 2 << 30;
 
 /// Returns the views along each axis with which content moves at most one pixel between neighbors over this range of
 /// depths (meters), as far as memory allows. It is never below the requested number, and a log line has the number.
-fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
+pub(crate) fn enough_views(path: &Path, request: &Request, [far, near]: [f64; 2]) -> usize {
     let display = request.display;
     let over_eyebox = display.eyebox_min() / (display.focal_length * display.picture_pixel());
     let needed = ((near - far) * over_eyebox - 1e-6).ceil() as usize;

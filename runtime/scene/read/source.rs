@@ -4,7 +4,8 @@ use crate::formats::options::{Options, Tiling, parts};
 use crate::formats::{picture, video};
 use crate::light_field::cameras::Quilt;
 use crate::read::views::Read;
-use crate::read::{array, folder, frames, mosaic, stack};
+use crate::read::{array, capture, folder, frames, mosaic, planes, stack};
+use crate::splats::{self, format::Format};
 use crate::{Request, SceneError};
 use eyebox_base::error::Reason;
 use eyebox_base::files::{FileError, FileKind, Wanted};
@@ -19,6 +20,8 @@ pub(crate) enum Source<'a> {
     Views(ViewSource<'a>),
     /// A picture of one view, or a frame of a video.
     Picture(&'a Path),
+    /// A file of splats, and the camera in front of them.
+    Splats(&'a Path, Format, splats::options::Options),
 }
 
 /// The storage of views.
@@ -35,9 +38,10 @@ impl ViewSource<'_> {
     /// Returns rows and columns of a view's own pixels, from names and headers alone if these are sufficient.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         match self {
-            Self::Folder(path) => match stack::find(path)? {
-                Some(stack) => stack.size(),
-                None => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
+            Self::Folder(path) => match (stack::find(path)?, planes::find(path)?) {
+                (Some(stack), _) => stack.size(),
+                (None, Some(planes)) => planes.size(),
+                (None, None) => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
             },
             Self::Array(path, options) => array::size(path, options),
             Self::Mosaic(path, tiling, options) => mosaic::size(path, *tiling, options),
@@ -47,9 +51,10 @@ impl ViewSource<'_> {
     /// Reads the views in any order.
     pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
         match self {
-            Self::Folder(path) => match stack::find(path)? {
-                Some(stack) => stack.read(path, request),
-                None => folder::read(path, request).map_err(|error| frames::explain(path, error)),
+            Self::Folder(path) => match (stack::find(path)?, planes::find(path)?) {
+                (Some(stack), _) => stack.read(path, request),
+                (None, Some(planes)) => planes.read(path, request),
+                (None, None) => folder::read(path, request).map_err(|error| frames::explain(path, error)),
             },
             Self::Array(path, options) => array::read(path, options, request),
             Self::Mosaic(path, tiling, options) => mosaic::read(path, *tiling, options, request),
@@ -63,13 +68,17 @@ impl<'a> Source<'a> {
     /// # Errors
     /// [`SceneError::NotFound`]. [`SceneError::Kind`] for an unsupported kind of file. [`SceneError::Options`].
     pub fn of(source: &'a str) -> Result<Self, SceneError> {
+        let (path, query) = parts(source);
+        let wrong = |reason: Reason| SceneError::Options { scene: source.into(), reason };
+        if let Some(format) = Format::of(path) {
+            return Ok(Self::Splats(path, format, format.options(query).map_err(wrong)?));
+        }
         if let Some(name) = source.strip_prefix("builtin:") {
             return Ok(Self::BuiltIn(name));
         }
         if video::named(Path::new(source)).is_some_and(|(file, _)| file.is_file()) {
             return Ok(Self::Picture(Path::new(source)));
         }
-        let (path, query) = parts(source);
         let is_video = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m"));
         if !query.is_empty() && is_video(path) && path.is_file() {
             let takes = "a video takes matrix=bt601 or matrix=bt709, and frame=NUMBER, with & between";
@@ -81,9 +90,9 @@ impl<'a> Source<'a> {
         if !path.exists() {
             return Err(SceneError::NotFound { path: source.into(), what: "folder, picture, array or built-in scene" });
         }
-        let wrong = |reason: Reason| SceneError::Options { scene: source.into(), reason };
         if path.is_dir() {
             let says = "a folder takes no options, because its lightfield.toml has the settings";
+            capture::refused(path)?;
             return if query.is_empty() {
                 Ok(Self::Views(ViewSource::Folder(path)))
             } else {

@@ -1,7 +1,6 @@
 //! Makes new views by reprojection, interpolation, Fourier disparity layers and depth maps.
 
 pub(crate) mod closer;
-#[cfg(target_os = "linux")]
 pub(crate) mod given;
 pub(crate) mod interpolate;
 pub(crate) mod layers;

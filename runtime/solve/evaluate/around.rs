@@ -6,7 +6,7 @@ use crate::engine::{Buffer, Engine, EngineError};
 use crate::optics::{Color, Display, Optics, Pupil, WindowFactor};
 use crate::plan::{self, Comparison, ModelTables, Planner, Purpose};
 use crate::scene::{
-    self, DepthSource, Interpolator, Layers, Pyramid, Reprojection, Request, SceneError, Stage, ViewGrid,
+    self, DepthSource, Interpolator, Layers, Pyramid, Reprojection, Request, SceneError, SplatViews, Stage, ViewGrid,
     ViewSynthesis, shrink_to_share,
 };
 use rayon::prelude::*;
@@ -56,6 +56,8 @@ enum Kind {
     Layers(Arc<Layers>, usize, f64),
     /// A picture with its depths, reprojected around each region.
     Picture(Arc<Reprojection>, Color),
+    /// Splats, rendered around each region.
+    Splats(Arc<SplatViews>, Color),
 }
 
 impl Views {
@@ -69,7 +71,7 @@ impl Views {
         let size = size.min(request.display.picture_size().0);
         scene::check_map(source, request)?;
         let display = request.display;
-        if let Some(name) = source.strip_prefix("builtin:") {
+        if let Some(name) = source.strip_prefix("builtin:").filter(|_| !scene::is_splats(source)) {
             let one = |&color: &Color| {
                 let stage = Stage::new(name, display, color, size)?;
                 let reach = (stage.depth(), DepthSource::Stated);
@@ -94,6 +96,11 @@ impl Views {
             let picture = Arc::new(Reprojection::new(Path::new(source), &request)?);
             let reach = (picture.depth(), DepthSource::Stated);
             return shared(reach, 0.0, picture.bytes(), &|_, color| Kind::Picture(Arc::clone(&picture), color));
+        }
+        if scene::is_splats(source) {
+            let splats = Arc::new(SplatViews::new(source, &request)?);
+            let reach = (splats.depth(), DepthSource::Stated);
+            return shared(reach, 0.0, splats.bytes(), &|_, color| Kind::Splats(Arc::clone(&splats), color));
         }
         let asked = request.photographs;
         let request = Request { photographs: ViewSynthesis::Cells, ..request };
@@ -184,6 +191,7 @@ impl Views {
             Kind::Between(between, _) => between.parallax(extent),
             Kind::Layers(layers, ..) => layers.parallax(extent),
             Kind::Picture(picture, _) => picture.parallax(extent),
+            Kind::Splats(splats, _) => splats.parallax(extent),
         };
         (parallax / MAX_VIEW_STEP_PX).ceil() as usize | 1
     }
@@ -220,7 +228,7 @@ impl Views {
             n => format!("once, {n} x {n} over all of the SLM"),
         };
         match &self.kind {
-            Kind::Stage(_) => "rendered around each region".into(),
+            Kind::Stage(_) | Kind::Splats(..) => "rendered around each region".into(),
             Kind::Picture(..) => "the picture, reprojected around each region".into(),
             Kind::Field(_, grid) => format!("{} x {}, {apart}", grid.rows, grid.columns),
             Kind::Between(..) => format!("interpolated between {apart}, made {made}"),
@@ -267,6 +275,7 @@ impl Views {
             Kind::Between(between, color) => between.views(*color, &places),
             Kind::Layers(layers, color, _) => layers.views(*color, &places),
             Kind::Picture(picture, color) => picture.views(*color, &places),
+            Kind::Splats(splats, color) => splats.views(*color, &places),
         };
         (Arc::new(pyramid(&views, self.size, self.share)), grid)
     }

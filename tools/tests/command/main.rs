@@ -55,6 +55,7 @@ mod show;
 mod simulated;
 mod source;
 mod sources;
+mod splats;
 #[cfg(target_os = "linux")]
 mod test_picture;
 mod tiled;

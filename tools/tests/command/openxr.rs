@@ -98,7 +98,7 @@ fn the_application_has_the_environment_and_ends_with_the_display() {
     assert!(Path::new(&library).is_absolute() && Path::new(&library).is_file(), "{library}");
     let id = std::fs::read_to_string(at.join("id")).unwrap();
     let command = std::fs::read(format!("/proc/{}/cmdline", id.trim())).unwrap_or_default();
-    assert!(!command.starts_with(b"sleep\0600"), "it runs after the display");
+    assert!(!command.starts_with(b"sleep\x00600"), "it runs after the display");
     // A folder of the user stays on the path, behind the layer's own.
     let mut other = show(
         at,
