@@ -25,6 +25,24 @@ wrapper() {
     echo "$script"
 }
 
+run() {
+    echo "+ eyebox $*"
+    qemu-aarch64 -L "/usr/$cross" "$program" "$@"
+}
+
+# Computes, shows and reads back in the current folder.
+commands() {
+    run --version
+    run demo --engine cpu --size 64 --out demo
+    run solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
+    run render still-life.zarr --engine cpu --pupil=4,0,4,1.5 -o seen.png
+    run encode still-life.zarr --display grey8 --size 64x64 -o frames
+    run show still-life.zarr --display grey8 --size 64x64 --engine cpu --record shown --clock simulated --duration 0.2
+    for made in demo/still-life.zarr/zarr.json still-life.zarr/zarr.json seen.png frames shown; do
+        [[ -e $made ]] || { echo "$made was not made" >&2; exit 1; }
+    done
+}
+
 library() { cargo test --quiet --target "$target" --lib "$@"; }
 
 if [[ ${1:-} == test ]]; then
@@ -37,6 +55,10 @@ if [[ ${1:-} == test ]]; then
     library --package eyebox-compute -- engine::cpu plan::
     library --package eyebox-tracking
     library --package eyebox-solve -- encode:: encoded:: evaluate:: hologram:: reconstruction:: solve::tests
+    work=$(mktemp -d)
+    trap 'rm -rf "$work"' EXIT
+    program=$built/$target/debug/eyebox
+    (cd "$work" && commands)
     EYEBOX_BINARY=$(wrapper "$built/$target/debug/eyebox")
     export EYEBOX_BINARY
     cargo test --quiet --package eyebox-tools --test golden
@@ -59,14 +81,14 @@ trap 'rm -rf "$work"' EXIT
 mkdir -p dist "$work/$name"
 cp -r README.md CHANGELOG.md LICENSE-APACHE LICENSE-MIT docs tools/eyebox-show.service "$work/$name"
 "$cross-strip" -o "$work/$name/eyebox" "$program"
+archive=$root/dist/$name.tar.gz
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct)" -C "$work" \
-    -czf "dist/$name.tar.gz" "$name"
+    -czf "$archive" "$name"
 # The packed program runs.
 mkdir "$work/tried"
-tar -xzf "dist/$name.tar.gz" -C "$work/tried"
+tar -xzf "$archive" -C "$work/tried"
 cd "$work/tried"
-run() { qemu-aarch64 -L /usr/$cross "$name/eyebox" "$@"; }
-run --version
-run solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
-needs=$("$cross-objdump" -T "$name/eyebox" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -n 1)
-echo "dist/$name.tar.gz: $(stat -c %s "$name/eyebox") bytes of program, which needs $needs"
+program=$work/tried/$name/eyebox
+commands
+needs=$("$cross-objdump" -T "$program" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -n 1)
+echo "$archive: $(stat -c %s "$program") bytes of program, which needs $needs"

@@ -126,7 +126,9 @@ fn what_is_made_for_a_step_is_not_made_again() {
     let aim = PupilDistribution::around(&Pupil { x: 0.0, y: 0.0, diameter: 3e-3, depth: 0.0 }, 0.0);
     let steered = DryRun::of_refinement(problem, 2, steering, aim, &gpu, 4).unwrap();
     let made = |s: &DryRunStep| s.counts.blocks + s.counts.pipelines + s.counts.pools;
-    assert!(made(&steered.steps[0]) > 0);
+    // The preparation made everything, twice over for the two lists in flight.
+    let all = gpu.counts();
+    assert!(all.blocks > 0 && all.pipelines > 0 && all.pools > 0, "{all:?}");
     assert!(steered.steps[1..].iter().all(|s| made(s) == 0 && s.counts.uploaded == 0));
     // Each step is one submission, and none is waited for before the next is recorded.
     assert!(steered.steps[1..].iter().all(|s| (s.counts.submissions, s.counts.stalls) == (1, 0)));
@@ -269,7 +271,7 @@ fn nothing_is_made_while_pupils_change() {
         refiner.step().unwrap();
     }
     let before = gpu.counts();
-    assert!(before.pipelines > 40, "{before:?}");
+    assert!(before.pipelines + before.pipelines_in_background > 40, "{before:?}");
     let mut steps = 0;
     for i in 0..=60 {
         let t = f64::from(i) / 60.0;

@@ -30,7 +30,7 @@ const EYES: [f64; 2] = [1.5e-3, 8.5e-3];
 const DIAMETERS: u32 = 6000;
 /// Number of window sizes whose pipelines exist before the first step. Their pupils are nearest to the usual one. A
 /// driver of a GPU takes 0.1 to 0.3 s of a core for each pipeline.
-const FIRST_WINDOWS: usize = 6;
+const FIRST_WINDOWS: usize = 8;
 
 /// A hologram under refinement, which is one color on one engine.
 pub struct Refiner {
