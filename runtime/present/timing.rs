@@ -18,7 +18,7 @@ use eyebox_compute::gpu::presentation::{
     self, PRESENT_TIMING, PRESENT_WAIT2, PresentTimingInfo, PresentWait2Info, TimingCalls, WITH_PRESENT_ID2,
     WITH_PRESENT_TIMING, WITH_PRESENT_WAIT2, WaitForPresent2,
 };
-use past_times::PastTimes;
+use past_times::{MOST, PastTimes};
 use std::collections::VecDeque;
 use std::ffi::CStr;
 use std::time::{Duration, Instant};
@@ -40,8 +40,6 @@ const WAITED: Duration = Duration::from_micros(500);
 /// Time for which the thread that presents waits for a picture to light up. A picture that takes longer is checked
 /// again after the next one.
 const PATIENCE_NS: u64 = 25_000_000;
-/// The most pictures whose light may be unconfirmed.
-const MOST: usize = 16;
 
 /// The support of a surface for times of light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -100,7 +100,7 @@ pub use read::identity::{digest, digest_of_picture, path_and_options};
 pub use read::inspect::{Exposure, Inspection, contact_sheet, inspect};
 pub use read::order_found::OrderFound;
 pub use read::single::Reprojection;
-pub use splats::views::SplatViews;
+pub use read::splats::SplatViews;
 pub use synthesis::closer::ENOUGH;
 pub use synthesis::given::{Layer, Places, views_of_depths, views_of_layers};
 pub use synthesis::interpolate::Interpolator;
@@ -189,7 +189,7 @@ pub fn load(source: &str, request: &Request) -> Result<LightField, SceneError> {
             Ok(field)
         }
         Source::Splats(_, format, options) => {
-            let (field, read_as) = splats::views::load(source, format, &options, request)?;
+            let (field, read_as) = read::splats::load(source, format, &options, request)?;
             tracing::info!("{source}: {read_as}");
             formats::tone::warn_of_black(source, field.brightest());
             Ok(field)

@@ -24,7 +24,7 @@ fn random(count: usize, seed: u64) -> Vec<Raw> {
     let mut random = fastrand::Rng::with_seed(seed);
     let mut one = |i: usize| {
         let mut signed = |size: f64| size * (2.0 * random.f64() - 1.0);
-        let is_wall = i % 4 == 0;
+        let is_wall = i.is_multiple_of(4);
         let place = [signed(1.2), signed(1.2), if is_wall { 4.0 } else { 3.0 + signed(0.8) }];
         let size = if is_wall { -1.6 } else { -3.0 };
         let scale = [size + signed(0.7), size + signed(0.7), size + signed(0.7)];

@@ -54,7 +54,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
         Some(file) => file.clone(),
         None => room(folder.path(), arguments.splats, arguments.degree.into())?.display().to_string(),
     };
-    let display = Display { height: arguments.size, width: arguments.size, ..Display::preset("small")? };
+    let display = Display { height: arguments.size, width: arguments.size, ..Display::load("small")? };
     let colors = [Color::Red, Color::Green, Color::Blue];
     println!("{} threads, {}", rayon::current_num_threads(), eyebox_kernels::simd_name());
     println!("{}", SplatViews::new(&source, &Request::new(&display, &colors))?.read_as());

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// ordered modules, and their names. A module imports only modules before it. Cargo keeps the order of crates.
 const ORDER: [(&str, &[&str], &[&str]); 4] = [
     ("runtime/compute", &[], &["plan", "gpu", "engine"]),
-    ("runtime/scene", &[], &["light_field", "formats", "builtin", "depth", "synthesis", "read"]),
+    ("runtime/scene", &[], &["light_field", "formats", "splats", "builtin", "depth", "synthesis", "read"]),
     ("runtime/session", &["session"], &["frame_log", "playback", "refinement", "content", "feeds"]),
     (
         "runtime/solve",

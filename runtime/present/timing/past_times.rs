@@ -2,12 +2,13 @@
 
 #![allow(unsafe_code)]
 
-use super::MOST;
 use ash::vk;
 use eyebox_compute::gpu::presentation::{
     PastTiming, PastTimingInfo, PastTimings, PresentTimingInfo, StageTime, TimeDomains, TimingCalls,
 };
 
+/// The most pictures whose light may be unconfirmed.
+pub(super) const MOST: usize = 16;
 /// The most time domains of a swapchain that are read.
 const DOMAINS: usize = 8;
 

@@ -157,7 +157,7 @@ fn grid(cameras: &[Camera]) -> Option<[usize; 2]> {
     for place in &places {
         let steps = [0, 1].map(|i| (place[i] - low[i]) / nearest);
         let off = steps.iter().map(|v| (v - v.round()).abs()).fold(place[2].abs() / nearest, f64::max);
-        if !(off <= OFF) {
+        if off.is_nan() || off > OFF {
             return None;
         }
         cells.push([steps[1].round() as usize, steps[0].round() as usize]);

@@ -79,7 +79,7 @@ mod tests {
     fn the_rendered_vergence_is_that_of_the_depth() {
         let display = Display { height: 512, width: 512, ..Display::preset("headset").unwrap() };
         let pixel = display.picture_pixel() / display.focal_length;
-        for dioptres in [-0.2, 0.1, 0.2] {
+        for dioptres in [-0.15, 0.1, 0.18] {
             let depth_mm = dioptres * display.focal_length.powi(2) * 1e3;
             let request = Request { views: 1, ..Request::new(&display, &[Color::Green]) };
             let sources = of_two_eyes(&format!("builtin:plane?depth={depth_mm}"), &request, EYES).unwrap();

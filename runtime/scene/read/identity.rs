@@ -3,12 +3,12 @@
 //! The digest covers contents and not names or dates. A folder that was moved or renamed therefore stays the same
 //! scene, and one changed view makes it another. Files that loading does not read do not count.
 
+use super::splats;
 use crate::formats::options::parts;
 use crate::read::source::{Source, ViewSource};
 use crate::splats::format::Format;
 use crate::{
     LightField, SceneError, formats::video, read::folder, read::frames, read::planes, read::settings, read::stack,
-    splats,
 };
 use eyebox_base::files::{self, Digester};
 use eyebox_optics::Color;
@@ -32,7 +32,7 @@ pub fn digest(source: &str) -> Result<Option<String>, SceneError> {
         Source::Splats(path, _, options) => {
             // The options place the camera, so they are a part of the scene.
             let mut all = vec![parts(source).1.to_owned()];
-            for file in splats::views::files(path, &options) {
+            for file in splats::files(path, &options) {
                 all.push(digest_of_file(&file)?);
             }
             return Ok(Some(digest_of_parts(all.iter().map(String::as_bytes))));

@@ -1,8 +1,9 @@
 //! Describes a scene as it is read, for people who inspect it before they compute.
 
+use super::splats;
 use crate::light_field::resize::{Fit, Resize};
 use crate::read::source::Source;
-use crate::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError, read::views, splats};
+use crate::{DepthSource, Layers, LightField, Parallax, Reprojection, Request, SceneError, read::views};
 use crate::{Order, OrderFound};
 use eyebox_optics::{Color, Display, Geometry, dioptres};
 use serde::Serialize;
@@ -103,7 +104,7 @@ pub fn inspect(source: &str, request: &Request) -> Result<(Inspection, LightFiel
         let field = LightField { view_pitch: request.view_pitch.or(read.field.view_pitch), ..read.field };
         (field, read.how, Some(read.size), read.transfer, read.order, (doubt, confirmed, read.parallax))
     } else if let Source::Splats(_, format, options) = &named {
-        let (field, read_as) = splats::views::load(source, *format, options, request)?;
+        let (field, read_as) = splats::load(source, *format, options, request)?;
         let parallax = Parallax::of(&field);
         (field, read_as, None, "sRGB".to_owned(), Order::default(), (None, Some(true), parallax))
     } else {

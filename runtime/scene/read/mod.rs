@@ -20,6 +20,7 @@ pub(crate) mod repeats;
 pub(crate) mod settings;
 pub(crate) mod single;
 pub(crate) mod source;
+pub(crate) mod splats;
 pub(crate) mod stack;
 pub(crate) mod standing;
 pub(crate) mod views;

@@ -11,4 +11,3 @@ pub(crate) mod plain;
 pub(crate) mod ply;
 pub(crate) mod project;
 pub(crate) mod spz;
-pub(crate) mod views;

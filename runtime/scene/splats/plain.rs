@@ -18,7 +18,7 @@ const RECORD: usize = 32;
 /// # Errors
 /// [`SceneError::Corrupt`] for a file that is not valid, and [`SceneError::Memory`].
 pub(crate) fn read(path: &Path, mut opened: Opened) -> Result<Cloud, SceneError> {
-    if opened.length % RECORD as u64 != 0 {
+    if !opened.length.is_multiple_of(RECORD as u64) {
         let reason = reason!(
             "record",
             "it has {} bytes, which are no whole number of records of {RECORD} bytes, so it is no .splat file or is cut",

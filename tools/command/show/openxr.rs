@@ -1,7 +1,7 @@
 //! `eyebox show openxr` starts an OpenXR application with the layer that sends its frames (docs/openxr.md).
 
 use super::args::{Ask, ShowSettings};
-use super::{Show, application};
+use super::content::{Show, application};
 use crate::Failure;
 use eyebox::low_level::reason;
 use std::ffi::OsString;

@@ -1,10 +1,11 @@
 //! `eyebox show --display TWO.toml` shows a scene to both eyes, on two panels.
 
 use super::args::{OutputTo, ShowSettings};
+use super::content::{self, Show, is_phases};
+use super::playback;
 use super::session::{attend, conclude, keep_powers};
 use super::tracked::{self, KeptSession, Refined, ShowOptions, Stage};
 use super::tracking::tracking_of_two;
-use super::{Show, is_phases, playback};
 use crate::groups::SceneArgs;
 use crate::subject::{self, Steered, SubjectOptions};
 use crate::{Failure, common, progress};
@@ -99,8 +100,8 @@ fn refined(
     subjects: &[SubjectOptions; 2],
     content: &[String; 2],
 ) -> Result<(), Failure> {
-    let cost = super::refined(args, settings)?;
-    super::endless_needs_duration(args, cost, true)?;
+    let cost = content::refined(args, settings)?;
+    content::endless_needs_duration(args, cost, true)?;
     let stage = Stage::open(&args.subject, &args.live)?;
     let load = |eye: usize| subject::load(&content[eye], &subjects[eye], (None, args.stream.looped), &stage.engines);
     let both = [load(0)?, load(1)?];
@@ -159,8 +160,8 @@ fn played(
     if is_phases(&content[0]) {
         for (name, subject) in content.iter().zip(subjects) {
             let path = Path::new(name);
-            super::nothing_is_solved(args, path)?;
-            let display = super::display_for(subject, Some(path))?;
+            content::nothing_is_solved(args, path)?;
+            let display = content::display_for(subject, Some(path))?;
             let color = subject.display.color.one();
             let opening =
                 Opening { unfinished: args.unfinished.unfinished, ..subject.unit.opening(Some(&display), color) };

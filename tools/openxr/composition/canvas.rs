@@ -1,5 +1,6 @@
 //! Blends the layers of a frame, from the back to the front.
 
+use super::alpha::Alpha;
 use super::sampling::{Rows, Sheet};
 use super::surfaces::Surface;
 use super::taps::{Frustum, taps};
@@ -7,28 +8,6 @@ use super::texels::DepthRange;
 
 /// The opacity from which a layer decides the distance of a pixel.
 const SOLID: f32 = 0.5;
-
-/// The meaning of the opacity of a layer's texels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Alpha {
-    /// True if the texels' opacity counts. Otherwise the layer is opaque.
-    pub blends: bool,
-    /// True if the colors are not multiplied by the opacity.
-    pub unpremultiplied: bool,
-    /// True if the texels have transparency instead of opacity.
-    pub inverted: bool,
-}
-
-impl Alpha {
-    /// Returns the light of a texel multiplied by its opacity, and the opacity.
-    pub fn premultiplied(self, [r, g, b, a]: [f32; 4]) -> [f32; 4] {
-        if !self.blends {
-            return [r, g, b, 1.0];
-        }
-        let a = if self.inverted { 1.0 - a } else { a };
-        if self.unpremultiplied { [r * a, g * a, b * a, a] } else { [r, g, b, a] }
-    }
-}
 
 /// The picture of an eye in linear light, with the distance of each pixel.
 pub struct Canvas {

@@ -1,5 +1,6 @@
 //! Composes the picture that an eye sees, with the distance of each pixel, from the layers of a frame.
 
+mod alpha;
 mod canvas;
 mod geometry;
 mod sampling;
@@ -7,7 +8,8 @@ mod surfaces;
 mod taps;
 mod texels;
 
-pub use canvas::{Alpha, Canvas};
+pub use alpha::Alpha;
+pub use canvas::Canvas;
 pub use geometry::Pose;
 pub use sampling::Sheet;
 pub use surfaces::{Cylinder, Quad};

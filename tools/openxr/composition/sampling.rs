@@ -1,6 +1,6 @@
 //! Reads samples of a part of a copied image.
 
-use super::canvas::Alpha;
+use super::alpha::Alpha;
 use super::taps::Taps;
 use super::texels::{Format, read_colors, read_depth};
 

@@ -6,6 +6,7 @@
 mod chain;
 mod dispatch;
 mod frame;
+mod functions;
 mod instance;
 mod negotiate;
 mod session;

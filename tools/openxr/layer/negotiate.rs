@@ -1,6 +1,7 @@
 //! The entry point of the layer, and the creation of an instance.
 
 use super::dispatch::Next;
+use super::functions;
 use super::instance::{self, Instance};
 use openxr_sys::{self as xr, Handle};
 use std::ffi::{CStr, c_char};
@@ -39,7 +40,7 @@ pub unsafe extern "system" fn xrNegotiateLoaderApiLayerInterface(
     request.layer_interface_version = INTERFACE;
     // The loader refuses a layer that is newer than itself.
     request.layer_api_version = loader.max_api_version.min(xr::CURRENT_API_VERSION);
-    request.get_instance_proc_addr = Some(instance::get_instance_proc_addr);
+    request.get_instance_proc_addr = Some(functions::get_instance_proc_addr);
     request.create_api_layer_instance = Some(create_api_layer_instance);
     xr::Result::SUCCESS
 }

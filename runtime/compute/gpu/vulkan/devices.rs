@@ -1,7 +1,8 @@
 //! Lists the devices, checks if they can run the kernels, and chooses one.
 
 use super::error::EngineError;
-use super::instance::{BASELINE, Instance, has, version_text};
+use super::extensions::has;
+use super::instance::{BASELINE, Instance, version_text};
 use super::report::{DeviceKind, DeviceReport, Limits};
 use super::tested::Record;
 use ash::{khr, vk};

@@ -6,8 +6,9 @@
 //! other data.
 
 use super::block::{Block, Range};
+use super::groups::Groups;
 use super::modules::instructions;
-use super::recorder::{Groups, Recorder};
+use super::recorder::Recorder;
 use super::{Pipeline, error::EngineError};
 use gpu_allocator::MemoryLocation;
 use std::collections::BTreeSet;

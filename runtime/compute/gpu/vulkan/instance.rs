@@ -1,6 +1,7 @@
 //! Loads the Vulkan instance at run time, and collects the validation layer's messages.
 
 use super::error::EngineError;
+use super::extensions::{extension_names, has};
 use super::validation::{self, Validation};
 use ash::{ext, khr, vk};
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -155,16 +156,6 @@ fn keep_drivers(entry: &ash::Entry) {
 pub(crate) fn version_text(version: u32) -> String {
     let (major, minor) = (vk::api_version_major(version), vk::api_version_minor(version));
     format!("{major}.{minor}.{}", vk::api_version_patch(version))
-}
-
-pub(super) fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Vec<vk::ExtensionProperties> {
-    // SAFETY: the entry is valid. A missing layer gives an error, here an empty list.
-    unsafe { entry.enumerate_instance_extension_properties(layer) }.unwrap_or_default()
-}
-
-/// Returns true if an extension is among these.
-pub fn has(extensions: &[vk::ExtensionProperties], name: &CStr) -> bool {
-    extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
 }
 
 fn messenger_info(messages: &Messages) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {

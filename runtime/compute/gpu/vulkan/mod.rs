@@ -23,7 +23,9 @@ mod counters;
 mod device;
 mod devices;
 #[cfg(target_os = "linux")]
+mod extensions;
 mod external;
+mod groups;
 #[cfg(test)]
 pub(crate) mod guards;
 mod instance;
@@ -41,6 +43,7 @@ pub mod statistics;
 #[cfg(any(test, feature = "test-hooks"))]
 pub mod test_options;
 mod tested;
+mod timeline;
 mod validation;
 
 #[cfg(any(test, feature = "test-hooks"))]
@@ -54,13 +57,15 @@ pub use device::Device;
 #[cfg(test)]
 pub(crate) use device::Patience;
 pub use devices::devices;
+pub use extensions::has;
 #[cfg(target_os = "linux")]
 pub use external::{SharedLayout, SharedMemory, SlotWriter};
-pub use instance::{Instance, Messages, has};
+pub(crate) use groups::Groups;
+pub use instance::{Instance, Messages};
 pub use open::{Gpu, RawDevice};
 pub use pictures::{PhasesOnDevice, Pictures, PixelOrder, Ready};
 pub(crate) use pipelines::{PUSH_BYTES, Pipeline};
-pub(crate) use recorder::{Groups, Piece};
+pub(crate) use recorder::Piece;
 #[cfg(target_os = "linux")]
 pub use sharing::DeviceIds;
 pub(crate) use slot::IN_FLIGHT;

@@ -3,7 +3,7 @@
 use super::block::Block;
 use super::commands::Commands;
 use super::error::EngineError;
-use super::recorder::Timeline;
+use super::timeline::Timeline;
 use std::sync::Arc;
 
 /// The order of a pixel's colors in a swapchain.

@@ -3,7 +3,8 @@
 //! ash 0.38 has no `VK_KHR_present_id2`, `VK_KHR_present_wait2` and `VK_EXT_present_timing`, so their bindings are here.
 //! Names and values come from the Vulkan headers 1.4.363.
 
-use super::instance::{Instance, has};
+use super::extensions::has;
+use super::instance::Instance;
 use ash::{ext, google, khr, vk};
 use std::ffi::{CStr, c_void};
 

@@ -6,8 +6,10 @@
 use super::block::{Block, Range};
 use super::device::{Device, Patience};
 use super::error::EngineError;
+use super::groups::Groups;
 use super::pipelines::{PUSH_BYTES, Pipeline};
 use super::slot::{IN_FLIGHT, Slot, Time};
+use super::timeline::Timeline;
 use crate::plan::{Entry, Move, SUBMISSION_BYTES};
 use ash::{khr, vk};
 use std::cell::Cell;
@@ -21,50 +23,8 @@ const MOST_BUFFERS: usize = 16;
 /// The label for the time of a whole recording.
 pub(crate) const END: usize = usize::MAX;
 
-/// The number of workgroups of a dispatch.
-#[derive(Clone, Copy)]
-pub(crate) enum Groups<'a> {
-    /// These numbers of workgroups.
-    These([u32; 3]),
-    /// The numbers that this range holds when the dispatch runs.
-    At(Range<'a>),
-}
-
-impl From<[u32; 3]> for Groups<'_> {
-    fn from(groups: [u32; 3]) -> Self {
-        Self::These(groups)
-    }
-}
-
 /// Source offset, target offset and number of bytes of a copy.
 pub(crate) type Piece = (u64, u64, u64);
-
-/// A semaphore whose value is the number of finished submissions.
-pub struct Timeline {
-    pub raw: vk::Semaphore,
-    device: Arc<Device>,
-}
-
-impl Timeline {
-    fn new(device: &Arc<Device>) -> Result<Self, EngineError> {
-        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: the device is valid and has timeline semaphores. The semaphore is destroyed in `drop`.
-        let raw = unsafe { device.raw.create_semaphore(&info, None) };
-        let raw = raw.map_err(|e| device.error("vkCreateSemaphore", "setting up", e))?;
-        Ok(Self { raw, device: Arc::clone(device) })
-    }
-}
-
-impl Drop for Timeline {
-    fn drop(&mut self) {
-        if self.device.is_stuck() {
-            return;
-        }
-        // SAFETY: its recorder waited for its submissions, and those who wait for it hold it. It is destroyed once.
-        unsafe { self.device.raw.destroy_semaphore(self.raw, None) };
-    }
-}
 
 pub(crate) struct Recorder {
     /// The recording slots, used in turn.

@@ -1,6 +1,7 @@
 //! Finds out if a device shares memory with other processes (`VK_KHR_external_memory_fd`), and identifies it.
 
-use super::instance::{Instance, has};
+use super::extensions::has;
+use super::instance::Instance;
 use ash::{khr, vk};
 
 /// Handle type of shared memory.

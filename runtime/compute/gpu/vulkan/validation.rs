@@ -5,7 +5,7 @@
 //! layers include these accesses by default and have only `VK_EXT_validation_features`.
 
 use super::error::EngineError;
-use super::instance::{extension_names, has};
+use super::extensions::{extension_names, has};
 use ash::{ext, vk};
 use std::ffi::CStr;
 
