@@ -20,7 +20,8 @@ pub const VALUES: usize = 5;
 /// Added to a number of small magnitude, it leaves the nearest integer in the low bits.
 pub const ROUND: f32 = 12_582_912.0;
 /// The series of 2^x at 0, after the 1. The remainder is 1.2e-7 for a magnitude up to 0.5.
-pub const EXP: [f32; 6] = [std::f32::consts::LN_2, 0.240_226_5, 0.055_504_11, 0.009_618_129, 0.001_333_355_8, 1.540_353e-4];
+pub const EXP: [f32; 6] =
+    [std::f32::consts::LN_2, 0.240_226_5, 0.055_504_11, 0.009_618_129, 0.001_333_355_8, 1.540_353e-4];
 
 /// Pixels along a tile.
 const N: usize = SIDE as usize;

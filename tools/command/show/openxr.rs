@@ -84,8 +84,14 @@ impl Layer {
             OsString::from(there.copied().collect::<Vec<_>>().join(":"))
         };
         let path = std::env::var_os(LAYER_PATH).unwrap_or_else(usual);
+        // The layer is after those of the user, so that it receives what they submit.
+        let own = OsString::from(self.name.clone());
+        let layers = match std::env::var_os(LAYERS).filter(|layers| !layers.is_empty()) {
+            Some(before) => joined(before, Some(own)),
+            None => own,
+        };
         let mut all = vec![
-            (LAYERS, joined(self.name.clone().into(), std::env::var_os(LAYERS))),
+            (LAYERS, layers),
             (LAYER_PATH, joined(self.folder.path().into(), Some(path))),
             ("EYEBOX_OPENXR_NAME", NAME.into()),
         ];

@@ -1,7 +1,7 @@
 //! The functions that the layer gives to the loader.
 
 use super::instance::INSTANCES;
-use super::{frame, session, swapchain};
+use super::{ending, frame, session, swapchain};
 use openxr_sys::{self as xr, Handle};
 use std::ffi::{CStr, c_char};
 
@@ -40,7 +40,7 @@ fn own(name: &CStr) -> Option<xr::pfn::VoidFunction> {
         b"xrGetInstanceProcAddr" => plain!(get_instance_proc_addr, GetInstanceProcAddr),
         b"xrDestroyInstance" => plain!(destroy_instance, DestroyInstance),
         b"xrCreateSession" => plain!(session::create_session, CreateSession),
-        b"xrDestroySession" => plain!(session::destroy_session, DestroySession),
+        b"xrDestroySession" => plain!(ending::destroy_session, DestroySession),
         b"xrBeginSession" => plain!(session::begin_session, BeginSession),
         b"xrLocateViews" => plain!(session::locate_views, LocateViews),
         b"xrCreateSwapchain" => plain!(swapchain::create_swapchain, CreateSwapchain),
@@ -55,7 +55,7 @@ fn own(name: &CStr) -> Option<xr::pfn::VoidFunction> {
 unsafe extern "system" fn destroy_instance(instance: xr::Instance) -> xr::Result {
     let Some(known) = INSTANCES.take(instance.into_raw()) else { return xr::Result::ERROR_HANDLE_INVALID };
     // The sessions of an instance end with it.
-    session::SESSIONS.handles(|session| session.instance.handle == instance).into_iter().for_each(session::forget);
+    session::SESSIONS.handles(|session| session.instance.handle == instance).into_iter().for_each(ending::forget);
     // SAFETY: the argument is the caller's.
     unsafe { (known.next.destroy_instance)(instance) }
 }

@@ -5,6 +5,7 @@
 
 mod chain;
 mod dispatch;
+mod ending;
 mod frame;
 mod functions;
 mod instance;

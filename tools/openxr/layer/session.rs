@@ -3,7 +3,6 @@
 use super::chain::{link, links};
 use super::dispatch::{Next, Table};
 use super::instance::{INSTANCES, Instance};
-use super::swapchain::{self, SWAPCHAINS};
 use crate::notes::{Notes, Subject, say};
 use crate::sender::Sender;
 use crate::vulkan::{Binding, Device};
@@ -83,7 +82,7 @@ impl Session {
     }
 
     /// Prints the frames of the session.
-    fn conclude(&self, sent: u64, replaced: u64, unsent: u64) {
+    pub(super) fn conclude(&self, sent: u64, replaced: u64, unsent: u64) {
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         let Account { frames, incomplete, empty, crowded, spent_ns } = &self.account;
         let frames = count(frames);
@@ -186,24 +185,6 @@ pub unsafe extern "system" fn begin_session(session: xr::Session, info: *const x
         known.views.store(views.into_raw(), Ordering::Relaxed);
     }
     result
-}
-
-pub unsafe extern "system" fn destroy_session(session: xr::Session) -> xr::Result {
-    let Some(known) = SESSIONS.get(session.into_raw()) else { return xr::Result::ERROR_HANDLE_INVALID };
-    forget(session.into_raw());
-    // SAFETY: the argument is the caller's.
-    unsafe { (known.next().destroy_session)(session) }
-}
-
-/// Ends the thread of a session, and frees what the layer made on the application's device.
-pub fn forget(session: u64) {
-    let Some(known) = SESSIONS.take(session) else { return };
-    let of_session = |swapchain: &swapchain::Swapchain| swapchain.session.handle == known.handle;
-    SWAPCHAINS.handles(of_session).into_iter().for_each(swapchain::forget);
-    if let Some(capture) = &known.capture {
-        let counts = capture.sender.stop();
-        known.conclude(counts.sent, counts.replaced, counts.unsent);
-    }
 }
 
 /// Locates the views of the runtime. If the variable requests it, they have the field of view of the display, so that

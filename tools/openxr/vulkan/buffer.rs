@@ -1,7 +1,7 @@
 //! Memory of the host that receives copies, and finished copies.
 
-use super::copier::Part;
 use super::device::Device;
+use super::part::Part;
 use ash::vk;
 use std::sync::Arc;
 use std::time::Duration;

@@ -10,7 +10,9 @@
 mod buffer;
 mod copier;
 mod device;
+mod part;
 
 pub use buffer::Captured;
-pub use copier::{Copier, Part, Source};
+pub use copier::{Copier, Source};
 pub use device::{Binding, Device};
+pub use part::Part;
