@@ -97,7 +97,7 @@ pub(crate) fn refuse_two(text: &str, file: &str) -> Result<(), OpticsError> {
         Some([left, right]) => {
             let reason = reason!(
                 "two-panels",
-                "it describes two panels, and this needs the display file of one: give {left} or {right}"
+                "it describes two panels, and this needs the display file of one. Give {left} or {right}"
             );
             Err(OpticsError::DisplayFile { file: file.into(), reason })
         }
@@ -121,7 +121,7 @@ impl TwoEyes {
         let File { left, right, ipd_mm, stereo, panels } = read::toml(&text).map_err(wrong)?;
         if !IPD_MM.contains(&ipd_mm) {
             let (least, most) = (IPD_MM.start(), IPD_MM.end());
-            return Err(wrong(reason!("ipd", "ipd_mm is {ipd_mm}: it must be {least} to {most}")));
+            return Err(wrong(reason!("ipd", "ipd_mm is {ipd_mm}, but it must be {least} to {most}")));
         }
         let beside = Path::new(name).parent().unwrap_or(Path::new(""));
         let found = |panel: String| match Display::preset(&panel) {
@@ -146,7 +146,7 @@ impl TwoEyes {
         if kind(left) != kind(right) {
             return Err(reason!(
                 "panels-differ",
-                "the left panel has {} and the right one {}: both need the same resolution, packing and rate_hz",
+                "the left panel has {} and the right one {}, but both need the same resolution, packing and rate_hz",
                 words(left),
                 words(right)
             ));
@@ -157,13 +157,13 @@ impl TwoEyes {
         {
             return Err(reason!(
                 "panels-device",
-                "both panels have [device] with unit {}: give the right one another unit",
+                "both panels have [device] with unit {}. Give the right one another unit",
                 a.unit
             ));
         }
         let waits = [left, right].iter().any(|panel| panel.trigger_in.is_some());
         if waits {
-            return Err(reason!("panels-trigger-in", "[trigger_in] is for a display of one panel: leave it out"));
+            return Err(reason!("panels-trigger-in", "[trigger_in] is for a display of one panel. Leave it out"));
         }
         Ok(self)
     }

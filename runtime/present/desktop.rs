@@ -187,7 +187,10 @@ impl Desktop {
         let left = Monitor::choose(if left.is_some() { &monitors } else { &others }, left, size)?;
         let right = named.map_or_else(|| Monitor::choose(&without(&left), None, size), Ok)?;
         if left.index == right.index {
-            return Err(no_desktop(reason!("same-monitor", "both eyes have monitor {left}: each eye needs its own")));
+            return Err(no_desktop(reason!(
+                "same-monitor",
+                "both eyes have monitor {left}, but each eye needs its own"
+            )));
         }
         Ok([left, right])
     }

@@ -5,8 +5,8 @@ use super::presenter::{Apart, Event, Feedback, Presenter};
 use super::{Interference, PresentError};
 use std::collections::VecDeque;
 
-/// Two panels that show one video frame together. The picture holds the bytes of the left panel and then those of the
-/// right one.
+/// Two panels that show one video frame together. The picture holds the bytes of the left panel first and the
+/// bytes of the right panel after them.
 ///
 /// A panel that is lost leaves the other one showing. An error is returned only if both are lost.
 pub struct TwoPanels {
@@ -53,12 +53,12 @@ impl TwoPanels {
             if self.panels[other].is_lost {
                 return Err(error);
             }
-            self.notes.push(format!("the {name} panel is lost, and the other one continues: {error}"));
+            self.notes.push(format!("the {name} panel is lost, and the other one continues ({error})"));
         }
         Ok(())
     }
 
-    /// Takes the new reports of both panels and compares those of the same video frame.
+    /// Compares the reported lights of both panels, one video frame after the other.
     fn compare(&mut self) {
         let [left, right] = &mut self.panels;
         while let (Some(l), Some(r)) = (left.lights.front(), right.lights.front()) {
@@ -88,7 +88,7 @@ fn keep(lights: &mut VecDeque<Feedback>, light: Feedback) {
 impl Presenter for TwoPanels {
     fn describe(&self) -> String {
         let [left, right] = &self.panels;
-        format!("left: {}; right: {}", left.presenter.describe(), right.presenter.describe())
+        format!("left {}, right {}", left.presenter.describe(), right.presenter.describe())
     }
 
     fn timed_by(&self) -> &'static str {

@@ -399,6 +399,11 @@ fn the_page_says_what_is_read_and_what_is_refused() {
     let passwd = at.join("passwd");
     fs::write(&passwd, "root:x:0:0:root:/root:/bin/bash\n").unwrap();
     let cameras = |found| SceneError::Cameras { scene: "folder".into(), found }.to_string();
+    // One splat behind the stated camera.
+    let splats = at.join("behind.splat");
+    let one: Vec<u8> = [0.0f32, 0.0, 0.0, 0.1, 0.1, 0.1].iter().flat_map(|v| v.to_le_bytes()).collect();
+    fs::write(&splats, [&one[..], &[255; 4], &[255, 128, 128, 128]].concat()).unwrap();
+    let unseen = PathBuf::from(format!("{}?eye=0,0,5&at=0,0,9", splats.display()));
     let lines = [
         said(&passwd, &request),
         said(&picture, &request),
@@ -428,6 +433,8 @@ fn the_page_says_what_is_read_and_what_is_refused() {
         cameras(CamerasFound::Misplaced(10)),
         cameras(CamerasFound::OnePlace),
         cameras(CamerasFound::Unlike(10)),
+        cameras(CamerasFound::Carried { count: 25, grid: None }),
+        said(&unseen, &request),
     ];
     let table = page.split_once("| the line says | what to do |").unwrap().1;
     let rows: Vec<&str> = table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();

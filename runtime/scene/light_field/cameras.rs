@@ -226,9 +226,9 @@ pub enum CamerasFound {
     /// found.
     Unlike(u8),
     /// The camera was carried around, by a file of another program. It took this number of pictures. The rows and
-    /// columns are those of a grid, if its positions are in one.
+    /// columns belong to a grid, if its positions are in one.
     Carried {
-        /// Number of cameras.
+        /// The number of pictures, one for each camera.
         count: usize,
         /// Rows and columns of a grid.
         grid: Option<[usize; 2]>,

@@ -88,7 +88,7 @@ impl Reprojection {
         let planes: Vec<Vec<f32>> = picture.planes.par_iter().map(|plane| resize.apply(plane)).collect();
         let range = request.depth.map_or_else(
             || {
-                // Views from the side see as much parallax as those of the middle, so that eyes fuse the pictures.
+                // Views from the side see as much parallax as views from the middle, so that eyes fuse the pictures.
                 let half = builtin::half_span(display).min(largest_span(display, camera));
                 [-half, half]
             },

@@ -220,7 +220,7 @@ impl Attributes {
             1 => cloud.opacities.push(share(0)),
             2 => cloud.colors.push([0, 1, 2].map(|i| 0.5 + C0 * (share(i) - 0.5) / COLOR_SCALE)),
             3 => {
-                // The deviations stay here until the quaternion is known.
+                // The deviations stay here until the quaternion is read.
                 let [x, y, z] = [0, 1, 2].map(|i| (f32::from(record[i]) / 16.0 - 10.0).exp());
                 cloud.spreads.push([x, y, z, 0.0, 0.0, 0.0]);
             }

@@ -175,7 +175,7 @@ pub struct Status {
     pub account: Account,
     /// The accuracy of the predicted times of video frames.
     pub timing: Timing,
-    /// The status of a live hologram, if the session shows one. With two eyes it is that of the left eye.
+    /// The status of a live hologram, if the session shows one. With two eyes it belongs to the left eye.
     pub live: Option<LiveStatus>,
 }
 

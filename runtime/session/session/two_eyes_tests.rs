@@ -158,7 +158,7 @@ fn a_failing_eye_leaves_the_other_ones_picture() {
         let stage = Scripted::new("planes8", 64, 1);
         let mut eyes = tracking(false).map(|tracking| eye(&stage, tracking, Some(4.0)));
         eyes[fails].scenes = Some(Box::new(Fails(30)));
-        // Scenes are numbered, so those of the other eye are too.
+        // Scenes are numbered, so the scenes of the other eye are numbered, too.
         eyes[1 - fails].scenes = Some(Box::new(Fails(u32::MAX)));
         let [left, right] = eyes;
         let (ended, frames) = run(TwoEyed::live(left, right, Stereo::Together, Panels::TopBottom), true, 3.0);

@@ -105,7 +105,7 @@ pub struct Truth {
 pub enum Side {
     /// The left eye, which turns to the right towards near objects.
     Left,
-    /// The right eye.
+    /// The right eye, which turns to the left towards near objects.
     Right,
 }
 

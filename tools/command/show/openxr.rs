@@ -84,7 +84,7 @@ impl Layer {
             OsString::from(there.copied().collect::<Vec<_>>().join(":"))
         };
         let path = std::env::var_os(LAYER_PATH).unwrap_or_else(usual);
-        // The layer is after those of the user, so that it receives what they submit.
+        // The layers of the user come first, so that this one receives their submissions.
         let own = OsString::from(self.name.clone());
         let layers = match std::env::var_os(LAYERS).filter(|layers| !layers.is_empty()) {
             Some(before) => joined(before, Some(own)),

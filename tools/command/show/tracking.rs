@@ -70,7 +70,7 @@ pub fn tracking(
 const NEAREST: f64 = 3.0;
 
 /// Opens one tracker for the left and the right eye, whose pupils are `ipd` apart (meters). The other arguments are
-/// those of [`tracking`].
+/// the same as for [`tracking`].
 pub fn tracking_of_two(
     tracker: &str,
     args: &TrackerArgs,

@@ -106,7 +106,7 @@ fn refined(
     let load = |eye: usize| subject::load(&content[eye], &subjects[eye], (None, args.stream.looped), &stage.engines);
     let both = [load(0)?, load(1)?];
     let engine = both[0].engine.clone();
-    eprintln!("{}; {engine}", about(&both));
+    eprintln!("{}, {engine}", about(&both));
     let trackings = trackings(args, two, &both, cost)?;
     let [left, right] = both;
     let [of_left, of_right] = trackings;
@@ -225,7 +225,7 @@ fn line_of(report: &TwoEyesReport) -> String {
     let rule = if *stereo == Stereo::Together { "together" } else { "independent" };
     let lights = apart.map_or(String::new(), |apart| {
         format!(
-            "; the panels lit {:.2} ms apart (at most {:.2} ms), {} of {} in other video frames",
+            ", and the panels lit {:.2} ms apart (at most {:.2} ms), {} of {} in other video frames",
             apart.mean_ms(),
             apart.largest_ms(),
             apart.in_other_periods,
@@ -240,5 +240,5 @@ fn about(both: &[Steered; 2]) -> String {
         let Hologram { scene, height, width, .. } = &steered.hologram;
         format!("{scene} ({height}x{width})")
     };
-    format!("left eye: {}; right eye: {}", name(&both[0]), name(&both[1]))
+    format!("left eye {}, right eye {}", name(&both[0]), name(&both[1]))
 }

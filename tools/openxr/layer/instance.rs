@@ -1,4 +1,4 @@
-//! Instances of applications.
+//! Stores the instances of OpenXR that applications made.
 
 use super::dispatch::{Next, Table};
 use openxr_sys as xr;

@@ -154,7 +154,7 @@ impl BothEyes {
                 return Err(error);
             }
             let name = NAMES[at];
-            self.notes.send(format!("the content of the {name} eye has ended, and its picture stays: {error}"));
+            self.notes.send(format!("the content of the {name} eye has ended, and its picture stays ({error})"));
         }
         Ok(())
     }

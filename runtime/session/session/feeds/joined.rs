@@ -4,7 +4,7 @@ use crate::encode::VideoFrames;
 use crate::optics::Panels;
 
 /// Returns rows, columns and channels of the joined picture of two panels of this size. The pictures of two monitors
-/// follow each other, as those of an upper and a lower half do.
+/// follow each other, as the two halves of one monitor do from top to bottom.
 pub(crate) fn joined_size([rows, columns, channels]: [usize; 3], places: Panels) -> [usize; 3] {
     match places {
         Panels::SideBySide => [rows, 2 * columns, channels],

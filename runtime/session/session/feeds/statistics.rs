@@ -180,7 +180,7 @@ impl LiveStatistics {
     }
 }
 
-/// The statistics of two eyes, and those of the right eye. The other statistics are those of the left eye.
+/// The statistics of two eyes and of the right eye. The other statistics belong to the left eye.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct TwoEyesReport {

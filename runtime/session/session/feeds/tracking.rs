@@ -56,9 +56,9 @@ impl Tracking {
         Ok(Self { source: Box::new(source), estimator, truth, real_time })
     }
 
-    /// Follows both eyes with one tracker, as [`open`](Self::open) follows one. `estimators` are those of the left and
-    /// the right eye, `ipd` is the distance of the pupils and `radius` the distance from the center of rotation to the
-    /// pupil (m). A simulated pair of eyes looks at points between the dioptres of `focus`.
+    /// Follows both eyes with one tracker, as [`open`](Self::open) follows one. The left and the right eye have
+    /// `estimators`. Their pupils are `ipd` apart, and turn at `radius` from the center of rotation (m). A simulated pair
+    /// of eyes looks at points between the dioptres of `focus`.
     ///
     /// # Errors
     /// Returns the errors of [`open`](Self::open).

@@ -21,7 +21,7 @@ use std::sync::atomic::AtomicBool;
 ///
 /// Both eyes have a panel each, and each set of both is shown in the same video frame. The video frames of two monitors
 /// go to [`Output::Pair`](crate::session::Output::Pair). Other outputs receive one picture, in which the right eye is
-/// below the left one or beside it.
+/// below or to the right of the left one.
 pub struct TwoEyed {
     pub(crate) eyes: Eyes,
     /// The rule for the sets of the two eyes.
@@ -69,7 +69,7 @@ impl TwoEyed {
             let [left, right] = [words(a), words(b)];
             return Err(reason!(
                 "eyes-differ",
-                "a set of the left eye has {left} and one of the right eye {right}: both need the same"
+                "a set of the left eye has {left} and one of the right eye {right}, but both need the same"
             )
             .into());
         }
@@ -134,7 +134,7 @@ impl TwoEyed {
         if schedule != left.schedule && !matches!(left.schedule.start, Start::At { .. }) {
             return Err(reason!(
                 "eyes-schedules",
-                "the eyes have different rates: both need the same rate, speed and packing"
+                "the eyes have different rates, but both need the same rate, speed and packing"
             )
             .into());
         }

@@ -31,7 +31,7 @@ pub enum Output {
         /// the size of the video frame is used.
         display: Option<String>,
     },
-    /// Two displays, for the left and the right eye.
+    /// Two displays that the left and the right eye see.
     Pair {
         /// The display of the left eye, a window or a display that no desktop drives.
         left: Box<Output>,
@@ -195,7 +195,7 @@ fn open_pair(
         _ => {
             return Err(reason!(
                 "pair-of-outputs",
-                "`output`: two panels need two windows or two direct displays, one for each eye"
+                "`output` must be two windows or two direct displays for two panels, one for each eye"
             )
             .into());
         }
@@ -207,7 +207,7 @@ fn open_pair(
     {
         return Err(reason!(
             "pair-of-rates",
-            "the left panel has {a} video frames per second and the right one {b}: give both the same mode"
+            "the left panel has {a} video frames per second and the right one {b}. Give both the same mode"
         )
         .into());
     }
