@@ -49,7 +49,12 @@ fn spz(version: u8) -> (Vec<u8>, Vec<Vec<u8>>) {
     let header = [&b"NGSP"[..], &[version, 0, 0, 0, COUNT as u8, 0, 0, 0, 1, 6, 0, 6]].concat();
     let sizes = [if version == 1 { 6 } else { 9 }, 1, 3, 3, if version < 3 { 3 } else { 4 }, 9];
     let attribute = |(which, size): (usize, usize)| {
-        let byte = |i: usize| if which == 0 && i % 3 == 2 { 0 } else { (i * 53 + which * 29) as u8 };
+        let byte = |i: usize| match which {
+            // Half floats have a small exponent, and fixed point numbers are small.
+            0 if version == 1 && i % 2 == 1 => (i * 53) as u8 & 0x3f,
+            0 if version > 1 && i % 3 == 2 => 0,
+            _ => (i * 53 + which * 29) as u8,
+        };
         (0..COUNT * size).map(|i| if which == 3 { 120 + byte(i) % 16 } else { byte(i) }).collect()
     };
     (header, sizes.into_iter().enumerate().map(attribute).collect())

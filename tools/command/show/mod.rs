@@ -37,6 +37,7 @@ enum What {
     /// Frames of an application, by its name.
     Application(String),
     /// Frames of an OpenXR application that is started with these words.
+    #[cfg(target_os = "linux")]
     OpenXr(Vec<String>),
 }
 
@@ -72,8 +73,6 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         What::Application(name) => application(args, settings, &name, || Ok(())),
         #[cfg(target_os = "linux")]
         What::OpenXr(command) => openxr::show(args, settings, &command),
-        #[cfg(not(target_os = "linux"))]
-        What::OpenXr(_) => application(args, settings, "openxr", || Ok(())),
         What::Phases(path) if tracked => follow(args, settings, &path.display().to_string()),
         What::Phases(path) => {
             nothing_is_solved(args, &path)?;
@@ -105,6 +104,7 @@ pub fn run(args: &Show) -> Result<(), Failure> {
 
 /// Finds the kind of content by its name.
 fn what(args: &Show) -> Result<What, Failure> {
+    #[cfg(target_os = "linux")]
     if let Some(("openxr", command)) = args.what.split_first().map(|(first, rest)| (first.as_str(), rest)) {
         return Ok(What::OpenXr(command.to_vec()));
     }

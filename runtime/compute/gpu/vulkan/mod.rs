@@ -22,8 +22,8 @@ mod commands;
 mod counters;
 mod device;
 mod devices;
-#[cfg(target_os = "linux")]
 mod extensions;
+#[cfg(target_os = "linux")]
 mod external;
 mod groups;
 #[cfg(test)]
