@@ -120,7 +120,9 @@ fn files_of_splats() {
             (damage(bytes.clone(), &edits), Vec::new())
         };
         let source = written(name, *packed, bytes);
-        match scene::load(&format!("{source}?{}", String::from_utf8_lossy(&query)), &request) {
+        // A name may have any character, but a message has one line if the name has one.
+        let query = String::from_utf8_lossy(&query).replace(char::is_control, " ");
+        match scene::load(&format!("{source}?{query}"), &request) {
             Ok(field) => sound(&field),
             Err(error) => {
                 let text = error.to_string();
