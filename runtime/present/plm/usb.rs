@@ -49,14 +49,10 @@ mod hid {
         let lowest = found.iter().map(|device| device.interface_number()).min();
         found.retain(|device| Some(device.interface_number()) == lowest);
         found.sort_by_key(|device| device.path());
-        let mut error = PlmError::NoController;
-        for device in found.into_iter().skip(unit).take(1) {
-            match api.open_path(device.path()) {
-                Ok(device) => return Ok(Box::new(Usb { device: Some(device), begun: Instant::now() })),
-                Err(e) => error = failed(format!("{}: {e} ({REFUSED})", device.path().to_string_lossy())),
-            }
-        }
-        Err(error)
+        let found = found.get(unit).ok_or(PlmError::NoController)?;
+        let refused = |e| failed(format!("{}: {e} ({REFUSED})", found.path().to_string_lossy()));
+        let device = api.open_path(found.path()).map_err(refused)?;
+        Ok(Box::new(Usb { device: Some(device), begun: Instant::now() }))
     }
 
     struct Usb {
