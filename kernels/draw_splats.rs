@@ -221,13 +221,15 @@ mod tests {
     #[test]
     fn an_opaque_pixel_is_closed() {
         let args = Args::new(1, 1);
-        let near = Splat { conic: [1.0, 0.0, 1.0], opacity: 1.0, columns: 1 << 16, rows: 1 << 16, ..Splat::default() };
-        let splats = [0.5, 0.25, 0.125].map(|color| Splat { color: [color; 3], ..near });
+        let middle = Splat { conic: [1.0, 0.0, 1.0], columns: 1 << 16, rows: 1 << 16, ..Splat::default() };
+        let splats = [(1.0, 0.5), (0.95, 0.25), (0.9, 0.125), (0.01, 8.0)]
+            .map(|(opacity, color)| Splat { opacity, color: [color; 3], ..middle });
         let mut picture = vec![0.0; VALUES];
-        draw_splats(&args, &splats, &[0, 3], &[0, 1, 2], &mut picture);
-        // The opacity is at most 0.99. The second would leave 1e-4 of the light, within rounding, and the third less.
-        let exact = 0.99f32 * 0.5 + 0.01 * 0.99 * 0.25;
-        assert!((picture[0] - exact).abs() < 1e-4 + 1e-6, "{} {exact}", picture[0]);
+        draw_splats(&args, &splats, &[0, 4], &[0, 1, 2, 3], &mut picture);
+        // The opacity is at most 0.99, so the second leaves 5e-4 of the light. The third would leave 5e-5, which closes
+        // the pixel. The fourth would leave more than 1e-4, and is not seen because the pixel is closed.
+        let exact = 0.99f32 * 0.5 + 0.01 * 0.95 * 0.25;
+        assert!((picture[0] - exact).abs() < 1e-6, "{} {exact}", picture[0]);
         assert!(picture[4] < 1.0);
     }
 }
