@@ -222,8 +222,11 @@ mod tests {
     fn an_opaque_pixel_is_closed() {
         let args = Args::new(1, 1);
         let middle = Splat { conic: [1.0, 0.0, 1.0], columns: 1 << 16, rows: 1 << 16, ..Splat::default() };
-        let splats = [(1.0, 0.5), (0.95, 0.25), (0.9, 0.125), (0.01, 8.0)]
-            .map(|(opacity, color)| Splat { opacity, color: [color; 3], ..middle });
+        let splats = [(1.0, 0.5), (0.95, 0.25), (0.9, 0.125), (0.01, 8.0)].map(|(opacity, color)| Splat {
+            opacity,
+            color: [color; 3],
+            ..middle
+        });
         let mut picture = vec![0.0; VALUES];
         draw_splats(&args, &splats, &[0, 4], &[0, 1, 2, 3], &mut picture);
         // The opacity is at most 0.99, so the second leaves 5e-4 of the light. The third would leave 5e-5, which closes
