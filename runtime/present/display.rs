@@ -9,6 +9,7 @@ use super::{Event, Feedback, Interference, Monitor, PresentError, Presenter, Rat
 use eyebox_compute::gpu::{EngineError, Gpu, Pictures, PixelOrder};
 use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 /// Shows video frames on a display, with a swapchain of exactly its size.
 pub struct DisplayPresenter {
@@ -22,6 +23,9 @@ pub struct DisplayPresenter {
     /// The link without a desktop.
     link: Option<Link>,
 }
+
+/// The time in which a new window reaches its size.
+const SETTLES: Duration = Duration::from_secs(3);
 
 impl Desktop {
     /// Opens a window over all of a monitor. It shows from this device, or from the device of its instance that can
@@ -59,11 +63,19 @@ impl Desktop {
         clock: RealClock,
     ) -> Result<DisplayPresenter, PresentError> {
         let on = Self::cover(desktop, monitor)?;
-        let handle = handle_of(&on.window)?;
-        // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
-        #[allow(unsafe_code)]
-        let swapchain = unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) }
-            .map_err(|e| PresentError::display("the window", e.to_string()))?;
+        let (handle, since) = (handle_of(&on.window)?, Instant::now());
+        let swapchain = loop {
+            // SAFETY: the window lives in the presenter, and the swapchain is dropped before it.
+            #[allow(unsafe_code)]
+            match unsafe { Swapchain::open(gpu, handle, Policy::Exact(monitor.size)) } {
+                Ok(swapchain) => break swapchain,
+                // A window manager that has just started changes the size of windows for a moment.
+                Err(EngineError::Unsuitable { .. }) if since.elapsed() < SETTLES => {
+                    desktop.borrow_mut().pump_for(Duration::from_millis(20))?;
+                }
+                Err(error) => return Err(PresentError::display("the window", error.to_string())),
+            }
+        };
         let name = format!("a window on monitor {monitor}");
         Ok(DisplayPresenter { swapchain, name, rate: monitor.rate, clock, window: Some(on), link: None })
     }

@@ -27,6 +27,7 @@ pub fn open_usb(unit: u8) -> Result<Box<dyn Link>, PlmError> {
 mod hid {
     use super::super::error::PlmError;
     use super::super::link::{Link, REPORT};
+    use std::ffi::CStr;
     use std::time::{Duration, Instant};
 
     const VENDOR: u16 = 0x0451;
@@ -44,15 +45,20 @@ mod hid {
 
     pub fn open(unit: usize) -> Result<Box<dyn Link>, PlmError> {
         let api = hidapi::HidApi::new().map_err(failed)?;
-        let mut found: Vec<_> =
-            api.device_list().filter(|d| (d.vendor_id(), d.product_id()) == (VENDOR, PRODUCT)).collect();
-        let lowest = found.iter().map(|device| device.interface_number()).min();
-        found.retain(|device| Some(device.interface_number()) == lowest);
-        found.sort_by_key(|device| device.path());
-        let found = found.get(unit).ok_or(PlmError::NoController)?;
-        let refused = |e| failed(format!("{}: {e} ({REFUSED})", found.path().to_string_lossy()));
-        let device = api.open_path(found.path()).map_err(refused)?;
+        let controllers = api.device_list().filter(|d| (d.vendor_id(), d.product_id()) == (VENDOR, PRODUCT));
+        let path = of_unit(controllers.map(|d| (d.path(), d.interface_number())), unit)?;
+        let refused = |e| failed(format!("{}: {e} ({REFUSED})", path.to_string_lossy()));
+        let device = api.open_path(path).map_err(refused)?;
         Ok(Box::new(Usb { device: Some(device), begun: Instant::now() }))
+    }
+
+    /// Returns the path of the controller with this number, among the paths and numbers of all interfaces.
+    fn of_unit<'a>(interfaces: impl Iterator<Item = (&'a CStr, i32)>, unit: usize) -> Result<&'a CStr, PlmError> {
+        let mut found: Vec<_> = interfaces.collect();
+        let lowest = found.iter().map(|(_, interface)| *interface).min();
+        found.retain(|(_, interface)| Some(*interface) == lowest);
+        found.sort_unstable();
+        found.get(unit).map(|(path, _)| *path).ok_or(PlmError::NoController)
     }
 
     struct Usb {
@@ -87,6 +93,24 @@ mod hid {
 
         fn now(&self) -> Duration {
             self.begun.elapsed()
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        /// Two controllers, each with an interface for commands and another one, in the order in which they were found.
+        #[test]
+        fn a_unit_is_a_controller_and_not_an_interface() {
+            let found = [(c"usb-3:1", 1), (c"usb-3:0", 0), (c"usb-1:0", 0), (c"usb-1:1", 1)];
+            let path = |unit| of_unit(found.into_iter(), unit);
+            assert_eq!(path(0).unwrap(), c"usb-1:0");
+            assert_eq!(path(1).unwrap(), c"usb-3:0");
+            assert!(matches!(path(2), Err(PlmError::NoController)));
+            assert!(matches!(of_unit(std::iter::empty(), 0), Err(PlmError::NoController)));
+            // Systems that do not number interfaces report -1 for each.
+            assert_eq!(of_unit([(c"b", -1), (c"a", -1)].into_iter(), 1).unwrap(), c"b");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Tests that both eyes are lit in the same video frame, and that one failing eye leaves the other one's picture.
 
 use crate::encode::Encoder;
-use crate::gaze::{Estimator, Eye, Settings as GazeSettings};
+use crate::gaze::{Estimator, Eye, Eyepiece, Settings as GazeSettings};
 use crate::hologram::{ColorHologram, Hologram, SequenceWriter};
 use crate::optics::{Color, Display, Panels, Stereo};
 use crate::present::Rate;
@@ -213,6 +213,106 @@ fn sequences_of_both_eyes_are_played_in_step() {
         }
         assert_eq!((report(&ended).video_frames, report(&ended).differing), (90, 0));
     }
+}
+
+/// Damages one hologram of a sequence.
+fn damage(path: &std::path::Path, index: u64) {
+    let file = path.join(format!("phases/c/{index}/0/0/0/0"));
+    let mut bytes = std::fs::read(&file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&file, bytes).unwrap();
+}
+
+/// If one eye has no set for a position, both eyes wait together, and independent eyes do not.
+#[test]
+fn a_hologram_that_one_eye_lacks_is_left_out_on_both_or_on_one() {
+    let here = tempfile::tempdir().unwrap();
+    for (stereo, lacks) in
+        [(Stereo::Together, 0), (Stereo::Together, 1), (Stereo::Independent, 0), (Stereo::Independent, 1)]
+    {
+        let names = ["l", "r"].map(|eye| format!("{eye}-{stereo:?}-{lacks}.zarr"));
+        let (left, of_left) = sequence(here.path(), &names[0], 1, 10);
+        let (right, of_right) = sequence(here.path(), &names[1], 1000, 10);
+        damage(&here.path().join(&names[lacks]), 5);
+        let (ended, frames) = run(TwoEyed::play(left, right, stereo, Panels::TopBottom), true, 60.0);
+        ended.result.as_ref().unwrap();
+        let mut shown: Vec<[u32; 2]> = frames.iter().filter(|f| f.index.is_some()).map(|f| f.halves).collect();
+        shown.dedup();
+        let mut expected: Vec<[u32; 2]> = (0..10).map(|i| [of_left[i], of_right[i]]).collect();
+        if stereo == Stereo::Together {
+            expected.remove(5);
+        } else {
+            expected[5][lacks] = expected[4][lacks];
+        }
+        assert_eq!(shown, expected, "{stereo:?} {lacks}");
+        let differing = if stereo == Stereo::Together { 0 } else { 3 };
+        assert_eq!(report(&ended).differing, differing, "{stereo:?} {lacks}");
+    }
+}
+
+/// A jump in a sequence is one of both eyes.
+#[test]
+fn both_eyes_seek_together() {
+    let here = tempfile::tempdir().unwrap();
+    for stereo in [Stereo::Together, Stereo::Independent] {
+        let (left, of_left) = sequence(here.path(), &format!("l-{stereo:?}.zarr"), 1, 30);
+        let (right, of_right) = sequence(here.path(), &format!("r-{stereo:?}.zarr"), 1000, 30);
+        let frames = Arc::new(Mutex::new(Vec::new()));
+        let (theirs, (jumps, jump)) = (Arc::clone(&frames), std::sync::mpsc::channel());
+        let observer = move |frame: &PresentedFrame<'_>| {
+            let (left, right) = frame.picture.split_at(frame.picture.len() / 2);
+            let mut seen = theirs.lock().unwrap();
+            seen.push((frame.index, [left, right].map(crc32c::crc32c)));
+            if seen.len() == 40 {
+                jumps.send(()).unwrap();
+            }
+        };
+        let options = SessionOptions {
+            display_rate: Some(Rate::new(60, 1).unwrap()),
+            observer: Some(Box::new(observer)),
+            ..SessionOptions::default()
+        };
+        let both = TwoEyed::play(left, right, stereo, Panels::TopBottom);
+        // In real time, so that the command of another thread arrives before the end.
+        let session = Session::start(both, Output::Memory { simulated: false, sink: None }, options).unwrap();
+        jump.recv_timeout(Duration::from_secs(60)).unwrap();
+        session.command(Command::Seek(-8));
+        while session.is_running() {
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        session.stop().result.unwrap();
+        let lit: Vec<(u64, [u32; 2])> = frames.lock().unwrap().iter().filter_map(|(i, h)| i.map(|i| (i, *h))).collect();
+        for (number, halves) in &lit {
+            assert_eq!(*halves, [of_left[*number as usize], of_right[*number as usize]], "{stereo:?} {number}");
+        }
+        let back: Vec<_> = lit.windows(2).filter(|two| two[1].0 < two[0].0).map(|two| two[0].0 - two[1].0).collect();
+        assert_eq!(back, [8], "{stereo:?}");
+        assert_eq!(lit.last().unwrap().0, 29);
+    }
+}
+
+/// A tracker of both eyes that measures no focus still gives the focus of the sets, by the directions of the eyes.
+#[test]
+fn both_eyes_are_refined_for_the_focus_of_their_vergence() {
+    let stage = Scripted::new("planes8", 64, 1);
+    let focal_length = stage.display.focal_length;
+    let per_dioptre = focal_length * focal_length;
+    let eyepiece = Some(Eyepiece { focal_length, depths: [-3.0 * per_dioptre, 3.0 * per_dioptre] });
+    let estimator = |eye| Estimator::new(GazeSettings { eye, eyepiece, ..GazeSettings::default() }, None).unwrap();
+    let options = Options { real_time: false, ..Options::default() };
+    let estimators = [estimator(Eye::Left), estimator(Eye::Right)];
+    let trackings = Tracking::open_two(&Spec::Simulated(4), &options, estimators, (63e-3, 11e-3), [0.0, 2.0]).unwrap();
+    let [left, right] = trackings.map(|tracking| eye(&stage, tracking, Some(4.0)));
+    let both = TwoEyed::live(left, right, Stereo::Together, Panels::TopBottom);
+    let (ended, _) = run(both, true, 8.0);
+    let range = |live: &LiveStatistics| live.focus.expect("a focus").map(|z| z / per_dioptre);
+    let left = range(ended.statistics.live.as_ref().unwrap());
+    let right = range(report(&ended).right_live.as_ref().unwrap());
+    for [low, high] in [left, right] {
+        assert!(low > -0.4 && high < 2.4 && high - low > 0.8, "{low} to {high} D for eyes that look at 0 to 2 D");
+    }
+    assert!((left[0] - right[0]).abs() < 0.2 && (left[1] - right[1]).abs() < 0.2, "{left:?} {right:?} D");
 }
 
 #[test]

@@ -28,7 +28,9 @@ pub struct Vergence {
     count: u32,
 }
 
-/// A change of the direction that ends a fixation, radians. It is above the noise of trackers and below most saccades.
+/// A change of the direction that ends a fixation, radians. At 0.1 mm of noise, the direction of both eyes has a standard
+/// deviation of 6.4e-3 at a radius of 11 mm, of which this is 3.4. Saccades of less than 1.3 degrees hardly change the
+/// vergence.
 const MOVED: f64 = 0.022;
 /// The largest number of samples in a mean, which is half a second at 120 Hz.
 const MOST: u32 = 64;

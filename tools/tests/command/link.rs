@@ -32,6 +32,19 @@ fn hologram(at: &Path, size: [usize; 2]) -> Hologram {
     hologram
 }
 
+/// Returns the video frames of a hologram as a grab of the screen has them.
+fn video_frames(hologram: &Hologram, preset: &str) -> BTreeSet<Vec<u8>> {
+    let &Hologram { height, width, .. } = hologram;
+    let display = Display { height, width, ..Display::preset(preset).expect("a preset") };
+    let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
+    let slices: Vec<&[f32]> = hologram.colors.iter().map(|c| &c.phases[..]).collect();
+    let frames = Encoder::new(&display, &colors, 8).expect("an encoder").encode(&PhaseSet::trusted(&slices));
+    let frames = frames.expect("encoded");
+    let gray = frames.channels == 1;
+    let pixels = |frame: &[u8]| if gray { frame.iter().flat_map(|g| [*g; 3]).collect() } else { frame.to_vec() };
+    (0..frames.count()).map(|i| pixels(frames.frame(i))).collect()
+}
+
 /// Shows `x.zarr` on a server.
 fn show(at: &Path, name: &str, [rows, columns]: [usize; 2], more: &[&str]) -> Child {
     Command::new(crate::common::program())
@@ -244,7 +257,7 @@ fn the_right_monitor_of_two_is_covered() {
         xorg.light_second();
         if manager.is_empty() {
             covers_the_right_monitor(at, &xorg);
-        } else if let Some(mut process) = xorg.manage(manager) {
+        } else if let Some(mut process) = xorg.manage(manager, at) {
             covers_the_right_monitor(at, &xorg);
             let _ = process.kill();
             let _ = process.wait();
@@ -260,16 +273,16 @@ fn covers_the_right_monitor(at: &Path, xorg: &Xorg) {
         ([80, 96], 64, ["window", "window:DUMMY1", "window:1", "window:80x96"]),
     ] {
         let _ = std::fs::remove_dir_all(at.join("x.zarr"));
-        hologram(at, size);
+        let frames = video_frames(&hologram(at, size), "planes24");
         for name in names {
-            let process = show(at, &xorg.name, size, &["--output", name, "--duration", "2"]);
+            let process = show(at, &xorg.name, size, &["--output", name]);
             let since = Instant::now();
-            let wanted = ([left, 0], size.map(|n| n as u16));
-            // A window may be moved before it has its place.
-            while xorg.windows().into_iter().all(|(_, place, of)| (place, of) != wanted) {
+            // A window may be moved before it has its place, and a window manager has windows of this size, too.
+            while !frames.contains(&xorg.grab([left, 0], size.map(|n| n as u16))) {
                 assert!(since.elapsed() < Duration::from_secs(60), "{name}: {:?}", xorg.windows());
                 std::thread::sleep(Duration::from_millis(10));
             }
+            signal(&process, "-INT");
             let (code, said) = ended(process);
             assert_eq!(code, Some(0), "{name}: {said}");
         }
@@ -285,12 +298,7 @@ fn no_foreign_pixel_is_on_the_screen() {
     let display = Display { height: 64, width: 64, ..Display::preset("grey8").expect("a preset") };
     let hologram = made::hologram_of([64, 64], &display, 8, 0);
     hologram.save(&at.join("x.zarr")).expect("saved");
-    let colors: Vec<Color> = display.wavelengths.iter().map(|w| w.color).collect();
-    let slices: Vec<&[f32]> = hologram.colors.iter().map(|c| &c.phases[..]).collect();
-    let frames = Encoder::new(&display, &colors, 8).expect("an encoder").encode(&PhaseSet::trusted(&slices));
-    let frames = frames.expect("encoded");
-    let frames: BTreeSet<Vec<u8>> =
-        (0..frames.count()).map(|i| frames.frame(i).iter().flat_map(|g| [*g; 3]).collect()).collect();
+    let frames = video_frames(&hologram, "grey8");
     let xorg = Xorg::start(at);
     let [red, green, blue] = BEFORE.map(u32::from);
     let color = ChangeWindowAttributesAux::new().background_pixel(red << 16 | green << 8 | blue);

@@ -88,8 +88,14 @@ impl Xorg {
 
     /// Starts a window manager and waits until it manages the screen. Returns nothing if it is missing, or does not run
     /// by itself. Xfwm4 needs a session bus, for example.
-    pub fn manage(&self, manager: &str) -> Option<Child> {
+    pub fn manage(&self, manager: &str, folder: &Path) -> Option<Child> {
         let mut command = Command::new(manager);
+        if manager == "i3" {
+            // Without a configuration, i3 asks for one in a window that takes the keyboard.
+            let file = folder.join("i3.config");
+            std::fs::write(&file, "font pango:monospace 8\n").expect("written");
+            command.arg("-c").arg(file);
+        }
         command.env("DISPLAY", &self.name).stdout(Stdio::null()).stderr(Stdio::null());
         let mut process = command.spawn().ok()?;
         let (check, since) = (self.atom("_NET_SUPPORTING_WM_CHECK"), Instant::now());
