@@ -71,7 +71,7 @@ def main():
         assert contents(folder / "one.zarr") == contents(folder / "two.zarr"), "other bytes"
         carried = (folder / "two.zarr/phases/c/1/0/0/0/0").stat().st_size
         out = str(folder / "again.zarr")
-        job = (tuple(scenes), display.to_toml(), ("green",), eyebox._arguments.toml(settings), (30, 1), out, "cpu")
+        job = (tuple(scenes), eyebox.cluster._text(display), ("green",), eyebox._arguments.toml(settings), (30, 1), out, "cpu")
         begun = processor()
         eyebox._cluster_work.begun(job)
         first = processor() - begun
