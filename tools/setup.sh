@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes this machine able to run everything: the Vulkan loader, a software Vulkan (lavapipe), the validation layer, the
-# OpenXR loader with its validation layer and hello_xr, a virtual X display, Xorg's dummy driver, Weston and a linker. Installs only what is missing, and says nothing when that
-# is nothing.
+# OpenXR loader with its validation layer and hello_xr, a virtual X display, Xorg's dummy driver, Weston,
+# ffmpeg and a linker. Installs only what is missing, and says nothing when that is nothing.
 # Debian, Ubuntu and their kin: by apt-get. Elsewhere: says what is missing and exits 1, or 0 if nothing is.
 # Rust itself (cargo) is assumed.
 # tools/setup.sh windows does the same for what builds for Windows and runs it: MinGW's linker and Wine, 1 GB on the disk.
@@ -39,7 +39,7 @@ if command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; then
         for package in libvulkan1 libvulkan-dev mesa-vulkan-drivers vulkan-validationlayers libopenxr-loader1 \
             libopenxr-dev openxr-layer-corevalidation libopenxr-utils xvfb \
             xserver-xorg-core xserver-xorg-video-dummy weston libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon0 \
-            libxkbcommon-x11-0; do
+            libxkbcommon-x11-0 ffmpeg; do
             status=$(dpkg-query -W -f='${Status}' "$package" 2>/dev/null || true)
             [[ $status == "install ok installed" ]] || missing+=("$package")
         done

@@ -10,7 +10,7 @@
 //! | a folder | views in PNG, JPEG, TIFF, BMP, PPM or EXR files, named by a running number or by row and column |
 //! | an array | `.npy` or `.npz`, (rows of views, columns, rows of pixels, columns, colors) |
 //! | a picture of many views | `FILE?grid=9x9`, `FILE?mosaic`, `FILE?lenslets` |
-//! | a picture, or a frame of a `.y4m` video | with a depth or disparity map ([`Request::depth_map`]), reprojected to
+//! | a picture, or a frame of a video | with a depth or disparity map ([`Request::depth_map`]), reprojected to
 //! views |
 //! | `.ply`, `.splat`, `.spz` | splats, rendered from a camera ([`SplatViews`]) |
 //! | `builtin:NAME` | a scene rendered at any resolution and number of views ([`BUILTINS`]) |

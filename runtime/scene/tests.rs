@@ -6,6 +6,8 @@ mod cameras;
 mod drawn;
 #[path = "generated_tests.rs"]
 mod generated;
+#[path = "halves_tests.rs"]
+mod halves;
 #[path = "interpolate_tests.rs"]
 mod interpolate;
 #[path = "kept_tests.rs"]

@@ -40,7 +40,7 @@ impl Wanted {
         match self {
             Self::Scene => {
                 "a scene is a folder of views, a NumPy array of them, a picture (PNG, JPEG, EXR, TIFF, BMP, PPM) with a depth map, \
-                 a .y4m video with one, splats (.ply, .splat, .spz), or builtin:NAME"
+                 a video with one, splats (.ply, .splat, .spz), or builtin:NAME"
             }
             Self::DepthMap => {
                 "a depth map is a grayscale PNG, JPEG, TIFF, PGM or BMP, an EXR, a PFM or a NumPy array (.npy)"

@@ -23,6 +23,7 @@ mod still_life;
 mod targets;
 mod texture;
 
+use crate::formats::options::with_camera;
 use crate::{LightField, Request, SceneError};
 use eyebox_base::error::Reason;
 use eyebox_base::memory;
@@ -179,8 +180,7 @@ pub(super) fn from_places<const N: usize>(
     let (name, parameters) = parse(source)?;
     let (display, n) = (request.display, request.views as f64);
     let (head, query) = source.split_once('?').unwrap_or((source, ""));
-    let kept = query.split('&').filter(|pair| !pair.is_empty() && !pair.starts_with("camera="));
-    let mut options: Vec<String> = kept.map(str::to_owned).collect();
+    let mut query = query.to_owned();
     let cameras = places.map(|place| parameters.camera + place);
     if name != "plane" && parameters.span.is_none() {
         let (height, width) = display.picture_size();
@@ -189,13 +189,9 @@ pub(super) fn from_places<const N: usize>(
         let per_metre = f64::from(Canvas { height, width }.pixel()) / (display.focal_length * display.picture_pixel());
         let span = half_span(display).min(LARGEST_TILT / (per_metre * reach).max(f64::MIN_POSITIVE));
         // It is rounded down, so that the scene stays within the limit.
-        options.push(format!("span={}", (span * 1e7).floor() / 1e4));
+        query.push_str(&format!("&span={}", (span * 1e7).floor() / 1e4));
     }
-    Ok(cameras.map(|camera| {
-        let camera = format!("camera={}", (camera * 1e7).round() / 1e4);
-        let options: Vec<&str> = options.iter().map(String::as_str).chain([camera.as_str()]).collect();
-        format!("builtin:{head}?{}", options.join("&"))
-    }))
+    Ok(cameras.map(|camera| format!("builtin:{head}?{}", with_camera(&query, camera))))
 }
 
 /// Renders `builtin:source` at the display's resolution.

@@ -1,6 +1,7 @@
 //! Reads depth and disparity maps of a single picture.
 
 use crate::SceneError;
+use crate::formats::options::parts;
 use crate::formats::still;
 use crate::formats::{pfm, video};
 use crate::light_field::near::GrayValues;
@@ -39,7 +40,8 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
     }
     let bytes = || files::read::bytes(path, files::read::PICTURE).map_err(|e| SceneError::unreadable(path, &e));
     // The name identifies a frame of a video, and the content identifies every other kind.
-    let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(path)? };
+    let file = path.to_str().map_or(path, |source| parts(source).0);
+    let found = if video::named(path).is_some() { FileKind::Y4m } else { kind_of(file)? };
     let GrayValues { height, width, kind, mut values, range } = match found {
         FileKind::Pfm => pfm::parse(&bytes()?).map_err(corrupt)?,
         FileKind::Npy | FileKind::Npz => array(path, stated)?,

@@ -1,5 +1,6 @@
 //! Reads the options after the question mark of a file name.
 
+use crate::formats::halves::Half;
 use crate::formats::tone::Tone;
 use crate::light_field::light::Transfer;
 use eyebox_base::error::Reason;
@@ -8,7 +9,7 @@ use std::path::Path;
 
 /// Lists of the options, for people.
 const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
-pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, with a depth map camera=MM, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
+pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER, with a depth map camera=MM and depth=left (right, top or bottom) for the half that has the depths, and one of many views grid=ROWSxCOLUMNS, mosaic or lenslets, with & between";
 
 /// Returns the path of a source that is not a built-in scene, and its options. A file name may have a question mark
 /// itself.
@@ -18,6 +19,13 @@ pub(crate) fn parts(source: &str) -> (&Path, &str) {
         Some((path, query)) if !whole.exists() => (Path::new(path), query),
         _ => (whole, ""),
     }
+}
+
+/// Returns a query with the option `camera` for this position in meters.
+pub(crate) fn with_camera(query: &str, camera: f64) -> String {
+    let kept = query.split('&').filter(|pair| !pair.is_empty() && !pair.starts_with("camera="));
+    let camera = format!("camera={}", (camera * 1e7).round() / 1e4);
+    kept.chain([camera.as_str()]).collect::<Vec<_>>().join("&")
 }
 
 /// The arrangement of views in a picture.
@@ -74,6 +82,7 @@ impl Options {
                     options.camera =
                         1e-3 * camera.ok_or_else(|| reason!("option-value", "'{part}': it must be {must}"))?;
                 }
+                ("depth" | "half", value) if !is_array => drop(Half::named(value)?),
                 ("mosaic", "") if !is_array => options.tiling = Some(Tiling::Views),
                 ("lenslets", "") if !is_array => options.tiling = Some(Tiling::Lenslets),
                 _ => return Err(reason!("option", "'{part}': {}", if is_array { ARRAYS } else { PICTURES })),

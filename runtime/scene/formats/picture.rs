@@ -1,6 +1,7 @@
 //! Reads pictures from files as planes of linear light.
 
 use crate::SceneError;
+use crate::formats::halves::Half;
 use crate::formats::png_tone;
 use crate::formats::tone::{Reading, Stored};
 use crate::light_field::light::{Picture, Transfer};
@@ -100,9 +101,19 @@ fn mixed(planes: &[Vec<f32>], shares: [f64; 3]) -> Vec<f32> {
     pixels.map(|((red, green), blue)| (r * red + g * green + b * blue).max(0.0)).collect()
 }
 
-/// Reads the stored values of a gray picture. In floats, one of three channels may have them.
-pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
-    let image = read_pixels(path, Wanted::DepthMap, ONE)?;
+/// Reads the stored values of a gray picture, or of a gray half of a picture. In floats, one of three channels may have
+/// them.
+pub(crate) fn stored(path: &Path, half: Option<Half>) -> Result<GrayValues, SceneError> {
+    let mut image = read_pixels(path, Wanted::DepthMap, ONE)?;
+    if let Some(half) = half {
+        let (size, channels) = ([image.height, image.width], image.channels);
+        image.samples = match &image.samples {
+            Samples::U8(v) => Samples::U8(half.cut(v, size, channels)),
+            Samples::U16(v) => Samples::U16(half.cut(v, size, channels)),
+            Samples::F32(v) => Samples::F32(half.cut(v, size, channels)),
+        };
+        [image.height, image.width] = half.size(size);
+    }
     let (channels, has_color) = (image.channels, image.has_color());
     let (kind, values): (_, Vec<f32>) = match &image.samples {
         Samples::U8(v) => (Kind::Bytes, gray(v, channels, has_color, |a, b| a.abs_diff(b) <= 8)),

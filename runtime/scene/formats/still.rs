@@ -1,5 +1,6 @@
 //! Reads one picture, which is a file of its own or a frame of a video.
 
+use crate::formats::halves::Half;
 use crate::formats::options::Options;
 use crate::formats::tone::{Reading, Tone};
 use crate::formats::video_color::Matrix;
@@ -12,19 +13,29 @@ use std::path::Path;
 
 /// Returns rows and columns, from the header alone.
 pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
-    video::named(path).map_or_else(|| picture::size(parts(path)?.0, picture::ONE), |(file, _)| video::size(&file))
+    let whole = match video::named(path) {
+        Some((file, _)) => video::size(&file)?,
+        None => picture::size(parts(path)?.0, picture::ONE)?,
+    };
+    Ok(Half::of(path).map_or(whole, |half| half.size(whole)))
 }
 
 /// Reads the planes of `colors` in linear light.
 pub(crate) fn read(path: &Path, colors: &[Color]) -> Result<Picture, SceneError> {
-    if let Some((file, frame)) = video::named(path) {
-        return video::read(&file, frame.unwrap_or(0), colors, Matrix::stated(path));
-    }
-    let (file, tone) = parts(path)?;
-    let reading = Reading::new(tone);
-    let picture = picture::read(file, picture::ONE, colors, &reading)?;
-    reading.judge(file, FullScale::File)?;
-    Ok(picture)
+    let whole = match video::named(path) {
+        Some((file, frame)) => video::read(&file, frame.unwrap_or(0), colors, Matrix::stated(path))?,
+        None => {
+            let (file, tone) = parts(path)?;
+            let reading = Reading::new(tone);
+            let picture = picture::read(file, picture::ONE, colors, &reading)?;
+            reading.judge(file, FullScale::File)?;
+            picture
+        }
+    };
+    Ok(match Half::of(path) {
+        Some(half) => half.picture(whole),
+        None => whole,
+    })
 }
 
 /// Returns the EXIF orientation by which a picture is rotated, 1 to 8. The value 1 means as stored.
@@ -43,8 +54,15 @@ fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
 
 /// Reads the stored values of a gray picture.
 pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
+    let half = Half::of(path);
     match video::named(path) {
-        Some((file, frame)) => video::stored(&file, frame.unwrap_or(0)),
-        None => picture::stored(path),
+        None => picture::stored(parts(path)?.0, half),
+        Some((file, frame)) => {
+            let whole = video::stored(&file, frame.unwrap_or(0))?;
+            Ok(match half {
+                Some(half) => half.values(whole),
+                None => whole,
+            })
+        }
     }
 }

@@ -17,6 +17,10 @@ pub(crate) enum Matrix {
 /// Rows and columns from which videos are high definition.
 const HIGH_DEFINITION: [usize; 2] = [720, 1280];
 
+pub(crate) fn is_high_definition([rows, columns]: [usize; 2]) -> bool {
+    rows >= HIGH_DEFINITION[0] || columns >= HIGH_DEFINITION[1]
+}
+
 impl Matrix {
     /// Reads the matrix after the question mark of a source, as in `clip.y4m?matrix=bt709`.
     pub fn stated(source: &Path) -> Option<Self> {
@@ -43,7 +47,7 @@ impl Matrix {
     /// # Errors
     /// [`SceneError::Matrix`] if the matrix is not known.
     pub fn usual(file: &str, [rows, columns]: [usize; 2], of_ffmpeg: bool) -> Result<Self, SceneError> {
-        if of_ffmpeg || rows >= HIGH_DEFINITION[0] || columns >= HIGH_DEFINITION[1] {
+        if of_ffmpeg || is_high_definition([rows, columns]) {
             return Err(SceneError::Matrix { file: file.into() });
         }
         Ok(Self::Bt601)

@@ -1,6 +1,7 @@
 //! Tests videos of every layout, and videos that are refused.
 
 use super::*;
+use crate::light_field::near::Kind;
 use eyebox_base::error::ErrorData;
 
 /// Makes four frames of one color each, which are white, black, red and blue of ITU-R BT.601. The header has these

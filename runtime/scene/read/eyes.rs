@@ -1,6 +1,6 @@
 //! Finds the scene that each of two eyes sees.
 
-use crate::formats::options::parts;
+use crate::formats::options::{parts, with_camera};
 use crate::formats::video;
 use crate::read::source::Source;
 use crate::{Request, SceneError, builtin};
@@ -27,13 +27,7 @@ pub fn of_two_eyes(source: &str, request: &Request, eyes: [f64; 2]) -> Result<[S
     match Source::of(source)? {
         Source::Picture(path) if video::named(path).is_none() => {
             let (file, query) = parts(source);
-            let (file, kept) = (file.display(), query.split('&').filter(|pair| !pair.is_empty()));
-            let kept: Vec<&str> = kept.filter(|pair| !pair.starts_with("camera=")).collect();
-            Ok(eyes.map(|eye| {
-                let camera = format!("camera={}", (eye * 1e7).round() / 1e4);
-                let options: Vec<&str> = kept.iter().copied().chain([camera.as_str()]).collect();
-                format!("{file}?{}", options.join("&"))
-            }))
+            Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_camera(query, eye))))
         }
         _ => Err(SceneError::Options {
             scene: source.into(),

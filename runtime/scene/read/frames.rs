@@ -2,7 +2,7 @@
 
 use crate::light_field::natural::{files, is_picture, natural};
 use crate::read::names::{is_auxiliary, square};
-use crate::{SceneError, formats::video, read::folder, read::planes, read::stack};
+use crate::{SceneError, formats::video, read::folder, read::given};
 use eyebox_base::files::{FileError, FileKind};
 use eyebox_base::reason;
 use std::fs;
@@ -17,7 +17,7 @@ pub fn sequence(source: &str, maps: &[PathBuf]) -> Result<Option<Vec<String>>, S
     let path = Path::new(source);
     if path.is_dir() {
         // A folder with a focal stack or with layers is one scene.
-        if stack::find(path)?.is_some() || planes::find(path)?.is_some() {
+        if given::find(path)?.is_some() {
             return Ok(None);
         }
         return if maps.is_empty() { frames(path) } else { pictures(path).map(Some) };

@@ -8,16 +8,18 @@ use crate::formats::options::parts;
 use crate::read::source::{Source, ViewSource};
 use crate::splats::format::Format;
 use crate::{
-    LightField, SceneError, formats::video, read::folder, read::frames, read::planes, read::settings, read::stack,
+    LightField, SceneError,
+    formats::video,
+    read::folder,
+    read::frames,
+    read::given,
+    read::settings::{self, SETTINGS},
 };
 use eyebox_base::files::{self, Digester};
 use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// Files that determine how the views of a folder are read.
-const SETTINGS: [&str; 2] = ["lightfield.toml", "parameters.cfg"];
 
 /// Returns the digest of all files that loading a scene reads, without its depth map. A built-in scene returns `None`,
 /// because its name identifies it completely.
@@ -74,11 +76,8 @@ pub fn path_and_options(source: &str) -> Option<(PathBuf, &str)> {
 /// Returns the files of a folder that loading reads. The views come first, in their order, and then the files that
 /// determine how they are read.
 fn in_folder(path: &Path) -> Result<Vec<PathBuf>, SceneError> {
-    if let Some(planes) = planes::find(path)? {
-        return Ok(planes.into_files(path.join(SETTINGS[0])));
-    }
-    if let Some(stack) = stack::find(path)? {
-        return Ok(stack.into_files(path.join(SETTINGS[0])));
+    if let Some(given) = given::find(path)? {
+        return Ok(given.files());
     }
     let found = folder::find(path).map_err(|error| frames::explain(path, error))?;
     let all = crate::light_field::natural::files(path)?;

@@ -3,28 +3,26 @@
 //! The settings of the folder state the vergence of each picture. Views show the pictures one in front of the other,
 //! each displaced by its depth.
 
+use crate::formats::picture;
 use crate::formats::tone::Reading;
 use crate::light_field::light::FullScale;
-use crate::read::settings::{self, Settings};
+use crate::read::pictures::Pictures;
 use crate::read::single::enough_views;
 use crate::read::views::{Frame, Read};
 use crate::synthesis::given::{Layer, Places, views_of_layers};
 use crate::{Order, OrderFound, Parallax, Request, SceneError, ViewGrid};
-use crate::{formats::picture, light_field::natural, read::names};
 use eyebox_base::error::Reason;
-use eyebox_base::files::{Samples, Wanted, holds_light, read_pixels};
+use eyebox_base::files::{Samples, Wanted, read_pixels};
 use eyebox_base::reason;
 use eyebox_optics::{check_usual_depths, depth_of_dioptres};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// A folder whose settings state layers.
-pub(crate) struct Found {
-    stated: Settings,
-    /// The pictures in the order of their numbers.
-    paths: Vec<PathBuf>,
+/// A multi-plane image in a folder.
+pub(crate) struct Planes {
+    pub pictures: Pictures,
     /// Vergence of each picture in diopters.
-    dioptres: Vec<f64>,
+    pub dioptres: Vec<f64>,
 }
 
 /// A picture of the size of the display. Its light is multiplied by its opacity.
@@ -33,71 +31,27 @@ struct Opened {
     opacity: Vec<f32>,
 }
 
-/// Returns the layers that a folder states. It returns `None` if the folder states none.
-///
-/// # Errors
-/// [`SceneError::Settings`] if the numbers of layers and pictures differ.
-pub(crate) fn find(folder: &Path) -> Result<Option<Found>, SceneError> {
-    const NAME: &str = "lightfield.toml";
-    let file = folder.join(NAME);
-    if !file.exists() {
-        return Ok(None);
-    }
-    let stated = settings::read(folder, &[NAME.into()])?;
-    let Some(dioptres) = stated.layers.clone() else { return Ok(None) };
-    let is_one = |name: &String| match &stated.files {
-        Some(files) => names::matches(files, name),
-        None => !names::is_auxiliary(name),
-    };
-    let mut pictures = natural::files(folder)?;
-    pictures.retain(|name| natural::is_picture(name) && is_one(name));
-    if pictures.len() != dioptres.len() || pictures.is_empty() {
-        let reason = reason!(
-            "layers-count",
-            "layers_dioptres has {} vergences, but the folder has {} pictures. Give one for each, in the order of the \
-             numbers in their names",
-            dioptres.len(),
-            pictures.len()
-        );
-        return Err(SceneError::Settings { file: file.display().to_string(), reason });
-    }
-    let paths = pictures.into_iter().map(|name| folder.join(name)).collect();
-    Ok(Some(Found { stated, paths, dioptres }))
-}
-
-impl Found {
-    /// Returns the files of the layers, with the settings file first.
-    pub fn into_files(self, settings: PathBuf) -> Vec<PathBuf> {
-        [settings].into_iter().chain(self.paths).collect()
-    }
-
-    /// Returns rows and columns of the pictures, which have one size.
-    pub fn size(&self) -> Result<[usize; 2], SceneError> {
-        picture::size_of_all(&self.paths, |first| first.display().to_string())
-    }
-
+impl Planes {
     /// Reads the pictures and makes views of them.
     pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
-        let (own, display) = (self.size()?, request.display);
-        let wrong = |reason: Reason| SceneError::Settings {
-            file: folder.join("lightfield.toml").display().to_string(),
-            reason,
-        };
+        let (own, display) = (self.pictures.size()?, request.display);
+        let Pictures { stated, paths, file } = &self.pictures;
+        let wrong = |reason: Reason| SceneError::Settings { file: file.display().to_string(), reason };
         let depths: Vec<f64> = self.dioptres.iter().map(|d| depth_of_dioptres(*d, display.focal_length)).collect();
         let depth = depths.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| [a.min(*z), b.max(*z)]);
         if !request.force {
             check_usual_depths(depth).map_err(|e| wrong(reason!("layers", "layers_dioptres: {e}")))?;
         }
         let n = if request.more_views { enough_views(folder, request, depth) } else { request.views };
-        let frame = Frame::new(own, n * n + 2 * self.paths.len(), request)?;
-        let reading = Reading::new(self.stated.tone);
+        let frame = Frame::new(own, n * n + 2 * paths.len(), request)?;
+        let reading = Reading::new(stated.tone);
         let read = |path: &PathBuf| -> Result<Opened, SceneError> {
             let light = picture::read(path, picture::ONE, request.colors, &reading)?;
             let mut planes = frame.fit([light.planes, vec![opacity(path)?]].concat());
             let opacity = planes.pop().unwrap_or_default();
             Ok(Opened { planes, opacity })
         };
-        let read = self.paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
+        let read = paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
         reading.judge(folder, FullScale::Folder)?;
         // Scaled pictures are unmultiplied again, because layers are given without their opacity.
         let bare: Vec<Opened> = read.into_iter().map(Opened::bare).collect();
@@ -118,11 +72,10 @@ impl Found {
         let from = Places { places: &places, per_metre, size: [rows, columns] };
         let planes = views_of_layers(&layers, &from).map_err(wrong)?;
         let how = format!("{} layers from {:.3} to {:.3} D", layers.len(), self.least(), self.most());
-        let bare_frame = frame.field(folder, [0, 0], Vec::new(), request, &self.stated, None);
+        let bare_frame = frame.field(folder, [0, 0], Vec::new(), request, stated, None);
         let field = bare_frame.with_made(grid, planes, depth);
         let parallax = Parallax::of(&field);
-        let transfer = holds_light(&self.paths[0]).map_or("sRGB".into(), |kind| format!("linear ({kind})"));
-        let transfer = self.stated.tone.transfer.map_or(transfer, |_| "as stated".into());
+        let transfer = self.pictures.transfer();
         let (order, order_found) = (Order::default(), OrderFound::AsNamed);
         Ok(Read { field, how, order, order_stated: true, order_found, parallax, cameras: None, size: own, transfer })
     }

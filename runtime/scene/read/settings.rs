@@ -12,6 +12,9 @@ use eyebox_optics::{check_usual_aperture, check_usual_depths, check_usual_view_p
 use serde::Deserialize;
 use std::path::Path;
 
+/// Files that determine how the views of a folder are read.
+pub(crate) const SETTINGS: [&str; 2] = ["lightfield.toml", "parameters.cfg"];
+
 /// The stated facts about a folder's views. Lengths are in meters, and disparities in pixels of the original views.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Settings {

@@ -3,6 +3,7 @@
 use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
     depth::map::{self, Map},
+    formats::halves,
     formats::options::{Options, parts},
     formats::still,
     formats::video,
@@ -12,6 +13,7 @@ use crate::{
     synthesis::reproject::{Relief, relief},
 };
 use eyebox_base::memory;
+use eyebox_base::reason;
 use eyebox_optics::{Color, Display};
 use rayon::prelude::*;
 use std::path::Path;
@@ -50,7 +52,19 @@ impl Reprojection {
 
     /// Prepares the picture for views at most `reach` cells from the middle, as a function of the number of views.
     fn with_reach(path: &Path, request: &Request, reach: impl Fn(f64) -> f64) -> Result<Self, SceneError> {
-        let map_path = request.depth_map.ok_or_else(|| SceneError::NoDepthMap { file: path.display().to_string() })?;
+        let within = halves::map_in(path);
+        let map_path = match (request.depth_map, within.as_deref()) {
+            (Some(map), None) | (None, Some(map)) => map,
+            (None, None) => return Err(SceneError::NoDepthMap { file: path.display().to_string() }),
+            (Some(map), Some(_)) => {
+                let reason = reason!(
+                    "two-maps",
+                    "it has its depths in one half, and {} is another depth map. Leave out one",
+                    map.display()
+                );
+                return Err(SceneError::Options { scene: path.display().to_string(), reason });
+            }
+        };
         let reversed = request.depth.is_some_and(|[a, b]| a > b);
         if reversed && request.near.is_some_and(Near::is_larger) {
             return Err(SceneError::Request {

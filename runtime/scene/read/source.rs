@@ -4,7 +4,7 @@ use crate::formats::options::{Options, Tiling, parts};
 use crate::formats::{picture, video};
 use crate::light_field::cameras::Quilt;
 use crate::read::views::Read;
-use crate::read::{array, capture, folder, frames, mosaic, planes, stack};
+use crate::read::{array, capture, folder, frames, given, mosaic};
 use crate::splats::{self, format::Format};
 use crate::{Request, SceneError};
 use eyebox_base::error::Reason;
@@ -38,10 +38,9 @@ impl ViewSource<'_> {
     /// Returns rows and columns of a view's own pixels, from names and headers alone if these are sufficient.
     pub fn size(&self) -> Result<[usize; 2], SceneError> {
         match self {
-            Self::Folder(path) => match (stack::find(path)?, planes::find(path)?) {
-                (Some(stack), _) => stack.size(),
-                (None, Some(planes)) => planes.size(),
-                (None, None) => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
+            Self::Folder(path) => match given::find(path)? {
+                Some(given) => given.size(),
+                None => folder::list(path).map(|l| l.size).map_err(|error| frames::explain(path, error)),
             },
             Self::Array(path, options) => array::size(path, options),
             Self::Mosaic(path, tiling, options) => mosaic::size(path, *tiling, options),
@@ -51,10 +50,9 @@ impl ViewSource<'_> {
     /// Reads the views in any order.
     pub fn read(&self, request: &Request) -> Result<Read, SceneError> {
         match self {
-            Self::Folder(path) => match (stack::find(path)?, planes::find(path)?) {
-                (Some(stack), _) => stack.read(path, request),
-                (None, Some(planes)) => planes.read(path, request),
-                (None, None) => folder::read(path, request).map_err(|error| frames::explain(path, error)),
+            Self::Folder(path) => match given::find(path)? {
+                Some(given) => given.read(path, request),
+                None => folder::read(path, request).map_err(|error| frames::explain(path, error)),
             },
             Self::Array(path, options) => array::read(path, options, request),
             Self::Mosaic(path, tiling, options) => mosaic::read(path, *tiling, options, request),
@@ -79,9 +77,9 @@ impl<'a> Source<'a> {
         if video::named(Path::new(source)).is_some_and(|(file, _)| file.is_file()) {
             return Ok(Self::Picture(Path::new(source)));
         }
-        let is_video = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("y4m"));
-        if !query.is_empty() && is_video(path) && path.is_file() {
-            let takes = "a video takes matrix=bt601 or matrix=bt709, and frame=NUMBER, with & between";
+        if !query.is_empty() && video::named(path).is_some() && path.is_file() {
+            let takes = "a video takes frame=NUMBER, and depth=left (right, top or bottom) for the half that has the \
+                         depths, and a .y4m file matrix=bt601 or matrix=bt709, with & between";
             return Err(SceneError::Options {
                 scene: source.into(),
                 reason: reason!("option-of-another", "'{query}': {takes}"),

@@ -13,6 +13,8 @@ pub enum Ground {
     Usual,
     /// The folder of the situation, in which `full` is a disk of its own with these options of `mount`.
     Disk(&'static str),
+    /// The folder of the situation, on a machine without other programs, such as ffmpeg.
+    Bare,
     /// The folder of the situation, for a user without more rights than the files give.
     Stranger,
 }
@@ -34,6 +36,7 @@ impl Ground {
                     .map(|unshare| words(&[unshare, &["sh", "-c", &mount]].concat()))
                     .to_vec()
             }
+            Self::Bare => vec![words(&["env", "PATH="])],
             Self::Stranger if !is_root() => return Ok(Vec::new()),
             Self::Stranger => {
                 open(at, 0o755);

@@ -2,6 +2,7 @@
 
 use crate::depths::{codes, photo};
 use crate::frame::{Case, Chapter, Remedy, Situation, case, change, convert, mended};
+use crate::ground::Ground;
 use crate::judge::{Canon, Judge};
 use crate::made::{EXACT, GRID, SIZE, save};
 use crate::write::{file, npy, png, y4m, zip};
@@ -141,7 +142,7 @@ pub fn chapter() -> Chapter {
             file(&at.join("depth.png"), png(depth()));
         })
         .refused("scene/corrupt/frame-cut-short", mended("copy it again", again), RIGHT),
-        case("A video is an MP4 file.", format!("render clip.mp4 {STATED}"), |at| {
+        case("A video is an MP4 file, and ffmpeg is missing.", format!("render clip.mp4 {STATED}"), |at| {
             file(&at.join("clip.mp4"), b"\0\0\0\x18ftypisom");
             file(&at.join("depth.png"), png(depth()));
         })
@@ -151,7 +152,8 @@ pub fn chapter() -> Chapter {
                 file(&at.join("clip.y4m"), y4m(&picture(), "C444", 8, false, BT709));
             }),
             RIGHT,
-        ),
+        )
+        .on(Ground::Bare),
     ];
     Chapter { title: "Videos", about: "One frame of a video in the format YUV4MPEG2, with a depth map.", situations }
 }

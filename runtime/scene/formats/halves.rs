@@ -1,0 +1,110 @@
+//! Takes one half of a picture that has colors in one half and depths in the other one.
+
+use crate::formats::options::parts;
+use crate::light_field::light::Picture;
+use crate::light_field::near::GrayValues;
+use eyebox_base::error::Reason;
+use eyebox_base::reason;
+use std::path::{Path, PathBuf};
+
+/// A half of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Half {
+    Left,
+    Right,
+    Top,
+    Bottom,
+}
+
+impl Half {
+    /// Reads the name of a half.
+    pub fn named(name: &str) -> Result<Self, Reason> {
+        match name {
+            "left" => Ok(Self::Left),
+            "right" => Ok(Self::Right),
+            "top" => Ok(Self::Top),
+            "bottom" => Ok(Self::Bottom),
+            other => Err(reason!("half", "'{other}' is no half of a picture, which is left, right, top or bottom")),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Top => "top",
+            Self::Bottom => "bottom",
+        }
+    }
+
+    fn other(self) -> Self {
+        match self {
+            Self::Left => Self::Right,
+            Self::Right => Self::Left,
+            Self::Top => Self::Bottom,
+            Self::Bottom => Self::Top,
+        }
+    }
+
+    /// Returns the half that a source shows. It is the one that `half` names, or the one beside the half of `depth`.
+    pub fn of(source: &Path) -> Option<Self> {
+        let half = |key: &str| query(source)?.split('&').find_map(|part| Self::named(part.strip_prefix(key)?).ok());
+        half("half=").or_else(|| half("depth=").map(Self::other))
+    }
+
+    /// Returns rows and columns of this half of a picture. The middle row or column of an odd number is left out.
+    pub fn size(self, [rows, columns]: [usize; 2]) -> [usize; 2] {
+        match self {
+            Self::Left | Self::Right => [rows, columns / 2],
+            Self::Top | Self::Bottom => [rows / 2, columns],
+        }
+    }
+
+    /// Returns this half of a plane of interleaved channels.
+    pub fn cut<T: Copy>(self, plane: &[T], [rows, columns]: [usize; 2], channels: usize) -> Vec<T> {
+        let [height, width] = self.size([rows, columns]);
+        let [top, left] = match self {
+            Self::Left | Self::Top => [0, 0],
+            Self::Right => [0, columns - width],
+            Self::Bottom => [rows - height, 0],
+        };
+        let row = |y: usize| plane[((top + y) * columns + left) * channels..][..width * channels].iter().copied();
+        (0..height).flat_map(row).collect()
+    }
+
+    /// Returns this half of a picture.
+    pub fn picture(self, whole: Picture) -> Picture {
+        let size = [whole.height, whole.width];
+        let planes = whole.planes.iter().map(|plane| self.cut(plane, size, 1)).collect();
+        let [height, width] = self.size(size);
+        let read_as = format!("{}, {} half", whole.read_as, self.name());
+        Picture { height, width, planes, read_as }
+    }
+
+    /// Returns this half of the values of a gray picture.
+    pub fn values(self, whole: GrayValues) -> GrayValues {
+        let size = [whole.height, whole.width];
+        let [height, width] = self.size(size);
+        GrayValues { height, width, values: self.cut(&whole.values, size, 1), ..whole }
+    }
+}
+
+fn query(source: &Path) -> Option<&str> {
+    let text = source.to_str()?;
+    match parts(text).1 {
+        "" => None,
+        query => Some(query),
+    }
+}
+
+/// Returns the source of the depth map that a picture has in one of its halves.
+pub(crate) fn map_in(source: &Path) -> Option<PathBuf> {
+    let query = query(source)?;
+    if !query.split('&').any(|part| part.starts_with("depth=")) {
+        return None;
+    }
+    let halves =
+        query.split('&').map(|part| part.strip_prefix("depth=").map_or(part.to_owned(), |half| format!("half={half}")));
+    let halves: Vec<String> = halves.collect();
+    Some(format!("{}?{}", parts(source.to_str()?).0.display(), halves.join("&")).into())
+}
