@@ -75,7 +75,7 @@ fn either_half_of_a_picture_has_the_depths() {
     assert_eq!(ErrorData::of(&error).code, "options/half");
 }
 
-/// The frames of a video in both formats are those of its pictures.
+/// The frames of a video in both formats show the same as its pictures.
 #[test]
 fn a_video_has_the_depths_in_a_half() {
     let here = tempfile::tempdir().unwrap();

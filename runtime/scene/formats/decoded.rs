@@ -28,7 +28,7 @@ struct Version {
     length: u64,
 }
 
-/// A running decoder.
+/// A running decoder, with the position of its video.
 struct Running {
     of: (Version, What),
     stated: Stated,
@@ -39,7 +39,7 @@ struct Running {
     last: Option<Arc<Vec<u8>>>,
 }
 
-/// A decoded frame.
+/// A decoded frame and its layout.
 struct Frame {
     stated: Stated,
     layout: Layout,
@@ -92,7 +92,7 @@ impl Running {
     }
 }
 
-/// Decodes a frame.
+/// Decodes a frame of a file.
 fn frame(path: &Path, what: What, frame: usize) -> Result<Frame, SceneError> {
     let of = (version(path)?, what);
     // A decoder is taken out of the list while it decodes, so that others do not wait for it.

@@ -1,8 +1,8 @@
 //! Decodes videos of any format by a child process of ffmpeg, as YUV4MPEG2.
 //!
 //! Frames leave ffmpeg deinterlaced, upright and with square pixels, as Y'CbCr of BT.709 with 16 bits and without
-//! subsampling, or as gray of 16 bits. Thus the samples of any source keep their values to a fraction of a level. A video without a stated
-//! matrix has that of BT.709 if it is high definition, and otherwise that of BT.601, as players assume.
+//! subsampling, or as gray of 16 bits. Thus the samples of any source keep their values to a fraction of a level. A video of high definition
+//! without a stated matrix has the matrix of BT.709, and other videos have the matrix of BT.601, as players assume.
 
 use crate::SceneError;
 use crate::formats::video_color::is_high_definition;
@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 const ENDINGS: [&str; 16] =
     ["mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "m2ts", "mts", "wmv", "flv", "ogv", "3gp", "mxf"];
 
-/// Returns true if the name is that of a video, and ffmpeg is there to decode it.
+/// Returns true if a file has the name of a video, and ffmpeg is there to decode it.
 pub(crate) fn decodes(path: &Path) -> bool {
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     ENDINGS.contains(&ending.as_str()) && is_here()
@@ -36,7 +36,7 @@ fn is_here() -> bool {
     })
 }
 
-/// What is decoded.
+/// The part of a frame that is decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum What {
     Colors,
@@ -64,7 +64,7 @@ pub(crate) struct Stated {
 
 fn failed(path: &Path, said: &str) -> SceneError {
     let said = said.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("it does not say why").trim();
-    let reason = reason!("video-undecoded", "ffmpeg cannot decode it: {said}");
+    let reason = reason!("video-undecoded", "ffmpeg cannot decode it ({said})");
     SceneError::Corrupt { file: path.display().to_string(), reason }
 }
 
@@ -137,7 +137,7 @@ impl Stated {
         let is_full = match value("color_range").as_deref() {
             Some("pc") => true,
             Some("tv") if !is_rgb => false,
-            // Gray values without a statement are those of pictures.
+            // Gray values without a statement have the full range, as in pictures.
             _ => is_rgb || is_gray || pixels.starts_with("yuvj"),
         };
         let alpha_mode = value("TAG:alpha_mode").or_else(|| value("alpha_mode")).is_some_and(|mode| mode == "1");

@@ -46,7 +46,7 @@ impl Half {
         }
     }
 
-    /// Returns the half that a source shows. It is the one that `half` names, or the one beside the half of `depth`.
+    /// Returns the half that a source shows. It is the one that `half` names, or the other half if `depth` names one.
     pub fn of(source: &Path) -> Option<Self> {
         let half = |key: &str| query(source)?.split('&').find_map(|part| Self::named(part.strip_prefix(key)?).ok());
         half("half=").or_else(|| half("depth=").map(Self::other))

@@ -197,7 +197,7 @@ impl Layout {
 }
 
 impl Video {
-    /// Opens a file.
+    /// Opens a `.y4m` file.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
         let unreadable = |e: std::io::Error| SceneError::unreadable(path, &e);
         let file = read::open(path).map_err(unreadable)?;

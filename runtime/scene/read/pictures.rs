@@ -11,7 +11,7 @@ pub(crate) struct Pictures {
     pub stated: Settings,
     /// The pictures in the order of their numbers.
     pub paths: Vec<PathBuf>,
-    /// The settings file.
+    /// The file of the settings.
     pub file: PathBuf,
 }
 
