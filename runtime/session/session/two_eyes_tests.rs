@@ -270,6 +270,7 @@ fn both_eyes_seek_together() {
         };
         let options = SessionOptions {
             display_rate: Some(Rate::new(60, 1).unwrap()),
+            duration: Some(Duration::from_secs(60)),
             observer: Some(Box::new(observer)),
             ..SessionOptions::default()
         };
@@ -281,7 +282,9 @@ fn both_eyes_seek_together() {
         while session.is_running() {
             std::thread::sleep(Duration::from_millis(2));
         }
-        session.stop().result.unwrap();
+        let ended = session.stop();
+        ended.result.unwrap();
+        assert_eq!(ended.statistics.ended_by, Ending::End, "{stereo:?}");
         let lit: Vec<(u64, [u32; 2])> = frames.lock().unwrap().iter().filter_map(|(i, h)| i.map(|i| (i, *h))).collect();
         for (number, halves) in &lit {
             assert_eq!(*halves, [of_left[*number as usize], of_right[*number as usize]], "{stereo:?} {number}");
