@@ -25,8 +25,10 @@ pub const EXP: [f32; 6] =
 
 /// Pixels along a tile.
 const N: usize = SIDE as usize;
-/// Pixels that are computed together.
-const LANES: usize = 8;
+/// Pixels of a row that are computed together.
+pub const LANES: usize = 8;
+/// Words of 4 bytes of a splat.
+pub const WORDS: usize = size_of::<Splat>() / 4;
 /// Splats between two checks for a tile that is completely opaque.
 const CHECKED: usize = 16;
 
@@ -222,8 +224,11 @@ mod tests {
     fn an_opaque_pixel_is_closed() {
         let args = Args::new(1, 1);
         let middle = Splat { conic: [1.0, 0.0, 1.0], columns: 1 << 16, rows: 1 << 16, ..Splat::default() };
-        let splats = [(1.0, 0.5), (0.95, 0.25), (0.9, 0.125), (0.01, 8.0)]
-            .map(|(opacity, color)| Splat { opacity, color: [color; 3], ..middle });
+        let splats = [(1.0, 0.5), (0.95, 0.25), (0.9, 0.125), (0.01, 8.0)].map(|(opacity, color)| Splat {
+            opacity,
+            color: [color; 3],
+            ..middle
+        });
         let mut picture = vec![0.0; VALUES];
         draw_splats(&args, &splats, &[0, 4], &[0, 1, 2, 3], &mut picture);
         // The opacity is at most 0.99, so the second leaves 5e-4 of the light. The third would leave 5e-5, which closes
