@@ -3,7 +3,7 @@
 #include "constants.glsl"
 
 // Draws one tile of a picture of splats, nearest first. An invocation draws pixels of one column. All of them read the
-// list of the tile in batches. The arithmetic is that of draw_splats.rs, in the same order.
+// list of the tile in batches. The arithmetic has the order of draw_splats.rs.
 
 const uint ROWS = TILE_THREADS / SPLAT_SIDE;
 const uint PIXELS = SPLAT_SIDE / ROWS;

@@ -4,7 +4,7 @@ use clap::{Args, Parser};
 use std::error::Error;
 use std::process::ExitCode;
 
-/// The argument that cargo adds to those of a benchmark.
+/// The argument that cargo adds to the arguments of a benchmark.
 #[derive(Args)]
 pub struct OfCargo {
     #[arg(long, hide = true)]

@@ -12,8 +12,8 @@ use eyebox_tests::both::{Noise, gpu};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Returns random splats of a picture with the nearest first, and their tiles. If there are several rows of tiles, those
-/// of the first row are empty.
+/// Returns random splats of a picture with the nearest first, and their tiles. The first row of tiles is
+/// empty if there are several rows.
 fn random(args: &Args, count: usize, opacity: f32, seed: u64) -> TiledSplats {
     let mut noise = Noise::new(seed);
     let [height, width] = [args.height, args.width].map(|n| n as f32);
@@ -122,7 +122,7 @@ impl SplatDrawer for Counted {
     }
 }
 
-/// The light field of a scene is drawn on the device of an engine, and is that of the CPU above 90 dB.
+/// The light field of a scene is drawn on the device of an engine, and equals the CPU's above 90 dB.
 #[test]
 fn a_scene_of_splats_is_drawn_on_the_device() {
     const SOURCE: &str = "builtin:still-life-splats";

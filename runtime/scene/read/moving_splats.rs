@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 /// Splats in front of a display, seen by a camera that moves.
 ///
-/// The depths of distances are those of the camera at the start, so that content does not change its depth because
-/// other content comes into the picture.
+/// The picture of the camera at the start determines the depths of distances, so that content does not change its depth
+/// because other content comes into the picture.
 pub struct MovingSplats {
     name: String,
     read_as: String,

@@ -34,7 +34,7 @@ pub struct SplatViews {
     pub(crate) drawer: Option<Arc<dyn SplatDrawer>>,
 }
 
-/// The views of a camera, and the depths of what it sees.
+/// The views of a camera, and the depths of its picture.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Placed {
     /// Number of views along each axis over the eyebox.

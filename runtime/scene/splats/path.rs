@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Reach of the built-in path to the sides, in proportion to the distance of the point that the camera looks at.
 const REACH: f64 = 0.12;
-/// Its reach upwards and towards that point, in proportion to its reach to the sides.
+/// The reach upwards and towards that point, in proportion to the reach to the sides.
 const RISE: f64 = 0.35;
 const NEARER: f64 = 0.8;
 

@@ -1,10 +1,9 @@
 //! Shows content of one eye, as it was solved or refined for the eye.
 
-use super::args::{ClockName, ShowSettings, StreamArgs};
+use super::args::{ClockName, ShowSettings, StreamArgs, WalkArgs};
 use super::bench_follower::FollowArgs;
 use super::playback;
 use super::tracked::{self, LiveOptions, Stage};
-use super::walk::WalkArgs;
 use crate::Failure;
 use crate::common;
 use crate::phases::UnfinishedArgs;

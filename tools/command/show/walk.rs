@@ -3,29 +3,15 @@
 use super::args::ShowSettings;
 use super::content::{Show, display, endless_needs_duration, kept_of_applications, refined};
 use super::tracked::{self, KeptSession, Stage};
-use crate::values::{S, positive_in};
 use crate::{Failure, common, subject::Steered};
-use clap::Args;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{CameraPath, MovingSplats, Request};
 use eyebox::low_level::session::SplatWalk;
 use std::path::Path;
 use std::time::Duration;
 
-/// The built-in path.
+/// The name of the built-in path.
 const AROUND: &str = "around";
-
-/// The options of the camera in front of splats.
-#[derive(Args)]
-pub struct WalkArgs {
-    /// Path of the camera in front of splats (around, or a file like cameras.json). Without it, the keys and the wheel
-    /// in the window of --view move the camera
-    #[arg(help_heading = "Scene", long, value_name = "PATH")]
-    pub walk: Option<String>,
-    /// Time of one round of the path, s
-    #[arg(help_heading = "Scene", long, value_name = "S", default_value_t = 12.0, value_parser = positive_in(S))]
-    pub walk_time: f64,
-}
 
 /// Refuses a path for content without a camera that moves.
 pub fn refuse(args: &Show, moves: bool) -> Result<(), Failure> {

@@ -61,8 +61,8 @@ const WALK: [&str; 18] = [
     "raw:shown.raw",
 ];
 
-/// With a tracker, views are drawn for the pupil while the camera moves along a path. Each is shown within two set
-/// periods, and a simulated clock shows the same bytes again. Without a path, the camera stays and views change with
+/// Views are drawn for the tracked pupil while the camera moves along a path. Each is shown within two set periods, and
+/// a simulated clock shows the same bytes again. Without a path, the camera stays and views change with
 /// the pupil alone.
 #[test]
 fn a_camera_walks_in_front_of_splats() {
@@ -75,7 +75,9 @@ fn a_camera_walks_in_front_of_splats() {
         // The display shows 60 sets a second.
         let longest_ms = content["arrival_to_light_ms"]["largest"].as_f64().expect("a time");
         assert!(longest_ms <= 2e3 / 60.0, "{said}");
-        (content["shown"].as_u64().expect("a count"), fs::read(at.join("shown.raw")).expect("frames"))
+        let frames = fs::read(at.join("shown.raw")).expect("frames");
+        fs::remove_file(at.join("shown.raw")).expect("the file");
+        (content["shown"].as_u64().expect("a count"), frames)
     };
     let (moving, frames) = shows(&["--walk", "around", "--walk-time", "4"]);
     let (again, same) = shows(&["--walk", "around", "--walk-time", "4"]);

@@ -53,7 +53,7 @@ impl SplatDrawer for VulkanSplats {
     fn draw(&self, args: &Args, tiled: &TiledSplats, picture: &mut [f32]) -> bool {
         let Err(error) = self.picture(args, tiled, picture) else { return true };
         if !self.has_failed.swap(true, Ordering::Relaxed) {
-            tracing::warn!("the CPU draws views of splats: {error}");
+            tracing::warn!("the CPU draws views of splats because of an error. {error}");
         }
         false
     }

@@ -23,7 +23,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// The share of a new drawing time in the expected one.
 const NEWER: f64 = 0.25;
 
-/// The camera of a [`SplatWalk`] without a path, for the keys and the mouse of a window.
+/// The camera of a [`SplatWalk`] without a path. The keys and the mouse of a window move it.
 #[derive(Debug, Clone)]
 pub struct WalkHandle {
     camera: Arc<Mutex<SplatCamera>>,
@@ -322,7 +322,7 @@ mod tests {
         assert!(matches!(walk.next(&due(196 * MS, [0.9e-3, 0.0], true)).unwrap(), Newest::New(_)));
     }
 
-    /// The views of the still camera are those of the light field that a solve reads, at the same places.
+    /// The views of the still camera are the same as in the light field that a solve reads, at the same places.
     #[test]
     fn views_are_those_of_the_light_field() {
         let display = display();
