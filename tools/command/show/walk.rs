@@ -33,6 +33,10 @@ pub fn show(args: &Show, settings: ShowSettings, source: &str) -> Result<(), Fai
         let line = "splats with a tracker are not solved first. Leave out --quality";
         return Err(Failure::Arguments(reason!("quality-of-splats", "{source}: {line}")));
     }
+    let read = match args.walk.walk.as_deref().filter(|path| *path != AROUND) {
+        Some(file) => Some(CameraPath::read(Path::new(file))?),
+        None => None,
+    };
     let stage = Stage::open(&args.subject, &args.live)?;
     let display = display(args, None)?;
     let colors = common::colors(&args.subject.display, &display)?;
@@ -41,11 +45,7 @@ pub fn show(args: &Show, settings: ShowSettings, source: &str) -> Result<(), Fai
     let request = reading.request(&display, &colors, None, args.subject.display.force);
     let splats = MovingSplats::new(source, &Request { drawer: drawer.as_ref(), ..request })?;
     tracing::info!("{source}: {}", splats.read_as());
-    let path = match args.walk.walk.as_deref() {
-        None => None,
-        Some(AROUND) => Some(splats.around()),
-        Some(file) => Some(CameraPath::read(Path::new(file))?),
-    };
+    let path = if args.walk.walk.as_deref() == Some(AROUND) { Some(splats.around()) } else { read };
     let path = path.map(|path| (path, Duration::from_secs_f64(args.walk.walk_time.min(1e6))));
     let depths = args.subject.options.depth_before(&display).or(Some(splats.depth()));
     let seed = args.subject.experiment.refinement()?.seed;
