@@ -93,7 +93,7 @@ fn a_camera_walks_in_front_of_splats() {
     assert!(still >= 1 && still < moving, "{still} views of a camera that stays");
     let show = [&["show", SCENE][..], &WALK].concat();
     refused(at, &[&show[..], &["--walk", "none.json"]].concat(), "shown", "scene/not-found");
-    refused(at, &[&show[..], &["--quality", "draft"]].concat(), "shown", "arguments/quality-of-splats");
+    refused(at, &[&show[..], &["--quality", "fast"]].concat(), "shown", "arguments/quality-of-splats");
     let plain = ["show", "builtin:still-life", "--walk", "around", "--tracker", "simulated"];
     refused(at, &plain, "shown", "arguments/walk-without-splats");
     refused(at, &["show", SCENE, "--walk", "around"], "shown", "arguments/walk-without-splats");
