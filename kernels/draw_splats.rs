@@ -25,8 +25,10 @@ pub const EXP: [f32; 6] =
 
 /// Pixels along a tile.
 const N: usize = SIDE as usize;
-/// Pixels that are computed together.
-const LANES: usize = 8;
+/// Pixels of a row that are computed together.
+pub const LANES: usize = 8;
+/// Words of 4 bytes of a splat.
+pub const WORDS: usize = size_of::<Splat>() / 4;
 /// Splats between two checks for a tile that is completely opaque.
 const CHECKED: usize = 16;
 

@@ -2,8 +2,8 @@
 //! eyebox-spirv-tool -- build` writes them to `constants.glsl` for the shaders.
 
 use crate::{
-    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, encode, energy, equalise_eyebox,
-    exposure, fft_plan, photograph, table_start, trig,
+    BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, draw_splats, encode, energy,
+    equalise_eyebox, exposure, fft_plan, photograph, table_start, trig,
 };
 use std::fmt::Write;
 
@@ -19,6 +19,9 @@ pub fn glsl() -> String {
         ("DECODE_F16", decode_views::F16),
         ("DECODE_F32", decode_views::F32),
         ("DECODE_SUMS", decode_views::SUMS as u32),
+        ("SPLAT_SIDE", draw_splats::SIDE),
+        ("SPLAT_LANES", draw_splats::LANES as u32),
+        ("SPLAT_WORDS", draw_splats::WORDS as u32),
         ("COMPARE_PROJECTION", compare::PROJECTION),
         ("COMPARE_INTENSITY", compare::INTENSITY),
         ("COMPARE_SHARE", compare::SHARE as u32),
@@ -51,6 +54,17 @@ pub fn glsl() -> String {
     ];
     let floats = [
         ("DECODE_BRIGHTEST", decode_views::BRIGHTEST),
+        ("SPLAT_FAINTEST", draw_splats::FAINTEST),
+        ("SPLAT_OPAQUE", draw_splats::OPAQUE),
+        ("SPLAT_CLOSED", draw_splats::CLOSED),
+        ("SPLAT_ROUND", draw_splats::ROUND),
+        ("SPLAT_EXP_1", draw_splats::EXP[0]),
+        ("SPLAT_EXP_2", draw_splats::EXP[1]),
+        ("SPLAT_EXP_3", draw_splats::EXP[2]),
+        ("SPLAT_EXP_4", draw_splats::EXP[3]),
+        ("SPLAT_EXP_5", draw_splats::EXP[4]),
+        ("SPLAT_EXP_6", draw_splats::EXP[5]),
+        ("LOG2_E", std::f32::consts::LOG2_E),
         ("ENCODE_PARTS", encode::PARTS),
         ("ANGLE_UNIT", binary_angle::UNIT),
         ("ANGLE_PART", binary_angle::PART),

@@ -9,6 +9,7 @@ modules! {
     CROSSTALK = "crosstalk", CROSSTALK_HALF = "crosstalk_half";
     DECODE_VIEWS = "decode_views";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
+    DRAW_SPLATS = "draw_splats";
     DRIVE = "drive", DRIVE_HALF = "drive_half";
     DRIVE_ADJOINT = "drive_adjoint", DRIVE_ADJOINT_HALF = "drive_adjoint_half";
     DRIVE_TILES = "drive_tiles", DRIVE_TILES_HALF = "drive_tiles_half";

@@ -3,7 +3,7 @@
 use eyebox::low_level::engine::{
     Buffer, Engine, EngineError, LookUp, Memory, PendingStep, PhasesOnDevice, Shape, Step, StepResult, Storage, Timing,
 };
-use eyebox::low_level::scene::Pyramid;
+use eyebox::low_level::scene::{Pyramid, SplatDrawer};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -34,6 +34,10 @@ impl Engine for Stoppable<'_> {
 
     fn preferred_storage(&self) -> Storage {
         self.engine.preferred_storage()
+    }
+
+    fn splat_drawer(&self) -> Result<Option<Arc<dyn SplatDrawer>>, EngineError> {
+        self.engine.splat_drawer()
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {

@@ -1,7 +1,9 @@
 //! Times encoding and the machine's memory in turn, so that other load on the machine slows both.
 
+mod arguments;
 mod clock;
 
+use arguments::{OfCargo, start};
 use clap::Parser;
 use clap::builder::TypedValueParser;
 use clock::{least, median, timed};
@@ -22,9 +24,8 @@ use std::process::ExitCode;
     after_help = "Example: cargo bench -p eyebox-tests --bench encode -- planes24 grey8\n\n'checked' also checks every phase first, as for phases of any origin."
 )]
 struct Arguments {
-    /// Cargo adds this argument.
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    of_cargo: OfCargo,
     /// Displays with 3 colors, as presets or files.
     #[arg(default_values = ["planes24", "grey8", "fields", "plm"])]
     displays: Vec<String>,
@@ -37,13 +38,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("{e}");
-            ExitCode::from(2)
-        }
-    }
+    start(run)
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {

@@ -3,8 +3,10 @@
 //! The CPU engine transforms its columns in place, a few at a time. `textbook` is the usual code of a user of RustFFT.
 //! It transforms rows, transposes, transforms rows and transposes. Both run on one thread.
 
+mod arguments;
 mod clock;
 
+use arguments::{OfCargo, start};
 use clap::Parser;
 use clock::{least, median, timed};
 use eyebox::low_level::engine::Storage;
@@ -23,9 +25,8 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(after_help = "Example: cargo bench -p eyebox-tests --bench fft -- 2048x2048 1080x1920")]
 struct Arguments {
-    /// Cargo adds this argument.
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    of_cargo: OfCargo,
     /// Sizes of the transforms as HEIGHTxWIDTH.
     #[arg(default_values = ["512x512", "1080x1920", "2048x2048"], value_parser = size)]
     sizes: Vec<(usize, usize)>,
@@ -50,13 +51,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("{e}");
-            ExitCode::from(2)
-        }
-    }
+    start(run)
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {

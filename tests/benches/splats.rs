@@ -1,23 +1,27 @@
 //! Times the views of a file of splats, with the reading of the file apart.
 
+mod arguments;
 mod clock;
 
+use arguments::{OfCargo, start};
 use clap::Parser;
 use clock::{least, median, timed};
+use eyebox::low_level::engine::vulkan::VulkanSplats;
+use eyebox::low_level::gpu::{Gpu, Options};
 use eyebox::low_level::optics::{Color, Display};
-use eyebox::low_level::scene::{self, Request, SplatViews};
+use eyebox::low_level::scene::{self, Request, SplatDrawer, SplatViews};
 use eyebox_tests::both::Noise;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Reads splats and renders views of all three colors. Prints the median and the shortest time of the light field, and
 /// of the reading alone.
 #[derive(Parser)]
 #[command(after_help = "Example: cargo bench -p eyebox-tests --bench splats -- --views 9 3 1")]
 struct Arguments {
-    /// Cargo adds this argument.
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    of_cargo: OfCargo,
     /// A file of splats with its options. Random splats of a room are written if there is none.
     #[arg(long)]
     file: Option<String>,
@@ -36,16 +40,13 @@ struct Arguments {
     /// Number of measurements for each row.
     #[arg(long, default_value_t = 5)]
     rounds: usize,
+    /// Draw on a Vulkan device, which may be a software device.
+    #[arg(long)]
+    vulkan: bool,
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("{e}");
-            ExitCode::from(2)
-        }
-    }
+    start(run)
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
@@ -56,11 +57,19 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     };
     let display = Display { height: arguments.size, width: arguments.size, ..Display::load("small")? };
     let colors = [Color::Red, Color::Green, Color::Blue];
+    let drawer: Option<Arc<dyn SplatDrawer>> = match arguments.vulkan {
+        true => {
+            let gpu = Gpu::open(&Options { allow_cpu: true, ..Options::default() })?;
+            println!("{}", gpu.report().name);
+            Some(Arc::new(VulkanSplats::new(&gpu)?))
+        }
+        false => None,
+    };
     println!("{} threads, {}", rayon::current_num_threads(), eyebox_kernels::simd_name());
     println!("{}", SplatViews::new(&source, &Request::new(&display, &colors))?.read_as());
     println!("{:>8} {:>12} {:>12} {:>14} {:>14}", "views", "median s", "best s", "reading s", "per view ms");
     for &views in &arguments.views {
-        let request = Request { views, ..Request::new(&display, &colors) };
+        let request = Request { views, drawer: drawer.as_ref(), ..Request::new(&display, &colors) };
         let (mut all, mut reading) = (Vec::new(), Vec::new());
         for _ in 0..arguments.rounds.max(1) {
             let (seconds, field) = timed(|| scene::load(&source, &request));

@@ -20,5 +20,6 @@ mod reference;
 mod solver_and_model;
 mod source;
 mod sources;
+mod splats;
 mod steering;
 mod tiled_model;

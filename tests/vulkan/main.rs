@@ -15,5 +15,6 @@ mod one_device;
 mod posing;
 mod shared;
 mod source;
+mod splats;
 mod steps;
 mod views;

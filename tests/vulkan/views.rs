@@ -29,7 +29,7 @@ fn samples(count: usize, sample: u32, seed: u64) -> Vec<u8> {
     bytes
 }
 
-fn silent(gpu: Gpu) {
+pub(crate) fn silent(gpu: Gpu) {
     let messages = gpu.messages();
     drop(gpu);
     let heard = messages.lock().unwrap_or_else(PoisonError::into_inner);

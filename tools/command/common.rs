@@ -15,10 +15,11 @@ use eyebox::low_level::optics::{Color, Display, OpticsError, Pupil, check_usual_
 use eyebox::low_level::preview::Opener;
 use eyebox::low_level::produce::TilesRequest;
 use eyebox::low_level::reason;
-use eyebox::low_level::scene::{self, Inspection, LightField};
+use eyebox::low_level::scene::{self, Inspection, LightField, SplatDrawer};
 use eyebox::low_level::session::EngineSource;
 use eyebox::low_level::solve::{Flow, PupilRange, Settings, StartTable};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Fits first phases of these colors of a display into the cache, so that no solve waits for them. Ctrl-C ends the fit,
 /// and the next solve continues it.
@@ -151,8 +152,18 @@ pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
 
 /// Loads the scene and fits it to the display.
 pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
+    scene_on(args, display, colors, None)
+}
+
+/// Loads the scene and fits it to the display. The drawer draws the views of splats.
+pub fn scene_on(
+    args: &SceneArgs,
+    display: &Display,
+    colors: &[Color],
+    drawer: Option<&Arc<dyn SplatDrawer>>,
+) -> Result<LightField, Failure> {
     let maps = maps_of(args)?;
-    Ok(scene::load(&args.scene, &request(args, &maps, display, colors))?)
+    Ok(scene::load(&args.scene, &scene::Request { drawer, ..request(args, &maps, display, colors) })?)
 }
 
 /// Returns the sources of one scene for the left and the right eye, at these places in meters to the right.

@@ -11,13 +11,13 @@ use crate::{Failure, progress};
 use clap::Args;
 use eyebox::low_level::encode::Encoder;
 use eyebox::low_level::engine::Engine;
-use eyebox::low_level::hologram::{Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
+use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
 use eyebox::low_level::optics::{Color, Display, PupilDistribution};
-use eyebox::low_level::produce::solve_colors;
+use eyebox::low_level::produce::{drawer_for, solve_colors};
 use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, LightField};
-use eyebox::low_level::session::{FarField, Field, LiveColor, MovingSequence, Scenes, whole_eyebox};
+use eyebox::low_level::session::{FarField, Field, LiveColor, MovingSequence, Scenes, darkness, whole_eyebox};
 use eyebox::low_level::solve::{Levels, Settings};
 use std::path::Path;
 
@@ -165,7 +165,7 @@ pub fn solved_on(
     }
     let scene = SceneArgs::new(what, &args.options);
     let colors = common::colors(&args.display, display)?;
-    let field = common::scene(&scene, display, &colors)?;
+    let field = common::scene_on(&scene, display, &colors, drawer_for(what, engine).as_ref())?;
     let depth = common::depths(&scene, &field, display)?;
     let mut given = args.experiment.given()?.before(display.focal_length)?;
     given.insert("frames", frames);
@@ -241,6 +241,29 @@ fn far_field(path: &Path, args: &SubjectOptions, engines: &Engines) -> Result<St
 }
 
 impl Steered {
+    /// Returns dark content with random phases of a number of sub-frames and a seed, before the first scene arrives.
+    pub fn dark(
+        scene: &str,
+        display: &Display,
+        colors: Vec<Color>,
+        (frames, seed): (usize, u64),
+        engines: &Engines,
+    ) -> Result<Self, Failure> {
+        let encoder = Encoder::new(display, &colors, frames)?;
+        let parts = darkness(display, &colors, frames, seed)?;
+        let of = |(color, part): (&Color, &LiveColor)| ColorHologram {
+            color: Some(*color),
+            wavelength: part.problem.optics.wavelength,
+            exposure: part.exposure,
+            efficiency: part.exposure,
+            phases: part.phases.clone(),
+        };
+        let mut hologram = Hologram::on(display, frames, colors.iter().zip(&parts).map(of).collect());
+        hologram.scene = scene.into();
+        let engine = engines.open()?.describe();
+        Ok(Self { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None })
+    }
+
     fn new(
         what: &str,
         args: &SubjectOptions,

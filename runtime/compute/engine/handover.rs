@@ -3,7 +3,7 @@
 //! If a step fails on Vulkan and works on the CPU, handovers at later and later kernels find the faulty one.
 
 use super::{Buffer, Engine, EngineError, Kernel, Memory, Resource, Shape, Step, Timing, not_kept, nothing_kept};
-use crate::scene::Pyramid;
+use crate::scene::{Pyramid, SplatDrawer};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -85,6 +85,10 @@ impl Engine for Handover {
 
     fn memory(&self) -> Memory {
         self.second.memory()
+    }
+
+    fn splat_drawer(&self) -> Result<Option<Arc<dyn SplatDrawer>>, EngineError> {
+        self.second.splat_drawer()
     }
 
     fn load(&mut self, shape: &Shape, views: Option<Arc<Pyramid>>) -> Result<(), EngineError> {

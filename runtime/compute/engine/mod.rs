@@ -23,7 +23,7 @@ pub use handover::{At, Handover};
 pub use look_up::LookUp;
 pub use threads::{pool, prepare_threads};
 
-use crate::scene::Pyramid;
+use crate::scene::{Pyramid, SplatDrawer};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -126,6 +126,14 @@ pub trait Engine: Send {
     /// halves.
     fn preferred_storage(&self) -> Storage {
         Storage::F32
+    }
+
+    /// Returns a drawer of splats on the device of the engine. It is `None` if the CPU draws them.
+    ///
+    /// # Errors
+    /// [`EngineError`] if memory runs out or the device is lost.
+    fn splat_drawer(&self) -> Result<Option<Arc<dyn SplatDrawer>>, EngineError> {
+        Ok(None)
     }
 
     /// Makes the buffers for this shape, all zero, and takes the views. Targets as float32 need no views.

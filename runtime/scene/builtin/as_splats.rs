@@ -1,38 +1,54 @@
 //! Makes the built-in scene of splats from the still life, and checks that the stored file shows the still life.
 //!
-//! `EYEBOX_WRITE=1` writes the file. Each splat is a disc on a surface that some view sees, with one disc per sample of
-//! a grid. Its color is then corrected by the difference of the views, because neighboring splats blur each other.
+//! `EYEBOX_WRITE=1` writes the file. Each splat is a disc on a surface that some view sees. Discs are small where the
+//! picture has details, and have the mean color of their texture. The colors are then fitted to the views, because
+//! neighboring splats blur each other.
 
 use super::render::{Canvas, Item};
 use super::shape::Blade;
 use super::still_life::{Mood, items};
+use crate::TiledSplats;
 use crate::splats::cloud::Cloud;
 use crate::splats::format::{Format, read};
 use crate::splats::harmonics::C0;
-use crate::splats::picture::draw;
+use crate::splats::picture::{draw, tiled};
 use crate::splats::project::{Displaced, Ordered};
 use crate::splats::{camera::Camera, format::BUILTIN, options::Options};
 use eyebox_base::files::linear_to_srgb;
+use eyebox_kernels::draw_splats::{CLOSED, FAINTEST, OPAQUE, SIDE};
 use eyebox_optics::Color;
+use rayon::prelude::*;
 use std::io::Write;
 use std::path::Path;
 
-/// Samples of the grid along an axis.
-const GRID: usize = 120;
-/// Pixels of the pictures in which colors are corrected.
+/// The largest number of splats.
+const MOST: usize = 19_800;
+/// Pixels of the pictures to which colors are fitted.
 const SIZE: usize = 240;
+/// Sides of the largest and the smallest square of a disc in these pixels.
+const COARSEST: f32 = 4.0;
+const FINEST: f32 = 1.0;
+/// Samples along a side of a square.
+const SAMPLES: usize = 4;
 /// Largest tilt of the views, in scene units per unit of depth.
 const TILT: f32 = 0.08;
 /// Inverse distance of the plane without parallax, and its change per unit of depth, per unit of the splats.
 const DISTANCE: [f32; 2] = [1.0, 0.2];
 /// Fractional bits of the positions.
 const BITS: u8 = 14;
-/// Deviation of a disc in samples of the grid.
+/// Distance by which a disc is farther than its surface, in proportion to its distance, per scene unit of its width.
+/// Otherwise large discs would cover the small ones next to them.
+const BEHIND: f32 = 0.03;
+/// Deviation of a disc in sides of its square.
 const WIDTH: f32 = 0.5;
-/// Corrections of the colors.
-const ROUNDS: usize = 12;
+/// Rounds of the fit of colors.
+const ROUNDS: usize = 80;
+/// Weight of the colors of the textures in the fit, and of dark pixels.
+const NEAR: f32 = 1e-3;
+const DARK: f32 = 0.03;
 
 /// A disc with its place in the middle view.
+#[derive(Debug, Clone, Copy)]
 struct Disc {
     x: f32,
     y: f32,
@@ -41,8 +57,6 @@ struct Disc {
     half: [f32; 2],
     /// Red, green and blue in sRGB.
     color: [f32; 3],
-    /// Index of its item.
-    item: usize,
 }
 
 /// Returns a light in sRGB, up to 1.
@@ -91,37 +105,119 @@ fn tilts() -> Vec<[f32; 2]> {
     steps.iter().flat_map(|y| steps.map(|x| [x, *y])).collect()
 }
 
-/// Returns the discs that some view sees.
-fn discs(items: &[Item]) -> Vec<Disc> {
-    let pixel = 2.0 / GRID as f32;
-    let margin = (1.2 * TILT / pixel).ceil() as i32;
-    let place = |i: i32| (i as f32 + 0.5) * pixel - 1.0;
-    let mut found = Vec::new();
-    for (index, item) in items.iter().enumerate() {
-        for j in -margin..GRID as i32 + margin {
-            for i in -margin..GRID as i32 + margin {
-                let (x, y) = (place(i), place(j));
-                let Some((depth, light, covered)) = at(item, x, y, [0.0; 2], pixel) else { continue };
-                let is_seen = |tilt: &[f32; 2]| {
-                    let [u, v] = [x - depth * tilt[0], y - depth * tilt[1]];
-                    u.abs() < 1.0 + pixel && v.abs() < 1.0 + pixel && topmost(items, u, v, *tilt, pixel) == Some(index)
-                };
-                if covered > 0.5 && tilts().iter().any(is_seen) {
-                    let color = light.map(coded);
-                    let half = [WIDTH * pixel; 2];
-                    found.push(Disc { x, y, depth, half, color, item: index });
-                }
+/// A square of the middle view on an item, and the same square in four parts.
+struct Square {
+    /// The disc of the whole square, if the item covers it.
+    disc: Option<Disc>,
+    /// Variance of the pictures in the square times its pixels. It is infinite at the outline of the item.
+    error: f32,
+    parts: Vec<Square>,
+}
+
+/// The items, and the views that the splats are to show.
+struct Goal<'a> {
+    items: &'a [Item],
+    views: Vec<Vec<[f32; 3]>>,
+}
+
+impl Goal<'_> {
+    /// Returns a square with its middle at (x, y), of `side` pixels. It is `None` if no view sees it.
+    fn square(&self, item: usize, [x, y]: [f32; 2], side: f32) -> Option<Square> {
+        let pixel = 2.0 / SIZE as f32;
+        let step = side * pixel / SAMPLES as f32;
+        let offset = |i: usize| (i as f32 - (SAMPLES - 1) as f32 / 2.0) * step;
+        let samples = (0..SAMPLES * SAMPLES).map(|i| [x + offset(i % SAMPLES), y + offset(i / SAMPLES)]);
+        let (mut depth, mut light, mut covered, mut seen) = (0.0, [0.0; 3], 0.0, [false; 9]);
+        for [x, y] in samples {
+            let Some((z, paint, share)) = at(&self.items[item], x, y, [0.0; 2], step) else { continue };
+            if share <= 0.5 {
+                continue;
+            }
+            covered += 1.0;
+            depth += z;
+            (0..3).for_each(|k| light[k] += paint[k]);
+            for (seen, tilt) in seen.iter_mut().zip(tilts()) {
+                let [u, v] = [x - z * tilt[0], y - z * tilt[1]];
+                let inside = u.abs() < 1.0 + pixel && v.abs() < 1.0 + pixel;
+                *seen = *seen || inside && topmost(self.items, u, v, tilt, step) == Some(item);
             }
         }
+        if !seen.contains(&true) {
+            return None;
+        }
+        depth /= covered;
+        let color = light.map(|v| coded(v / covered));
+        let share = covered / (SAMPLES * SAMPLES) as f32;
+        let half = [WIDTH * side * pixel; 2];
+        let variances =
+            tilts().into_iter().zip(&self.views).zip(seen).filter(|(_, seen)| *seen).map(|((tilt, view), _)| {
+                let [u, v] = [x - depth * tilt[0], y - depth * tilt[1]];
+                variance(view, [u, v], side) * side * side
+            });
+        let error = if share < 1.0 { f32::INFINITY } else { variances.fold(0.0, f32::max) };
+        let next = side * pixel / 4.0;
+        let corners = [[-next, -next], [next, -next], [-next, next], [next, next]];
+        let part = |[dx, dy]: [f32; 2]| self.square(item, [x + dx, y + dy], side / 2.0);
+        let parts = if side > FINEST { corners.into_iter().filter_map(part).collect() } else { Vec::new() };
+        let disc = (share > 0.5).then_some(Disc { x, y, depth, half, color });
+        Some(Square { disc, error, parts })
     }
-    found
+
+    /// Returns the discs that some view sees, at most [`MOST`].
+    fn discs(&self) -> Vec<Disc> {
+        let pixel = 2.0 / SIZE as f32;
+        let reach = ((1.0 + 1.2 * TILT) / (COARSEST * pixel)).ceil() as i32;
+        let middle = |i: i32| (i as f32 + 0.5) * COARSEST * pixel;
+        let places: Vec<[f32; 2]> =
+            (-reach..reach).flat_map(|j| (-reach..reach).map(move |i| [middle(i), middle(j)])).collect();
+        let squares: Vec<Square> = (0..self.items.len())
+            .into_par_iter()
+            .flat_map_iter(|item| places.iter().filter_map(move |place| self.square(item, *place, COARSEST)))
+            .collect();
+        let taken = |limit: f32| {
+            let mut discs = Vec::new();
+            squares.iter().for_each(|square| square.take(limit, &mut discs));
+            discs
+        };
+        // The finest that is not too many, by halving the interval of the logarithm.
+        let (mut low, mut high) = (-20.0f32, 10.0f32);
+        for _ in 0..24 {
+            let limit = 0.5 * (low + high);
+            if taken(limit.exp()).len() > MOST { low = limit } else { high = limit }
+        }
+        taken(high.exp())
+    }
+}
+
+impl Square {
+    /// Adds the disc of the square if its error is small, otherwise the discs of its parts.
+    fn take(&self, limit: f32, discs: &mut Vec<Disc>) {
+        if self.error > limit && !self.parts.is_empty() {
+            self.parts.iter().for_each(|part| part.take(limit, discs));
+        } else {
+            discs.extend(self.disc);
+        }
+    }
+}
+
+/// Returns the variance of a view around (u, v), as far as a disc of a square of `side` pixels reaches, summed over the
+/// colors.
+fn variance(view: &[[f32; 3]], [u, v]: [f32; 2], side: f32) -> f32 {
+    let span = |middle: f32| {
+        let at = (middle + 1.0) * SIZE as f32 / 2.0;
+        let [first, end] = [at - 0.75 * side - 0.5, at + 0.75 * side + 0.5].map(|v| v.clamp(0.0, SIZE as f32) as usize);
+        first..end
+    };
+    let pixels: Vec<[f32; 3]> = span(v).flat_map(|row| span(u).map(move |column| view[row * SIZE + column])).collect();
+    let mean = |power: i32, k: usize| pixels.iter().map(|p| p[k].powi(power)).sum::<f32>() / pixels.len().max(1) as f32;
+    (0..3).map(|k| (mean(2, k) - mean(1, k).powi(2)).max(0.0)).sum()
 }
 
 /// Returns the splats of discs.
 fn cloud(discs: &[Disc]) -> Cloud {
     let mut cloud = Cloud::with_room(discs.len(), 0);
     for disc in discs {
-        let z = 1.0 / (DISTANCE[0] + DISTANCE[1] * disc.depth);
+        let z = (1.0 + BEHIND * disc.half[0]) / (DISTANCE[0] + DISTANCE[1] * disc.depth);
         let scale = z * tangent();
         cloud.places.push([disc.x * scale, disc.y * scale, z]);
         let [wide, high] = disc.half.map(|v| (v * scale).powi(2));
@@ -132,19 +228,28 @@ fn cloud(discs: &[Disc]) -> Cloud {
     cloud
 }
 
-/// Returns the views of the splats in sRGB, as (view, pixel, color).
-fn views(cloud: &Cloud) -> Vec<Vec<[f32; 3]>> {
+/// Returns the splats in the order of the camera, and the displacement of each view.
+fn seen(cloud: &Cloud) -> (Ordered, Vec<Displaced>) {
     let camera = Camera::of(Path::new(BUILTIN), &Options::parse("").unwrap().of_builtin(), cloud).unwrap().0;
     let ordered = Ordered::new(cloud.clone(), &camera, [SIZE, SIZE]);
-    let pixels = SIZE * SIZE;
-    let one = |tilt: &[f32; 2]| {
+    let one = |tilt: [f32; 2]| {
         // A tilt moves content by its depth in scene units, which is in proportion to the inverse distance.
         let by = tilt.map(|t| t / DISTANCE[1] * tangent());
         let moved = tilt.map(|t| t * DISTANCE[0] / DISTANCE[1] * SIZE as f32 / 2.0);
-        let drawn = draw(&ordered, &Displaced { by, moved });
+        Displaced { by, moved }
+    };
+    (ordered, tilts().into_iter().map(one).collect())
+}
+
+/// Returns the views of the splats in sRGB, as (view, pixel, color).
+fn views(cloud: &Cloud) -> Vec<Vec<[f32; 3]>> {
+    let (ordered, places) = seen(cloud);
+    let pixels = SIZE * SIZE;
+    let one = |place: &Displaced| {
+        let drawn = draw(&ordered, place, None);
         (0..pixels).map(|i| [0, 1, 2].map(|k| drawn[k * pixels + i])).collect()
     };
-    tilts().iter().map(one).collect()
+    places.iter().map(one).collect()
 }
 
 /// Returns the views of the still life in sRGB.
@@ -155,45 +260,85 @@ fn wanted(items: &[Item]) -> Vec<Vec<[f32; 3]>> {
     (0..9).map(|view| (0..SIZE * SIZE).map(|i| pixel(view, i)).collect()).collect()
 }
 
-/// Corrects the colors of discs by the differences where views see them.
-fn correct(items: &[Item], discs: &mut [Disc]) {
-    let wanted = wanted(items);
-    let fine = 2.0 / SIZE as f32;
-    let seen: Vec<Vec<usize>> = (discs.iter())
-        .map(|disc| {
-            let place = |tilt: &[f32; 2]| {
-                let [u, v] = [disc.x - disc.depth * tilt[0], disc.y - disc.depth * tilt[1]];
-                let [i, j] = [u, v].map(|v| ((v + 1.0) / fine).floor());
-                let inside = (0.0..SIZE as f32).contains(&i) && (0.0..SIZE as f32).contains(&j);
-                let is_top = inside && topmost(items, u, v, *tilt, fine) == Some(disc.item);
-                if is_top { j as usize * SIZE + i as usize } else { usize::MAX }
-            };
-            tilts().iter().map(place).collect()
-        })
-        .collect();
-    for _ in 0..ROUNDS {
-        let found = views(&cloud(discs));
-        for (disc, places) in discs.iter_mut().zip(&seen) {
-            let (mut sum, mut count) = ([0.0f32; 3], 0.0);
-            for (view, at) in places.iter().enumerate().filter(|(_, at)| **at != usize::MAX) {
-                // The mean over the four pixels of a sample of the grid.
-                for step in [0, 1, SIZE, SIZE + 1] {
-                    let at = (at + step).min(SIZE * SIZE - 1);
-                    (0..3).for_each(|k| sum[k] += wanted[view][at][k] - found[view][at][k]);
-                    count += 1.0;
+/// Returns the splats of each pixel with their weights in its color.
+fn weights(cloud: &Cloud) -> Vec<Vec<(u32, f32)>> {
+    // The index of a splat takes the place of its color, because drawing leaves out splats and changes their order.
+    let colors = (0..cloud.len()).map(|i| [i as f32, 0.0, 0.0]).collect();
+    let (ordered, places) = seen(&Cloud { colors, ..cloud.clone() });
+    let across = ordered.args().across as usize;
+    let of_view = |place: &Displaced| {
+        let TiledSplats { splats, first, entries } = tiled(&ordered, place);
+        let pixel = move |i: usize| {
+            let (x, y, side) = (i % SIZE, i / SIZE, SIDE as usize);
+            let tile = y / side * across + x / side;
+            let (mut clear, mut all) = (1.0f32, Vec::new());
+            for entry in &entries[first[tile] as usize..first[tile + 1] as usize] {
+                let splat = &splats[*entry as usize];
+                let (dx, dy, [a, b, c]) = (x as f32 - splat.x, y as f32 - splat.y, splat.conic);
+                let alpha = (splat.opacity * (-0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy).exp()).min(OPAQUE);
+                if alpha < FAINTEST {
+                    continue;
                 }
+                if clear * (1.0 - alpha) < CLOSED {
+                    break;
+                }
+                all.push((splat.color[0] as u32, alpha * clear));
+                clear *= 1.0 - alpha;
             }
-            if count > 0.0 {
-                (0..3).for_each(|k| disc.color[k] = (disc.color[k] + 0.7 * sum[k] / count).clamp(-0.5, 1.5));
-            }
+            all
+        };
+        (0..SIZE * SIZE).map(pixel).collect::<Vec<_>>()
+    };
+    places.par_iter().flat_map_iter(of_view).collect()
+}
+
+/// Returns the colors with the smallest error of the light in the views, by conjugate gradients.
+fn fitted(cloud: &Cloud, wanted: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
+    let rows = weights(cloud);
+    let wanted: Vec<[f32; 3]> = wanted.iter().flatten().copied().collect();
+    // The square of the slope of the curve, because errors count in linear light. Dark pixels count a little, too.
+    let counts: Vec<[f32; 3]> = wanted.iter().map(|v| v.map(|v| v.max(0.0).powf(2.4) + DARK)).collect();
+    let mut colors = cloud.colors.clone();
+    for k in 0..3 {
+        let apply = |colors: &[f32]| -> Vec<f32> {
+            let one = |(row, count): (&Vec<(u32, f32)>, &[f32; 3])| {
+                count[k] * row.iter().map(|(i, weight)| weight * colors[*i as usize]).sum::<f32>()
+            };
+            rows.par_iter().zip(&counts).map(one).collect()
+        };
+        let back = |pixels: &[f32]| -> Vec<f32> {
+            let mut sums = vec![0.0f32; cloud.len()];
+            let all = rows.iter().zip(pixels);
+            all.for_each(|(row, v)| row.iter().for_each(|(i, weight)| sums[*i as usize] += weight * v));
+            sums
+        };
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        let begun: Vec<f32> = cloud.colors.iter().map(|color| color[k]).collect();
+        let shown = apply(&begun);
+        let off: Vec<f32> =
+            wanted.iter().zip(&counts).zip(&shown).map(|((v, count), shown)| count[k] * v[k] - shown).collect();
+        let mut change = vec![0.0f32; cloud.len()];
+        let mut rest = back(&off);
+        let (mut way, mut size) = (rest.clone(), dot(&rest, &rest));
+        for _ in 0..ROUNDS {
+            let mut image = back(&apply(&way));
+            image.iter_mut().zip(&way).for_each(|(v, way)| *v += NEAR * way);
+            let step = (size / dot(&way, &image).max(1e-30)) as f32;
+            change.iter_mut().zip(&way).for_each(|(v, way)| *v += step * way);
+            rest.iter_mut().zip(&image).for_each(|(v, image)| *v -= step * image);
+            let new = dot(&rest, &rest);
+            let turn = (new / size.max(1e-30)) as f32;
+            way.iter_mut().zip(&rest).for_each(|(v, rest)| *v = rest + turn * *v);
+            size = new;
         }
+        colors.iter_mut().zip(&change).for_each(|(color, change)| color[k] = (color[k] + change).clamp(-0.4, 1.4));
     }
+    colors
 }
 
 /// Writes discs as `.spz` of version 3.
-fn written(discs: &[Disc]) -> Vec<u8> {
+fn written(discs: &[Disc], cloud: &Cloud) -> Vec<u8> {
     let byte = |v: f32| v.round().clamp(0.0, 255.0) as u8;
-    let cloud = cloud(discs);
     let mut out = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     let mut put = |bytes: &[u8]| out.write_all(bytes).unwrap();
     put(b"NGSP");
@@ -218,9 +363,12 @@ fn the_splats_show_the_still_life() {
     let items = items([1.0, 1.0], Mood::Day, 0.0);
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("splats/still-life.spz");
     if std::env::var_os("EYEBOX_WRITE").is_some() {
-        let mut discs = discs(&items);
-        correct(&items, &mut discs);
-        std::fs::write(&file, written(&discs)).unwrap();
+        let discs = Goal { items: &items, views: wanted(&items) }.discs();
+        std::fs::write(&file, written(&discs, &cloud(&discs))).unwrap();
+        // The colors fit the places and sizes as the file stores them.
+        let stored = read(&file, Format::Spz).unwrap();
+        let colors = fitted(&stored, &wanted(&items));
+        std::fs::write(&file, written(&discs, &Cloud { colors, ..cloud(&discs) })).unwrap();
     }
     // The file is a part of this program, which has the old one until it is built again.
     let cloud = read(&file, Format::Spz).unwrap();
@@ -229,6 +377,6 @@ fn the_splats_show_the_still_life() {
         let differences = found.iter().flatten().zip(wanted.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
         let psnr = -10.0 * (differences.sum::<f64>() / (3 * SIZE * SIZE) as f64).log10();
         println!("view {view}: {psnr:.1} dB");
-        assert!(psnr > 20.0, "view {view}: {psnr:.1} dB");
+        assert!(psnr > 25.0, "view {view}: {psnr:.1} dB");
     }
 }

@@ -1,6 +1,7 @@
 //! Defines light fields, with views from a grid of pupil positions, their cameras, and target images.
 
 pub(crate) mod cameras;
+pub(crate) mod drawer;
 pub(crate) mod error;
 pub(crate) mod field;
 pub(crate) mod light;

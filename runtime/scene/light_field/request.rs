@@ -1,9 +1,10 @@
 //! Defines the request for a scene.
 
-use crate::{Near, Order, SceneError, ViewSynthesis};
+use crate::{Near, Order, SceneError, SplatDrawer, ViewSynthesis};
 use eyebox_base::memory;
 use eyebox_optics::{Color, Display, check_usual_depth, check_usual_depths, check_usual_view_pitch};
 use std::path::Path;
+use std::sync::Arc;
 
 /// A request for a scene.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +34,8 @@ pub struct Request<'a> {
     pub force: bool,
     /// The views of a folder from which target images are made. [`ViewSynthesis::Cells`] loads the folder unchanged.
     pub photographs: ViewSynthesis,
+    /// Draws the views of splats. The CPU draws them if it is `None`.
+    pub drawer: Option<&'a Arc<dyn SplatDrawer>>,
 }
 
 impl<'a> Request<'a> {
@@ -51,6 +54,7 @@ impl<'a> Request<'a> {
             order: None,
             force: false,
             photographs: ViewSynthesis::Cells,
+            drawer: None,
         }
     }
 

@@ -12,6 +12,7 @@ pub(crate) mod inspect;
 pub(crate) mod layout;
 pub(crate) mod mosaic;
 pub(crate) mod mosaic_grid;
+pub(crate) mod moving_splats;
 pub(crate) mod names;
 pub(crate) mod numbers;
 pub(crate) mod order_found;

@@ -7,16 +7,18 @@
 use crate::light_field::field::by_color;
 use crate::read::single::{SMALLER, check_parallax, enough_views};
 use crate::splats::camera::{Camera, trained_file};
+use crate::splats::cloud::Cloud;
 use crate::splats::format::{Format, read};
 use crate::splats::options::Options;
 use crate::splats::picture::{draw, light};
 use crate::splats::project::{Displaced, Ordered};
-use crate::{LightField, Request, SceneError, builtin};
+use crate::{LightField, Request, SceneError, SplatDrawer, builtin};
 use eyebox_base::memory;
 use eyebox_base::reason;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Pixels of the middle view that count for the range of distances have at least this coverage.
 const COVERED: f32 = 0.5;
@@ -25,19 +27,85 @@ const OUTSIDE: f64 = 0.005;
 
 /// Splats in front of a display, for views from anywhere in the eyebox.
 pub struct SplatViews {
-    name: String,
-    read_as: String,
+    pub(crate) name: String,
+    pub(crate) read_as: String,
     splats: Ordered,
+    pub(crate) placed: Placed,
+    pub(crate) drawer: Option<Arc<dyn SplatDrawer>>,
+}
+
+/// The views of a camera, and the depths of its picture.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placed {
     /// Number of views along each axis over the eyebox.
     views: usize,
     cell: f64,
     /// Farthest and nearest depth in meters.
-    depth: [f64; 2],
+    pub depth: [f64; 2],
+    /// Inverse distances that have these depths, per unit of the scene.
+    pub inverse: [f64; 2],
     /// Pixels by which content at 1 meter moves over 1 meter of the pupil plane.
     per_metre: f64,
     /// Displacement of the camera, and movement of the picture, per meter of the pupil plane.
     camera_per_metre: f64,
     moved_per_metre: f64,
+}
+
+impl Placed {
+    /// Places the distances in the middle view, or the stated ones, at the depths of a request.
+    fn of(
+        path: &Path,
+        options: &Options,
+        request: &Request,
+        splats: &Ordered,
+        reach: impl Fn(f64) -> f64,
+    ) -> Result<Self, SceneError> {
+        let display = request.display;
+        let stated = options.range.map(|[near, far]| [1.0 / far, 1.0 / near]);
+        let Some([far, near]) = distances(splats).map(|shown| stated.unwrap_or(shown)) else {
+            let reason = reason!("nothing-seen", "the camera sees no splats. State it, as in ?eye=X,Y,Z&at=X,Y,Z");
+            return Err(SceneError::Options { scene: path.display().to_string(), reason });
+        };
+        let depth = request.depth.map_or_else(
+            || {
+                let half = builtin::half_span(display);
+                [-half, half]
+            },
+            |[a, b]| [a.min(b), a.max(b)],
+        );
+        let views = if request.more_views { enough_views(path, request, depth) } else { request.views };
+        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / views as f64);
+        let per_metre = 1.0 / (display.focal_length * display.picture_pixel());
+        let displaced = depth[0].abs().max(depth[1].abs()) * per_metre * cell * reach(views as f64);
+        let (height, width) = display.picture_size();
+        check_parallax(displaced, [height, width], SMALLER)?;
+        // A pixel moves by the inverse distance times this number, per meter of the pupil plane.
+        let flat = near - far < 1e-4 * near;
+        let gain = if flat { 0.0 } else { (depth[1] - depth[0]) * per_metre / (near - far) };
+        let first = if flat { (depth[0] + depth[1]) / 2.0 * per_metre } else { depth[0] * per_metre - gain * far };
+        let camera_per_metre = gain / f64::from(splats.focal);
+        Ok(Self { views, cell, depth, inverse: [far, near], per_metre, camera_per_metre, moved_per_metre: -first })
+    }
+
+    fn displaced(&self, (x, y): (f64, f64)) -> Displaced {
+        Displaced {
+            by: [x, y].map(|s| (s * self.camera_per_metre) as f32),
+            moved: [x, y].map(|s| (s * self.moved_per_metre) as f32),
+        }
+    }
+
+    /// Returns the light of a view in these colors, from a place (x, y) of the pupil plane in meters.
+    pub fn view(
+        &self,
+        splats: &Ordered,
+        place: (f64, f64),
+        colors: &[Color],
+        drawer: Option<&Arc<dyn SplatDrawer>>,
+    ) -> Vec<Vec<f32>> {
+        let drawn = draw(splats, &self.displaced(place), drawer);
+        let pixels = drawn.len() / eyebox_kernels::draw_splats::VALUES;
+        colors.iter().map(|color| light(&drawn[color.channel() * pixels..][..pixels])).collect()
+    }
 }
 
 /// Returns the files that a source of splats is read from.
@@ -55,57 +123,34 @@ impl SplatViews {
     /// [`SceneError::Request`] if the depths displace content too far. [`SceneError::Memory`].
     pub fn new(source: &str, request: &Request) -> Result<Self, SceneError> {
         request.check()?;
-        let (path, query) = crate::formats::options::parts(source);
-        let wrong = |reason| SceneError::Options { scene: source.into(), reason };
-        let format = Format::of(path)
-            .ok_or_else(|| wrong(reason!("not-splats", "it is no .ply, .splat or .spz file of splats")))?;
-        let options = format.options(query).map_err(wrong)?;
+        let (format, options) = format_of(source)?;
         // Views are made at the requested places, so none are too far apart.
         let request = Request { more_views: false, ..*request };
-        Self::with_reach(source, format, &options, &request, |views| views / 2.0)
+        let cloud = read(crate::formats::options::parts(source).0, format)?;
+        Self::of_cloud(source, (format, &options), &request, cloud, |views| views / 2.0)
     }
 
-    fn with_reach(
+    /// Places splats before a display. `reach` has the number of pitches to the outermost view, of a number of views.
+    pub(crate) fn of_cloud(
         source: &str,
-        format: Format,
-        options: &Options,
+        (format, options): (Format, &Options),
         request: &Request,
+        cloud: Cloud,
         reach: impl Fn(f64) -> f64,
     ) -> Result<Self, SceneError> {
-        let (display, path) = (request.display, crate::formats::options::parts(source).0);
-        let cloud = read(path, format)?;
+        let path = crate::formats::options::parts(source).0;
         let (count, degree) = (cloud.len(), cloud.degree);
         let (camera, how) = Camera::of(path, options, &cloud)?;
-        let (height, width) = display.picture_size();
+        let (height, width) = request.display.picture_size();
         let splats = Ordered::new(cloud, &camera, [height, width]);
         let [_, of_view] = splats.bytes();
         let bytes = of_view.saturating_mul(rayon::current_num_threads() as u64);
         memory::check_available(|| format!("views of {count} splats"), bytes, "take a scene with fewer splats")?;
-        let stated = options.range.map(|[near, far]| [1.0 / far, 1.0 / near]);
-        let Some([far, near]) = distances(&splats).map(|shown| stated.unwrap_or(shown)) else {
-            let reason = reason!("nothing-seen", "the camera sees no splats. State it, as in ?eye=X,Y,Z&at=X,Y,Z");
-            return Err(SceneError::Options { scene: path.display().to_string(), reason });
-        };
-        let depth = request.depth.map_or_else(
-            || {
-                let half = builtin::half_span(display);
-                [-half, half]
-            },
-            |[a, b]| [a.min(b), a.max(b)],
-        );
-        let views = if request.more_views { enough_views(path, request, depth) } else { request.views };
-        let cell = request.view_pitch.unwrap_or_else(|| display.eyebox_min() / views as f64);
-        let per_metre = 1.0 / (display.focal_length * display.picture_pixel());
-        let reach = reach(views as f64);
-        let displaced = depth[0].abs().max(depth[1].abs()) * per_metre * cell * reach;
-        check_parallax(displaced, [height, width], SMALLER)?;
-        // A pixel moves by the inverse distance times this number, per meter of the pupil plane.
-        let flat = near - far < 1e-4 * near;
-        let gain = if flat { 0.0 } else { (depth[1] - depth[0]) * per_metre / (near - far) };
-        let first = if flat { (depth[0] + depth[1]) / 2.0 * per_metre } else { depth[0] * per_metre - gain * far };
+        let placed = Placed::of(path, options, request, &splats, reach)?;
         let [x, y, z] = camera.place;
         let forward = camera.axes[2];
         let degrees = camera.field.to_degrees();
+        let [far, near] = placed.inverse;
         let read_as = format!(
             "{} of {count} splats of degree {degree}, {degrees:.1} degrees from ({x:.3}, {y:.3}, {z:.3}) towards ({:.3}, {:.3}, {:.3}), {how}, \
              distances {:.3} to {:.3}",
@@ -116,20 +161,7 @@ impl SplatViews {
             1.0 / near,
             1.0 / far.max(1e-9),
         );
-        Ok(Self {
-            name: match path.file_name() {
-                Some(name) if format != Format::BuiltIn => name.to_string_lossy().into_owned(),
-                _ => source.to_owned(),
-            },
-            read_as,
-            camera_per_metre: gain / f64::from(splats.focal),
-            moved_per_metre: -first,
-            splats,
-            views,
-            cell,
-            depth,
-            per_metre,
-        })
+        Ok(Self { name: name_of(source, format), read_as, splats, placed, drawer: request.drawer.cloned() })
     }
 
     /// Describes the splats and their camera in words.
@@ -139,12 +171,12 @@ impl SplatViews {
 
     /// Returns the farthest and the nearest depth in meters.
     pub fn depth(&self) -> [f64; 2] {
-        self.depth
+        self.placed.depth
     }
 
     /// Returns the pixels by which content at an end of the depths moves over `metres` meters of the pupil plane.
     pub fn parallax(&self, metres: f64) -> f64 {
-        metres * self.per_metre * self.depth[0].abs().max(self.depth[1].abs())
+        metres * self.placed.per_metre * self.placed.depth[0].abs().max(self.placed.depth[1].abs())
     }
 
     /// Returns the bytes of memory in use.
@@ -152,18 +184,9 @@ impl SplatViews {
         self.splats.bytes()[0]
     }
 
-    fn displaced(&self, (x, y): (f64, f64)) -> Displaced {
-        Displaced {
-            by: [x, y].map(|s| (s * self.camera_per_metre) as f32),
-            moved: [x, y].map(|s| (s * self.moved_per_metre) as f32),
-        }
-    }
-
     /// Returns the light of a view in these colors.
     fn view(&self, place: (f64, f64), colors: &[Color]) -> Vec<Vec<f32>> {
-        let drawn = draw(&self.splats, &self.displaced(place));
-        let pixels = drawn.len() / eyebox_kernels::draw_splats::VALUES;
-        colors.iter().map(|color| light(&drawn[color.channel() * pixels..][..pixels])).collect()
+        self.placed.view(&self.splats, place, colors, self.drawer.as_ref())
     }
 
     /// Returns views in one color from these places (x, y) of the pupil plane in meters, as (row, column) of the
@@ -173,9 +196,26 @@ impl SplatViews {
     }
 }
 
+/// Returns the format and the options of a source of splats.
+pub(crate) fn format_of(source: &str) -> Result<(Format, Options), SceneError> {
+    let (path, query) = crate::formats::options::parts(source);
+    let wrong = |reason| SceneError::Options { scene: source.into(), reason };
+    let format =
+        Format::of(path).ok_or_else(|| wrong(reason!("not-splats", "it is no .ply, .splat or .spz file of splats")))?;
+    Ok((format, format.options(query).map_err(wrong)?))
+}
+
+/// Returns the name of the scene of a source.
+fn name_of(source: &str, format: Format) -> String {
+    match crate::formats::options::parts(source).0.file_name() {
+        Some(name) if format != Format::BuiltIn => name.to_string_lossy().into_owned(),
+        _ => source.to_owned(),
+    }
+}
+
 /// Returns the smallest and the largest inverse distance in the middle view. It returns `None` if the picture is empty.
 fn distances(splats: &Ordered) -> Option<[f64; 2]> {
-    let drawn = draw(splats, &Displaced::default());
+    let drawn = draw(splats, &Displaced::default(), None);
     let pixels = drawn.len() / eyebox_kernels::draw_splats::VALUES;
     let (inverse, coverage) = (&drawn[3 * pixels..4 * pixels], &drawn[4 * pixels..]);
     let seen = inverse.iter().zip(coverage).filter(|(_, coverage)| **coverage > COVERED);
@@ -194,15 +234,16 @@ pub(crate) fn load(
     options: &Options,
     request: &Request,
 ) -> Result<(LightField, String), SceneError> {
-    let from = SplatViews::with_reach(source, format, options, request, |views| (views - 1.0) / 2.0)?;
-    let n = from.views;
+    let cloud = read(crate::formats::options::parts(source).0, format)?;
+    let from = SplatViews::of_cloud(source, (format, options), request, cloud, |views| (views - 1.0) / 2.0)?;
+    let Placed { views: n, cell, depth, per_metre, .. } = from.placed;
     let middle = (n as f64 - 1.0) / 2.0;
     let place = |k: usize| ((k % n) as f64 - middle, (k / n) as f64 - middle);
     let views: Vec<Vec<Vec<f32>>> = (0..n * n)
         .into_par_iter()
         .map(|k| {
             let (x, y) = place(k);
-            from.view((x * from.cell, y * from.cell), request.colors)
+            from.view((x * cell, y * cell), request.colors)
         })
         .collect();
     let (height, width) = request.display.picture_size();
@@ -213,9 +254,9 @@ pub(crate) fn load(
         width,
         colors: request.colors.to_vec(),
         planes: by_color(views, request.colors.len()),
-        view_pitch: Some(from.cell),
-        disparity: Some(from.depth.map(|z| z * from.per_metre * from.cell)),
-        depth: Some(from.depth),
+        view_pitch: Some(cell),
+        disparity: Some(depth.map(|z| z * per_metre * cell)),
+        depth: Some(depth),
         made: None,
     };
     Ok((field, from.read_as))

@@ -16,9 +16,9 @@ const OUTER: f64 = 0.05;
 /// Levels of folders above the splats in which training writes `cameras.json`.
 const ABOVE: usize = 2;
 
-/// A camera in units of the scene.
+/// A camera in front of splats, in units of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Camera {
+pub struct Camera {
     /// Position in units of the scene.
     pub place: [f64; 3],
     /// Directions to the right, downwards and forward in the picture, each of length 1.
@@ -45,12 +45,18 @@ pub(crate) fn trained_file(splats: &Path) -> Option<PathBuf> {
     whole.ancestors().skip(1).take(1 + ABOVE).map(|folder| folder.join("cameras.json")).find(|file| file.is_file())
 }
 
+fn trained_cameras(file: &Path) -> Result<Vec<Trained>, SceneError> {
+    let text = read::text(file, read::TABLE).map_err(|e| SceneError::unreadable(file, &e))?;
+    let corrupt = |reason: Reason| SceneError::Corrupt { file: file.display().to_string(), reason };
+    serde_json::from_str(&text).map_err(|e| corrupt(reason!("cameras", "{e}")))
+}
+
 impl Camera {
     /// Returns the camera of these splats. Its reason is the second value, in words.
     ///
     /// # Errors
     /// [`SceneError::Options`] for options that give no camera. [`SceneError::Corrupt`] for a damaged `cameras.json`.
-    pub fn of(source: &Path, options: &Options, cloud: &Cloud) -> Result<(Self, String), SceneError> {
+    pub(crate) fn of(source: &Path, options: &Options, cloud: &Cloud) -> Result<(Self, String), SceneError> {
         let wrong = |reason: Reason| SceneError::Options { scene: source.display().to_string(), reason };
         let stated = options.eye.is_some() || options.at.is_some() || options.up.is_some();
         let file = if stated { None } else { trained_file(source) };
@@ -63,14 +69,26 @@ impl Camera {
             return Ok((camera, how.into()));
         };
         let corrupt = |reason: Reason| SceneError::Corrupt { file: file.display().to_string(), reason };
-        let text = read::text(&file, read::TABLE).map_err(|e| SceneError::unreadable(&file, &e))?;
-        let all: Vec<Trained> = serde_json::from_str(&text).map_err(|e| corrupt(reason!("cameras", "{e}")))?;
+        let all = trained_cameras(&file)?;
         let index = options.camera.unwrap_or(0);
         let Some(trained) = all.get(index) else {
             return Err(wrong(reason!("no-camera", "camera {index} of {} in {}", all.len(), file.display())));
         };
         let camera = Self::trained(trained, options.fov).map_err(corrupt)?;
         Ok((camera, format!("camera {index} of {}", file.display())))
+    }
+
+    /// Reads all cameras of a file like `cameras.json`.
+    ///
+    /// # Errors
+    /// [`SceneError::Corrupt`] for a file that is not valid or has no cameras, and the errors of reading it.
+    pub fn all_of(file: &Path) -> Result<Vec<Self>, SceneError> {
+        let corrupt = |reason: Reason| SceneError::Corrupt { file: file.display().to_string(), reason };
+        let all = trained_cameras(file)?;
+        if all.is_empty() {
+            return Err(corrupt(reason!("cameras", "it has no cameras")));
+        }
+        all.iter().map(|trained| Self::trained(trained, None).map_err(corrupt)).collect()
     }
 
     fn trained(trained: &Trained, fov: Option<f64>) -> Result<Self, Reason> {
@@ -115,22 +133,28 @@ impl Camera {
         };
         // The vertical direction of files points downwards.
         let up = options.up.unwrap_or([0.0, -1.0, 0.0]);
-        let right = normal(cross(forward, up)).ok_or_else(|| reason!("camera", "up is the direction of the view"))?;
-        Ok(Self { place, axes: [right, cross(forward, right), forward], field })
+        let axes = upright(forward, up).ok_or_else(|| reason!("camera", "up is the direction of the view"))?;
+        Ok(Self { place, axes, field })
     }
 
     /// Returns a point of the scene in the axes of the camera.
-    pub fn seen(&self, point: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn seen(&self, point: [f32; 3]) -> [f32; 3] {
         let from = minus(point.map(f64::from), self.place);
         self.axes.map(|axis| dot(axis, from) as f32)
     }
+}
+
+/// Returns the axes of a camera in a direction of length 1, with `up` upwards. It is `None` if both are the same.
+pub(crate) fn upright(forward: [f64; 3], up: [f64; 3]) -> Option<[[f64; 3]; 3]> {
+    let right = normal(cross(forward, up))?;
+    Some([right, cross(forward, right), forward])
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(crate) fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
@@ -138,7 +162,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-fn normal(a: [f64; 3]) -> Option<[f64; 3]> {
+pub(crate) fn normal(a: [f64; 3]) -> Option<[f64; 3]> {
     let length = dot(a, a).sqrt();
     (length > 1e-9).then(|| a.map(|v| v / length))
 }

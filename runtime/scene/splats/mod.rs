@@ -6,6 +6,7 @@ pub(crate) mod file;
 pub(crate) mod format;
 pub(crate) mod harmonics;
 pub(crate) mod options;
+pub(crate) mod path;
 pub(crate) mod picture;
 pub(crate) mod plain;
 pub(crate) mod ply;

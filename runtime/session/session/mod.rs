@@ -30,7 +30,8 @@
 //! | [`MovingSequence`] | reads the next scenes ahead |
 //! | [`FarField`] | reads the tiles around the predicted pupil ahead |
 //! | `application` | takes frames from other processes |
-//! | `showing` | counts the scenes of all three |
+//! | [`SplatWalk`] | draws splats for a camera that moves, and for the tracked pupil |
+//! | `showing` | counts the scenes of all of them |
 //! | `moments` | estimates, from frames and samples, the motion during the light of a set |
 //! | `latency` | measures every set that was shown, from the sample to the light |
 //! | `ticks` | hands video frames to a program with a display and a loop of its own, through a [`TickedSession`] |
@@ -89,10 +90,12 @@ mod trigger_tests;
 mod two_eyes_tests;
 
 #[cfg(target_os = "linux")]
-pub use content::application::{LiveInput, darkness};
+pub use content::application::LiveInput;
 pub use content::far_field::FarField;
 pub use content::moving::{MovingSequence, SceneLoader};
+pub use content::near_eye::darkness;
 pub use content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
+pub use content::walk::{SplatWalk, WalkHandle};
 #[cfg(target_os = "linux")]
 pub use eyebox_live_input::Kind as LiveKind;
 pub use feeds::following::LiveStatus;

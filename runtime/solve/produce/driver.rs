@@ -103,7 +103,7 @@ pub fn solve_scene(
         (1, None) => {
             // This check precedes the load of the scene, which can take long.
             check_job(job, engine)?;
-            let solved = solve_field(job, job.load(0)?, job.record(0)?, engine, observe)?;
+            let solved = solve_field(job, job.load_on(0, engine)?, job.record(0)?, engine, observe)?;
             if let Some(out) = out {
                 solved.hologram.save(out)?;
             }

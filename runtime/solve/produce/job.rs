@@ -1,14 +1,23 @@
 //! Describes a job with its scenes, display and settings, and the events of its solve.
 
 use super::ProduceError;
+use crate::engine::Engine;
 use crate::hologram::{Metadata, SceneRecord, Start};
 use crate::optics::{Color, Display, check_usual_diameters};
 use crate::reconstruction::SceneReading;
-use crate::scene::{self, LightField, Request, ViewSynthesis};
+use crate::scene::{self, LightField, Request, SplatDrawer, ViewSynthesis};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use eyebox_base::error::Reason;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Returns a drawer of the views of a source on the device of an engine. It is `None` if the source has no splats, or
+/// the CPU draws them.
+pub fn drawer_for(source: &str, engine: &dyn Engine) -> Option<Arc<dyn SplatDrawer>> {
+    // A solve on a lost device fails by itself, so the CPU draws meanwhile.
+    scene::is_splats(source).then(|| engine.splat_drawer().ok().flatten()).flatten()
+}
 
 /// Scenes to solve into a hologram or a sequence of holograms.
 #[derive(Debug, Clone)]
@@ -212,8 +221,18 @@ impl<'a> SceneJob<'a> {
     /// # Errors
     /// The errors of [`scene::load`] and of [`scene::depth_maps`].
     pub fn load(&self, index: usize) -> Result<LightField, ProduceError> {
+        self.load_with(index, None)
+    }
+
+    /// Loads one of its scenes, as [`load`](Self::load) does. The device of the engine draws the views of splats.
+    pub(super) fn load_on(&self, index: usize, engine: &dyn Engine) -> Result<LightField, ProduceError> {
+        self.load_with(index, drawer_for(&self.scenes[index], engine).as_ref())
+    }
+
+    fn load_with(&self, index: usize, drawer: Option<&Arc<dyn SplatDrawer>>) -> Result<LightField, ProduceError> {
         let maps = scene::depth_maps(&self.scenes, &self.reading.depth_maps)?;
-        Ok(scene::load(&self.scenes[index], &self.request(maps.get(index).map(PathBuf::as_path)))?)
+        let request = self.request(maps.get(index).map(PathBuf::as_path));
+        Ok(scene::load(&self.scenes[index], &Request { drawer, ..request })?)
     }
 
     /// Returns the identity of one of its scenes, by which a hologram finds it again.

@@ -43,7 +43,7 @@ pub(super) fn solve(
 ) -> Result<SolvedSequence, ProduceError> {
     let count = job.scenes.len();
     let (planned, rate) = (Some(count as u64), job.sequence.rate);
-    let first = job.load(0)?;
+    let first = job.load_on(0, engine)?;
     let common = Common::new(job, &first)?;
     let mut writer = match out.exists() {
         false => None,
@@ -65,7 +65,7 @@ pub(super) fn solve(
     };
     let mut first = Some(first).filter(|_| done == 0);
     for index in done..count {
-        let field = first.take().map_or_else(|| job.load(index), Ok)?;
+        let field = first.take().map_or_else(|| job.load_on(index, engine), Ok)?;
         let Some((hologram, solutions)) = common.hologram(job, index, field, before.as_ref(), engine, observe)? else {
             return Ok(SolvedSequence { done: index, count, solved: index - done });
         };
@@ -131,7 +131,7 @@ impl SequencePieces {
             return Err(ProduceError::Job(reason));
         }
         if !self.out.exists() {
-            let made = self.common.hologram(job, 0, job.load(0)?, None, engine, observe)?;
+            let made = self.common.hologram(job, 0, job.load_on(0, engine)?, None, engine, observe)?;
             let Some((hologram, _)) = made else { return Ok(None) };
             self.common.begin(job, &self.out, &hologram)?.append(&hologram)?;
             return Ok(Some(true));
@@ -150,7 +150,7 @@ impl SequencePieces {
         check_scene(job, &self.out, parts.about(), index)?;
         // The file already has its exposures if hologram 0 is missing, and hologram 0 uses them.
         let before = Some(parts.about()).filter(|_| index > 0);
-        let made = self.common.hologram(job, index, job.load(index)?, before, engine, observe)?;
+        let made = self.common.hologram(job, index, job.load_on(index, engine)?, before, engine, observe)?;
         let Some((hologram, _)) = made else { return Ok(None) };
         parts.write(index as u64, &hologram)?;
         Ok(Some(true))

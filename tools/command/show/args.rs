@@ -132,6 +132,18 @@ pub struct StreamArgs {
     pub clock: Option<ClockName>,
 }
 
+/// The options of the camera in front of splats.
+#[derive(Args)]
+pub struct WalkArgs {
+    /// Path of the camera in front of splats (around, or a file like cameras.json). Without it, the keys and the wheel
+    /// in the window of --view move the camera
+    #[arg(help_heading = "Scene", long, value_name = "PATH")]
+    pub walk: Option<String>,
+    /// Time of one round of the path, s
+    #[arg(help_heading = "Scene", long, value_name = "S", default_value_t = 12.0, value_parser = positive_in(S))]
+    pub walk_time: f64,
+}
+
 /// The table `show` of the settings.
 #[derive(Args, Clone)]
 pub struct ShowSettings {

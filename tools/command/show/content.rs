@@ -1,6 +1,6 @@
 //! Shows content of one eye, as it was solved or refined for the eye.
 
-use super::args::{ClockName, ShowSettings, StreamArgs};
+use super::args::{ClockName, ShowSettings, StreamArgs, WalkArgs};
 use super::bench_follower::FollowArgs;
 use super::playback;
 use super::tracked::{self, LiveOptions, Stage};
@@ -37,6 +37,8 @@ pub struct Show {
     pub unfinished: UnfinishedArgs,
     #[command(flatten)]
     pub follow: FollowArgs,
+    #[command(flatten)]
+    pub walk: WalkArgs,
     /// Sub-frames of live content, of scenes that follow each other, or of a scene with --camera [default: 8]
     #[arg(help_heading = "Quality", long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=64))]
     pub frames: Option<usize>,
@@ -201,7 +203,7 @@ fn show(
     tracked::show(
         steered,
         &args.live,
-        tracked::ShowOptions { policy, tracker, simulated: cost, depths, kept, settings },
+        tracked::ShowOptions { policy, tracker, simulated: cost, depths, kept, settings, walk: None },
         stage,
     )
 }
@@ -239,7 +241,7 @@ pub(super) fn refined(args: &Show, settings: &ShowSettings) -> Result<Option<Cos
     }
 }
 
-fn kept_of_applications(args: &Show) -> Result<(), Failure> {
+pub(super) fn kept_of_applications(args: &Show) -> Result<(), Failure> {
     match args.journal.is_some() || args.replay.is_some() {
         true => Err(Failure::Arguments(reason!(
             "journal-without-live",
@@ -265,10 +267,7 @@ pub(super) fn application(
     listening: impl FnOnce() -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     use super::args::Ask;
-    use eyebox::low_level::encode::Encoder;
-    use eyebox::low_level::hologram::{ColorHologram, Hologram};
-    use eyebox::low_level::optics::Color;
-    use eyebox::low_level::session::{LiveColor, LiveInput, LiveKind, darkness};
+    use eyebox::low_level::session::{LiveInput, LiveKind};
 
     let cost = match &args.replay {
         // The decisions of a journal are not timed again.
@@ -295,19 +294,8 @@ pub(super) fn application(
         Ask::Layers => LiveKind::Layers,
     };
     let frames = args.frames()?;
-    let encoder = Encoder::new(&display, &colors, frames)?;
-    let parts = darkness(&display, &colors, frames, args.subject.experiment.refinement()?.seed)?;
-    let of = |(color, part): (&Color, &LiveColor)| ColorHologram {
-        color: Some(*color),
-        wavelength: part.problem.optics.wavelength,
-        exposure: part.exposure,
-        efficiency: part.exposure,
-        phases: part.phases.clone(),
-    };
-    let mut hologram = Hologram::on(&display, frames, colors.iter().zip(&parts).map(of).collect());
-    hologram.scene = format!("live:{name}");
-    let engine = stage.engines.open()?.describe();
-    let mut steered = Steered { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None };
+    let seed = args.subject.experiment.refinement()?.seed;
+    let mut steered = Steered::dark(&format!("live:{name}"), &display, colors, (frames, seed), &stage.engines)?;
     if args.replay.is_none() {
         let mut input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
         // A journal is shown again to the bit, on any engine. The host decodes its frames for that.

@@ -11,6 +11,7 @@ pub mod tracked;
 mod tracking;
 mod two_eyes;
 mod viewing;
+mod walk;
 
 pub use content::Show;
 pub use session::controller_line;
@@ -53,9 +54,11 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         sink.check()?;
     }
     if let Some(two) = two_eyes::display(&args.subject)? {
+        walk::refuse(args, false)?;
         return two_eyes::show(args, &settings, &two);
     }
     let what = what(args)?;
+    walk::refuse(args, tracked && matches!(&what, What::Scene(scene) if scene::is_splats(scene)))?;
     if let Some(camera) = &args.follow.camera {
         return match what {
             What::Scene(scene) if !tracked => {
@@ -83,6 +86,7 @@ pub fn run(args: &Show) -> Result<(), Failure> {
             let sequence = opening.sequence(&path).map_err(|e| args.unfinished.failure(e))?;
             play(args, &settings, sequence, display)
         }
+        What::Scene(scene) if tracked && scene::is_splats(&scene) => walk::show(args, settings, &scene),
         What::Scene(scene) if tracked => follow(args, settings, &scene),
         What::Scene(scene) => {
             let stage = Stage::open(&args.subject, &args.live)?;

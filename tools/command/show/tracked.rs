@@ -18,7 +18,7 @@ use eyebox::low_level::optics::{Color, Display, depth_in_words, depths_in_words,
 use eyebox::low_level::reason;
 use eyebox::low_level::session::{
     self, Cost, FrameFreshness, Histogram, LitSources, LiveStatistics, Policy, RepeatReason, Session, SidecarOpener,
-    SourceSwitch, Stage as Part, Statistics, Status, Tracking,
+    SourceSwitch, Stage as Part, Statistics, Status, Tracking, WalkHandle,
 };
 use eyebox::low_level::solve::Flow;
 use serde_json::{Map, Value, json};
@@ -88,6 +88,8 @@ pub struct ShowOptions<'a> {
     pub kept: KeptSession,
     /// The table `show` of the settings.
     pub settings: ShowSettings,
+    /// The camera in front of splats, which the window of `--view` moves.
+    pub walk: Option<WalkHandle>,
 }
 
 /// The engines and the device of a session.
@@ -118,7 +120,7 @@ impl Stage {
 /// Shows refined content and prints the statistics.
 pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stage: Stage) -> Result<(), Failure> {
     let Stage { engines, gpu } = stage;
-    let ShowOptions { policy, tracker, simulated, depths, kept, settings } = showing;
+    let ShowOptions { policy, tracker, simulated, depths, kept, settings, walk } = showing;
     let eyepiece = eyepiece(&steered);
     let (mouse, tracking) = match tracker {
         None => (None, None),
@@ -146,7 +148,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
                 "--view shows whole holograms, and a far field in tiles has none"
             )));
         }
-        Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse)?.opener(gpu)),
+        Some(gpu) => Some(Viewing::new(&steered, engines.opener(), mouse, walk)?.opener(gpu)),
         None => None,
     };
     let Refined { live, hologram, display, sent, engine, unfinished } = refined(
@@ -155,7 +157,7 @@ pub fn show(steered: Steered, args: &LiveOptions, showing: ShowOptions<'_>, stag
         sidecar_window,
         &engines,
         args,
-        ShowOptions { policy, tracker, simulated, depths, kept, settings },
+        ShowOptions { policy, tracker, simulated, depths, kept, settings, walk: None },
     )?;
     let mut options = args.shown.options();
     options.gpu = gpu;

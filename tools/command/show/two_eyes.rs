@@ -115,7 +115,8 @@ fn refined(
         let depths = args.subject.options.depth_before(steered.encoder.display());
         let policy = args.subject.experiment.policy()?;
         let (kept, settings) = (KeptSession::default(), settings.clone());
-        let showing = ShowOptions { policy, tracker: args.live.tracker(), simulated: cost, depths, kept, settings };
+        let showing =
+            ShowOptions { policy, tracker: args.live.tracker(), simulated: cost, depths, kept, settings, walk: None };
         tracked::refined(steered, Some(tracking), None, &stage.engines, &args.live, showing)
     };
     let (left, right) = (prepare(left, of_left)?, prepare(right, of_right)?);

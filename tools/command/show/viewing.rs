@@ -9,7 +9,7 @@ use eyebox::low_level::preview::{
     Look, Opener, Overlay, Picture, PreviewColor, PreviewContent, PreviewError, PreviewWindow, Side, Viewer, places,
     pupil_at,
 };
-use eyebox::low_level::session::{FinishedSet, Now, SidecarOpener, SidecarWindow, UserRequest};
+use eyebox::low_level::session::{FinishedSet, Now, SidecarOpener, SidecarWindow, UserRequest, WalkHandle};
 use eyebox::low_level::solve::Problem;
 use eyebox::low_level::trackers::pushed::MouseHandle;
 use std::sync::Arc;
@@ -21,14 +21,21 @@ pub struct Viewing {
     problems: Vec<Problem>,
     engines: Opener,
     mouse: Option<MouseHandle>,
+    walk: Option<WalkHandle>,
 }
 
 impl Viewing {
-    /// Prepares a window. `mouse` receives the position of the mouse, if the mouse is the tracker.
-    pub fn new(steered: &Steered, engines: Opener, mouse: Option<MouseHandle>) -> Result<Self, Failure> {
+    /// Prepares a window. `mouse` receives the position of the mouse, if the mouse is the tracker. `walk` moves the
+    /// camera in front of splats.
+    pub fn new(
+        steered: &Steered,
+        engines: Opener,
+        mouse: Option<MouseHandle>,
+        walk: Option<WalkHandle>,
+    ) -> Result<Self, Failure> {
         let showing = PreviewContent::new(steered.hologram.clone(), steered.hologram.metadata.padding())?;
         let problems = steered.parts.iter().map(|p| p.problem.clone()).collect();
-        Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse })
+        Ok(Self { scene: steered.hologram.scene.clone(), showing, problems, engines, mouse, walk })
     }
 
     /// Returns a function that opens the window on this device.
@@ -40,7 +47,7 @@ impl Viewing {
     }
 
     fn open(self, gpu: &Gpu, desktop: &mut Desktop) -> Result<View, PreviewError> {
-        let Self { scene, showing, problems, engines, mouse } = self;
+        let Self { scene, showing, problems, engines, mouse, walk } = self;
         let size = showing.size();
         // Small pictures are magnified by a whole number.
         let zoom = (640 / size[0].max(size[1]).max(1)).max(1);
@@ -58,6 +65,7 @@ impl Viewing {
             size,
             colors,
             mouse,
+            walk,
             seen: None,
             compared: None,
             overlay: Overlay::default(),
@@ -75,6 +83,7 @@ struct View {
     size: [usize; 2],
     colors: Vec<PreviewColor>,
     mouse: Option<MouseHandle>,
+    walk: Option<WalkHandle>,
     seen: Option<Picture>,
     /// The last comparison with the target image, as the state of pupil steering and the PSNR in dB.
     compared: Option<(bool, f64)>,
@@ -82,12 +91,35 @@ struct View {
 }
 
 const HELP: &str = "s: steering on or off   q, Esc: close";
+const WALK_HELP: &str = "arrows, a, d, wheel: walk   Home: start   s: steering   q: close";
+/// Displacement of the camera by a key, in proportion to the distance of the middle of the scene, and turn (radians).
+const STEP: f64 = 0.03;
+const TURN: f64 = 0.04;
+
+/// Moves the camera in front of splats by an event of the window. Returns false if the event does not move it.
+fn walked(walk: &WalkHandle, event: WindowEvent) -> bool {
+    match event {
+        WindowEvent::Key(WindowKey::Arrow([right, down])) => {
+            walk.turn([f64::from(right) * TURN, 0.0]);
+            walk.step([0.0, 0.0, -f64::from(down) * STEP]);
+        }
+        WindowEvent::Key(WindowKey::Character('a')) => walk.step([-STEP, 0.0, 0.0]),
+        WindowEvent::Key(WindowKey::Character('d')) => walk.step([STEP, 0.0, 0.0]),
+        WindowEvent::Wheel(notches) => walk.step([0.0, 0.0, notches * STEP]),
+        WindowEvent::Key(WindowKey::Home) => walk.home(),
+        _ => return false,
+    }
+    true
+}
 
 impl View {
     /// Handles the events of the user.
     fn asked(&mut self, now: &Now) -> UserRequest {
         let mut asked = UserRequest::Nothing;
         while let Some(event) = self.window.event() {
+            if self.walk.as_ref().is_some_and(|walk| walked(walk, event)) {
+                continue;
+            }
             match event {
                 WindowEvent::Close | WindowEvent::Key(WindowKey::Escape | WindowKey::Character('q')) => {
                     return UserRequest::Close;
@@ -122,8 +154,9 @@ impl View {
                 "{steered}{db}; pupil {x:.1}, {y:.1} mm, {diameter:.1} mm wide, focused at {focus:.2} mm; {:.0} sets per second",
                 now.sets_per_second
             ));
+            let help = if self.walk.is_some() { WALK_HELP } else { HELP };
             let map = [pupil.x, pupil.y, pupil.diameter].map(|v| v / self.eyebox);
-            self.overlay = Overlay { help: Vec::new(), line: Some(format!("{steered}{db}   {HELP}")), map: Some(map) };
+            self.overlay = Overlay { help: Vec::new(), line: Some(format!("{steered}{db}   {help}")), map: Some(map) };
             let picture = self.seen.insert(new.seen);
             self.window.show(&[(place, picture)], &self.overlay);
         }

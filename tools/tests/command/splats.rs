@@ -40,6 +40,65 @@ fn splats_are_a_scene_in_every_command() {
     assert!((psnr(&["built-in.zarr"]) - own).abs() < 0.5);
 }
 
+const WALK: [&str; 18] = [
+    "--display",
+    "planes8",
+    "--size",
+    "32x32",
+    "--color",
+    "green",
+    "--engine",
+    "cpu",
+    "--tracker",
+    "simulated",
+    "--clock",
+    "simulated",
+    "--set",
+    "show.step_time=3",
+    "--duration",
+    "0.5",
+    "--output",
+    "raw:shown.raw",
+];
+
+/// Views are drawn for the tracked pupil while the camera moves along a path. Each is shown within two set periods, and
+/// a simulated clock shows the same bytes again. Without a path, the camera stays and views change with
+/// the pupil alone.
+#[test]
+fn a_camera_walks_in_front_of_splats() {
+    let temp = with_splats();
+    let at = temp.path();
+    let shows = |more: &[&str]| {
+        let said = json(at, &[&["show", SCENE][..], &WALK, more, &["--json"]].concat());
+        let content = said["content"].clone();
+        assert_eq!(content["source"], "still-life.spz");
+        // The display shows 60 sets a second.
+        let longest_ms = content["arrival_to_light_ms"]["largest"].as_f64().expect("a time");
+        assert!(longest_ms <= 2e3 / 60.0, "{said}");
+        let frames = fs::read(at.join("shown.raw")).expect("frames");
+        fs::remove_file(at.join("shown.raw")).expect("the file");
+        (content["shown"].as_u64().expect("a count"), frames)
+    };
+    let (moving, frames) = shows(&["--walk", "around", "--walk-time", "4"]);
+    let (again, same) = shows(&["--walk", "around", "--walk-time", "4"]);
+    assert!(moving >= 10 && again == moving && frames == same, "{moving} and {again} views");
+    let camera = |x: f64| {
+        serde_json::json!({"width": 80, "height": 80, "position": [x, 0, 0], "fx": 100.0, "fy": 100.0,
+            "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]})
+    };
+    fs::write(at.join("path.json"), serde_json::json!([camera(-0.1), camera(0.1)]).to_string()).unwrap();
+    let (along, other) = shows(&["--walk", "path.json"]);
+    assert!(along >= 10 && other != frames, "{along} views");
+    let (still, _) = shows(&[]);
+    assert!(still >= 1 && still < moving, "{still} views of a camera that stays");
+    let show = [&["show", SCENE][..], &WALK].concat();
+    refused(at, &[&show[..], &["--walk", "none.json"]].concat(), "shown", "scene/not-found");
+    refused(at, &[&show[..], &["--quality", "fast"]].concat(), "shown", "arguments/quality-of-splats");
+    let plain = ["show", "builtin:still-life", "--walk", "around", "--tracker", "simulated"];
+    refused(at, &plain, "shown", "arguments/walk-without-splats");
+    refused(at, &["show", SCENE, "--walk", "around"], "shown", "arguments/walk-without-splats");
+}
+
 #[test]
 fn a_far_field_takes_splats() {
     let temp = with_splats();

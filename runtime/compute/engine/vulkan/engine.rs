@@ -10,11 +10,12 @@ use super::flight::{Flight, Guarded, Verdict};
 use super::layout::{Arenas, Layout, Slot, Value, pupil_pass_buffer, slots};
 use super::look_up::{Tables, look_up};
 use super::record::{Hazards, Stack, Stacks, Work};
+use super::splats::VulkanSplats;
 use super::views::Views;
 use crate::gpu::{Block, Commands, DeviceKind, Gpu, IN_FLIGHT, PhasesOnDevice};
 use crate::plan::BufferSize;
 use crate::plan::fusion::Fusion;
-use crate::scene::Pyramid;
+use crate::scene::{Pyramid, SplatDrawer};
 use std::collections::HashMap;
 use std::fmt::Write;
 use std::ops::Range;
@@ -432,6 +433,10 @@ impl Engine for VulkanEngine {
         self.gpu.recorder.begin(0)?;
         self.fill_moments();
         self.gpu.recorder.submit("forgetting velocities").map(drop)
+    }
+
+    fn splat_drawer(&self) -> Result<Option<Arc<dyn SplatDrawer>>, EngineError> {
+        Ok(Some(Arc::new(VulkanSplats::new(&self.gpu.shared)?)))
     }
 
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {

@@ -9,7 +9,8 @@
 //! shared memory only.
 //!
 //! Module `engine` runs lists of kernels, and `self_test` tests a device at first use. Module `encode` makes video
-//! frames of phases, `decode` makes views from an application's samples, and `fft` plans and records transforms.
+//! frames of phases, `decode` makes views from an application's samples, `splats` draws pictures of splats, and `fft`
+//! plans and records transforms.
 
 #![allow(unsafe_code)]
 
@@ -30,6 +31,7 @@ mod prepare;
 mod pretend;
 mod record;
 mod self_test;
+mod splats;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -42,3 +44,4 @@ pub use fft::{Timed, Transforms};
 #[cfg(any(test, feature = "test-hooks"))]
 pub use pretend::LesserDevice;
 pub(super) use self_test::check as self_test;
+pub use splats::VulkanSplats;

@@ -3,25 +3,19 @@
 
 use crate::engine::Backend;
 use crate::gpu::Gpu;
-use crate::optics::{Color, Display, Padding, PupilDistribution, mean_light};
-use crate::scene::{Layer, LightField, Places, ViewGrid, views_of_depths, views_of_layers};
+use crate::optics::{Color, Display, PupilDistribution};
+use crate::scene::{Layer, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::session::content::device_views::{ColorViews, DeviceViews};
+use crate::session::content::near_eye::{Exposures, NearViews, USUAL_EXPOSURE, light_field};
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::LiveColor;
-use crate::solve::{BrightEnd, Problem, random_phases};
-use eyebox_base::error::Reason;
 use eyebox_live_input::{Content, Display as Ring, Frame, Kind, Latest, Offer, Pupil as AskedPupil, Request, Wanted};
 use rayon::prelude::*;
 use std::sync::Arc;
 
 const SLOTS: u32 = 3;
 const LAYERS: u32 = 16;
-/// The number of requested views along an axis if a tracker gives the position of the eye.
-const TRACKED_VIEWS: u32 = 3;
-/// The exposure before the first frame. The next constant is the lowest one (OPTICS 6c).
-const USUAL_EXPOSURE: f64 = 0.35;
-const LEAST_EXPOSURE: f64 = 0.05;
 /// The largest plausible time between a frame and its light (ns). An application outside of it uses another clock.
 const PLAUSIBLE_NS: u64 = 1_000_000_000;
 /// An application is late if it sent nothing for this many of its usual intervals. The next constant is the limit (ns)
@@ -42,8 +36,7 @@ pub struct LiveInput {
     device: Option<DeviceViews>,
     kind: Kind,
     interval: Interval,
-    /// The exposure of each color, set by the first frame. Later frames can only raise it.
-    exposures: Option<Vec<f64>>,
+    exposures: Exposures,
     /// The light of the last request, and the number of frames until now.
     asked_ns: Option<i64>,
     frames: u64,
@@ -82,7 +75,7 @@ impl LiveInput {
             device: None,
             kind,
             interval: Interval::default(),
-            exposures: None,
+            exposures: Exposures::default(),
             asked_ns: None,
             frames: 0,
         })
@@ -111,27 +104,12 @@ impl LiveInput {
         Ok(engines.gpu()?.and_then(|gpu| self.decode_on(&gpu).err()))
     }
 
-    fn problem(&self, field: &LightField, color: Color, center: [f64; 2]) -> Result<Problem, SessionError> {
-        let problem = Problem::new(field, color, &self.display, Padding::default());
-        let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
-        Ok(Problem { center, ..problem })
-    }
-
     /// Selects the requested views. If there is a tracker, these are a few close ones around the pupil, otherwise as
     /// many as allowed over the whole eyebox.
     fn wanted(&self, due: &Due) -> Wanted {
-        let most = self.ring.offer().views[0];
-        let eyebox = self.display.eyebox_min();
-        let (views, side, center) = match due.tracked {
-            true => {
-                let side = (due.pupil.diameter[1] + 4.0 * due.pupil.spread).min(eyebox);
-                let reach = (eyebox - side) / 2.0;
-                (most.min(TRACKED_VIEWS), side, due.pupil.centre.map(|v| v.clamp(-reach, reach)))
-            }
-            false => (most, eyebox, [0.0; 2]),
-        };
-        let pitch_mm = side / f64::from(views) * 1e3;
-        Wanted { kind: self.kind, views: [views; 2], pitch_mm, center_mm: center.map(|v| v * 1e3) }
+        let NearViews { views, pitch, center } =
+            NearViews::of(due, self.display.eyebox_min(), self.ring.offer().views[0]);
+        Wanted { kind: self.kind, views: [views; 2], pitch_mm: pitch * 1e3, center_mm: center.map(|v| v * 1e3) }
     }
 
     fn ask(&mut self, due: &Due) {
@@ -179,15 +157,10 @@ impl LiveInput {
             }
             content => {
                 // These are the views that are wanted now, because frames of these kinds need no request for views.
-                let Wanted { views, pitch_mm, center_mm, .. } = self.wanted(due);
-                let (pitch, center) = (metres(pitch_mm), center_mm.map(metres));
-                let place = |i: u32| {
-                    let at = |index: u32, axis: usize, count: u32| {
-                        (f64::from(index) - f64::from(count - 1) / 2.0) * pitch + center[axis] - camera[axis]
-                    };
-                    [at(i % views[1], 0, views[1]), at(i / views[1], 1, views[0])]
-                };
-                let places: Vec<[f64; 2]> = (0..views[0] * views[1]).map(place).collect();
+                let near = NearViews::of(due, self.display.eyebox_min(), self.ring.offer().views[0]);
+                let NearViews { views, pitch, center } = near;
+                let from_camera = |[x, y]: [f64; 2]| [x - camera[0], y - camera[1]];
+                let places: Vec<[f64; 2]> = near.places().into_iter().map(from_camera).collect();
                 let focal_length = self.display.focal_length;
                 let per_metre = 1.0 / (focal_length * self.display.picture_pixel());
                 let from = Places { places: &places, per_metre, size: [height, width] };
@@ -213,24 +186,14 @@ impl LiveInput {
                     }
                 };
                 match made {
-                    Ok(planes) => (views, pitch, center, planes),
+                    Ok(planes) => ([views; 2], pitch, center, planes),
                     Err(reason) => return Ok(Err(format!("the application's frame is refused: {reason}"))),
                 }
             }
         };
         let place = (grid.map(|n| n as usize), pitch);
         let field = light_field(self.describe(), &self.display, &self.colors, place, planes);
-        let middle = |views: &Vec<Vec<f32>>| {
-            let end = BrightEnd::of(views.get(views.len() / 2).map(Vec::as_slice));
-            [end.contrast.max(end.mean), end.mean]
-        };
-        let ends: Vec<[f64; 2]> = field.planes.par_iter().map(middle).collect();
-        let exposures = self.exposures_of(&ends);
-        let mut colors = Vec::with_capacity(self.colors.len());
-        for (color, exposure) in self.colors.iter().zip(exposures) {
-            let problem = self.problem(&field, *color, center)?;
-            colors.push(LiveColor { problem, phases: Vec::new(), exposure, laser: None });
-        }
+        let colors = self.exposures.colors(&field, &self.display, center)?;
         Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
     }
 
@@ -251,7 +214,7 @@ impl LiveInput {
             [mean, square, cube] if square > 0.0 => [(cube / square).max(mean), mean],
             _ => [USUAL_EXPOSURE, 0.0],
         });
-        let exposures = self.exposures_of(&ends.collect::<Vec<_>>());
+        let exposures = self.exposures.of(&self.display, &self.colors, &ends.collect::<Vec<_>>());
         let mut colors = Vec::with_capacity(newest.len());
         for ((views_of_color, color), exposure) in newest.into_iter().zip(&self.colors).zip(exposures) {
             let problem = views_of_color.problem(&self.display, *color, views, center)?;
@@ -265,20 +228,6 @@ impl LiveInput {
         let (arrived_ns, shows_ns) = (Some(now_ns), Some(shows_ns));
         SceneFrame { arrived_ns, shows_ns, ..SceneFrame::new(self.frames, Arc::new(colors)) }
     }
-
-    /// Returns one exposure for each color, set by the first frame. It only rises, and only if the light would not
-    /// suffice.
-    ///
-    /// The slice `ends` holds the estimate from the bright end of the middle view of each color, and the mean of that
-    /// view. An exposure is per unit of light of the sources.
-    fn exposures_of(&mut self, ends: &[[f64; 2]]) -> Vec<f64> {
-        let lights = self.colors.iter().map(|color| mean_light(&self.display.modes(*color)));
-        let ends: Vec<[f64; 2]> = ends.iter().zip(lights).map(|(end, light)| end.map(|v| v / light)).collect();
-        let exposures =
-            self.exposures.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
-        exposures.iter_mut().zip(&ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
-        exposures.clone()
-    }
 }
 
 /// Returns the time that a frame shows (ns on the clock of the player). The time of the application counts if it is
@@ -289,39 +238,6 @@ fn shown_at(content_time_ns: i64, due: &Due) -> i64 {
         true => due.light_ns - behind_ns,
         false => due.now_ns,
     }
-}
-
-/// Builds a light field of views (color, view, pixel) of the size of a display, on a grid of (rows, columns) with a
-/// pitch in m.
-fn light_field(
-    name: String,
-    display: &Display,
-    colors: &[Color],
-    (grid, pitch): ([usize; 2], f64),
-    planes: Vec<Vec<Vec<f32>>>,
-) -> LightField {
-    let (height, width) = display.picture_size();
-    let (view_pitch, disparity, depth, made) = (Some(pitch), None, None, None);
-    LightField { name, grid, height, width, colors: colors.to_vec(), planes, view_pitch, disparity, depth, made }
-}
-
-/// Returns the start of refinement before the first scene arrives, with random phases of `frames` sub-frames and dark
-/// views.
-///
-/// # Errors
-/// Returns [`SessionError::Setting`] if the display does not have a color.
-pub fn darkness(display: &Display, colors: &[Color], frames: usize, seed: u64) -> Result<Vec<LiveColor>, SessionError> {
-    let (height, width) = display.picture_size();
-    let dark = vec![vec![vec![0.0; height * width]]; colors.len()];
-    let field = light_field(String::new(), display, colors, ([1, 1], display.eyebox_min()), dark);
-    let one = |(i, color): (usize, &Color)| {
-        let problem = Problem::new(&field, *color, display, Padding::default());
-        let problem = problem.map_err(|e| SessionError::Setting(Reason::of(&e)))?;
-        let pixels = problem.optics.height * problem.optics.width;
-        let phases = random_phases(frames * pixels, seed.wrapping_add(i as u64));
-        Ok(LiveColor { problem, phases, exposure: USUAL_EXPOSURE, laser: None })
-    };
-    colors.iter().enumerate().map(one).collect()
 }
 
 impl Scenes for LiveInput {
@@ -384,25 +300,7 @@ impl Interval {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::SwitchedSource;
     use eyebox_live_input::Application;
-
-    /// Half the light of the sources requires twice the exposure.
-    #[test]
-    fn exposures_are_per_unit_of_the_sources_light() {
-        let exposures_at = |power: f64| {
-            let mut display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
-            let source = |x| SwitchedSource { eyebox_mm: Some([x, 0.0]), power, ..SwitchedSource::default() };
-            display.sources.each = [-30.0, 30.0].map(source).to_vec();
-            let name = format!("lit-{}-{power}", std::process::id());
-            let mut input = LiveInput::open(&name, &display, &[Color::Green], 3, Kind::Views).unwrap();
-            [input.exposures_of(&[[0.3, 0.1]])[0], input.exposures_of(&[[0.2, 0.6]])[0]]
-        };
-        for (exposure, wanted) in exposures_at(0.5).into_iter().zip([0.6, 1.2]) {
-            assert!((exposure - wanted).abs() < 1e-12, "{exposure}, and {wanted} was expected");
-        }
-        assert_eq!(exposures_at(1.0), [0.3, 0.6]);
-    }
 
     /// The application receives the predicted position of the pupil, its velocity and the time.
     #[test]

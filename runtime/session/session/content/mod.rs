@@ -6,5 +6,7 @@ pub(crate) mod application;
 pub(crate) mod device_views;
 pub(crate) mod far_field;
 pub(crate) mod moving;
+pub(crate) mod near_eye;
 pub(crate) mod scenes;
 pub(crate) mod shifted;
+pub(crate) mod walk;

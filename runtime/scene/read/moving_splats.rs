@@ -1,0 +1,89 @@
+//! Makes views of splats for a camera that moves while they are shown.
+
+use crate::light_field::field::by_color;
+use crate::read::splats::{Placed, SplatViews, format_of};
+use crate::splats::camera::Camera;
+use crate::splats::cloud::Cloud;
+use crate::splats::format::read;
+use crate::splats::path::CameraPath;
+use crate::splats::project::Ordered;
+use crate::{Request, SceneError, SplatDrawer};
+use eyebox_base::memory;
+use eyebox_optics::Color;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Splats in front of a display, seen by a camera that moves.
+///
+/// The picture of the camera at the start determines the depths of distances, so that content does not change its depth
+/// because other content comes into the picture.
+pub struct MovingSplats {
+    name: String,
+    read_as: String,
+    cloud: Cloud,
+    start: Camera,
+    placed: Placed,
+    size: [usize; 2],
+    drawer: Option<Arc<dyn SplatDrawer>>,
+}
+
+impl MovingSplats {
+    /// Reads a file of splats with its options after the question mark, which place the camera at the start.
+    ///
+    /// # Errors
+    /// The errors of [`SplatViews::new`].
+    pub fn new(source: &str, request: &Request) -> Result<Self, SceneError> {
+        request.check()?;
+        let (format, options) = format_of(source)?;
+        let path = crate::formats::options::parts(source).0;
+        let cloud = read(path, format)?;
+        let (start, _) = Camera::of(path, &options, &cloud)?;
+        let what = || format!("{} splats for a camera that moves", cloud.len());
+        let bytes = cloud.len() as u64 * Cloud::bytes_of_one(cloud.degree);
+        memory::check_available(what, bytes, "take a scene with fewer splats")?;
+        // Views are made at the requested places, so none are too far apart.
+        let request = Request { more_views: false, ..*request };
+        let views = SplatViews::of_cloud(source, (format, &options), &request, cloud.clone(), |views| views / 2.0)?;
+        let SplatViews { name, read_as, placed, drawer, .. } = views;
+        let (height, width) = request.display.picture_size();
+        Ok(Self { name, read_as, cloud, start, placed, size: [height, width], drawer })
+    }
+
+    /// Returns the name of the scene.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Describes the splats and their first camera in words.
+    pub fn read_as(&self) -> &str {
+        &self.read_as
+    }
+
+    /// Returns the farthest and the nearest depth in meters, as the first camera sees them.
+    pub fn depth(&self) -> [f64; 2] {
+        self.placed.depth
+    }
+
+    /// Returns the camera at the start.
+    pub fn camera(&self) -> Camera {
+        self.start
+    }
+
+    /// Returns the distance that is in the middle of the depths, in units of the scene.
+    pub fn distance(&self) -> f64 {
+        2.0 / (self.placed.inverse[0] + self.placed.inverse[1])
+    }
+
+    /// Returns the built-in path, around the point in the middle of the first picture.
+    pub fn around(&self) -> CameraPath {
+        CameraPath::Around { start: self.start, distance: self.distance() }
+    }
+
+    /// Returns views of a camera from these places (x, y) of the pupil plane in meters, as (color, view, pixel).
+    pub fn views(&self, camera: &Camera, colors: &[Color], places: &[(f64, f64)]) -> Vec<Vec<Vec<f32>>> {
+        let splats = Ordered::new(self.cloud.clone(), camera, self.size);
+        let one = |place: &(f64, f64)| self.placed.view(&splats, *place, colors, self.drawer.as_ref());
+        let views: Vec<Vec<Vec<f32>>> = places.par_iter().map(one).collect();
+        by_color(views, colors.len())
+    }
+}

@@ -1,0 +1,363 @@
+//! Draws splats for a camera that moves while they are shown. The views are around the tracked pupil.
+
+use crate::optics::{Color, Display};
+use crate::scene::{CameraPath, MovingSplats, SplatCamera};
+use crate::session::content::near_eye::{Exposures, NearViews, light_field};
+use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes};
+use crate::session::frame_log::error::SessionError;
+use crate::session::frame_log::threads::spawn;
+use crate::session::refinement::field::LiveColor;
+use eyebox_base::mailbox::Mailbox;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// The number of views along an axis without a tracker, over the whole eyebox.
+const WHOLE_VIEWS: u32 = 5;
+/// New views are made if the pupil moved by this share of the pitch of the views.
+const MOVED: f64 = 0.5;
+/// New views are made if their pitch changes by this share.
+const WIDER: f64 = 0.25;
+/// The interval at which the drawing thread checks for its end.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+/// The share of a new drawing time in the expected one.
+const NEWER: f64 = 0.25;
+
+/// The camera of a [`SplatWalk`] without a path. The keys and the mouse of a window move it.
+#[derive(Debug, Clone)]
+pub struct WalkHandle {
+    camera: Arc<Mutex<SplatCamera>>,
+    start: SplatCamera,
+    distance: f64,
+}
+
+impl WalkHandle {
+    /// Moves the camera to the right, downwards and forward, in proportion to the distance of the middle of the scene.
+    pub fn step(&self, by: [f64; 3]) {
+        self.change(|camera| camera.moved(by.map(|v| v * self.distance)));
+    }
+
+    /// Turns the camera to the right and downwards (radians).
+    pub fn turn(&self, by: [f64; 2]) {
+        self.change(|camera| camera.turned(by));
+    }
+
+    /// Returns the camera to its start.
+    pub fn home(&self) {
+        self.change(|_| self.start);
+    }
+
+    /// Returns the present camera.
+    pub fn camera(&self) -> SplatCamera {
+        *self.camera.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&SplatCamera) -> SplatCamera) {
+        let mut camera = self.camera.lock().unwrap_or_else(PoisonError::into_inner);
+        *camera = change(&camera);
+    }
+}
+
+/// Splats whose views are made again when the camera or the pupil has moved.
+///
+/// A thread draws the views, so that a request does not wait. In simulated time a request draws them itself.
+pub struct SplatWalk {
+    name: String,
+    eyebox: f64,
+    handle: WalkHandle,
+    /// The path, and the time of one round.
+    path: Option<(CameraPath, Duration)>,
+    /// The light of the first request, at which the path begins (ns).
+    begun_ns: Option<i64>,
+    /// The newest views that were requested.
+    asked: Option<Asked>,
+    frames: u64,
+    /// The expected time from the request of views to their use (ns).
+    lead_ns: f64,
+    drawing: Drawing,
+}
+
+/// The views to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Asked {
+    camera: SplatCamera,
+    near: NearViews,
+    shows_ns: i64,
+}
+
+/// The result of drawing, with the time of its end.
+struct Drawn {
+    asked: Asked,
+    colors: Result<Vec<LiveColor>, SessionError>,
+    ended: Instant,
+}
+
+/// The place of the drawing.
+enum Drawing {
+    /// The thread of the request draws.
+    Here(Box<Drawer>),
+    Thread {
+        asked: Mailbox<Asked>,
+        drawn: Mailbox<Drawn>,
+        thread: Option<JoinHandle<()>>,
+        /// The time of the request that is not answered yet.
+        since: Option<Instant>,
+    },
+}
+
+struct Drawer {
+    splats: MovingSplats,
+    display: Display,
+    colors: Vec<Color>,
+    exposures: Exposures,
+}
+
+impl SplatWalk {
+    /// Shows splats on a display in these colors. Without a path, the [handle](Self::handle) moves the camera. The path
+    /// has the time of one round.
+    pub fn new(
+        splats: MovingSplats,
+        display: &Display,
+        colors: &[Color],
+        path: Option<(CameraPath, Duration)>,
+    ) -> Self {
+        let start = splats.camera();
+        let handle = WalkHandle { camera: Arc::new(Mutex::new(start)), start, distance: splats.distance() };
+        let (name, eyebox) = (splats.name().to_owned(), display.eyebox_min());
+        let (display, colors, exposures) = (display.clone(), colors.to_vec(), Exposures::default());
+        let drawing = Drawing::Here(Box::new(Drawer { splats, display, colors, exposures }));
+        Self { name, eyebox, handle, path, begun_ns: None, asked: None, frames: 0, lead_ns: 0.0, drawing }
+    }
+
+    /// Returns the handle that moves the camera. It has no effect if there is a path.
+    pub fn handle(&self) -> WalkHandle {
+        self.handle.clone()
+    }
+
+    /// Returns the views for a set.
+    fn wanted(&mut self, due: &Due) -> Asked {
+        let shows_ns = due.light_ns.saturating_add(self.lead_ns as i64);
+        let begun_ns = *self.begun_ns.get_or_insert(due.light_ns);
+        let camera = match &self.path {
+            Some((path, round)) => path.at((shows_ns - begun_ns) as f64 * 1e-9 / round.as_secs_f64().max(1e-3)),
+            None => self.handle.camera(),
+        };
+        Asked { camera, near: NearViews::of(due, self.eyebox, WHOLE_VIEWS), shows_ns }
+    }
+
+    /// Returns true if the views differ visibly from the last ones.
+    fn differs(&self, wanted: &Asked) -> bool {
+        self.asked.is_none_or(|last| {
+            let (was, is) = (&last.near, &wanted.near);
+            let moved = (is.center[0] - was.center[0]).hypot(is.center[1] - was.center[1]);
+            last.camera != wanted.camera
+                || was.views != is.views
+                || (is.pitch - was.pitch).abs() > WIDER * was.pitch
+                || moved > MOVED * was.pitch
+        })
+    }
+
+    fn frame(&mut self, drawn: Drawn, due: &Due) -> Newest {
+        match drawn.colors {
+            Ok(colors) => {
+                self.frames += 1;
+                let age_ns = if due.patient { 0 } else { drawn.ended.elapsed().as_nanos() as i64 };
+                let (arrived_ns, shows_ns) = (Some(due.now_ns - age_ns), Some(drawn.asked.shows_ns));
+                Newest::New(SceneFrame { arrived_ns, shows_ns, ..SceneFrame::new(self.frames, Arc::new(colors)) })
+            }
+            Err(error) => Newest::Refused(error.to_string()),
+        }
+    }
+}
+
+impl Scenes for SplatWalk {
+    fn describe(&self) -> String {
+        self.name.clone()
+    }
+
+    fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        let wanted = self.wanted(due);
+        let differs = self.differs(&wanted);
+        let (drawn, taken) = match self.drawing.begin(due.patient)? {
+            Drawing::Here(drawer) => (differs.then(|| drawer.draw(wanted)), differs),
+            Drawing::Thread { asked, drawn, thread, since } => {
+                let newest = drawn.take();
+                if newest.is_none() && thread.as_ref().is_none_or(JoinHandle::is_finished) {
+                    let reason = "failed, which is a fault of eyebox".into();
+                    return Err(SessionError::Thread { what: DRAWS, reason });
+                }
+                if let Some(begun) = since.take_if(|_| newest.is_some()) {
+                    let took_ns = begun.elapsed().as_nanos() as f64;
+                    self.lead_ns += if self.frames == 0 { took_ns } else { NEWER * (took_ns - self.lead_ns) };
+                }
+                let free = since.is_none() && differs;
+                if free {
+                    *since = Some(Instant::now());
+                    asked.push(wanted);
+                }
+                (newest, free)
+            }
+        };
+        if taken {
+            self.asked = Some(wanted);
+        }
+        Ok(drawn.map_or(Newest::Same, |drawn| self.frame(drawn, due)))
+    }
+
+    fn begins_with_one(&self) -> bool {
+        false
+    }
+}
+
+impl Drop for SplatWalk {
+    fn drop(&mut self) {
+        let Drawing::Thread { asked, thread, .. } = &mut self.drawing else { return };
+        // The thread ends when its end of the requests is alone.
+        *asked = Mailbox::new(1);
+        if let Some(thread) = thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The task of the thread.
+const DRAWS: &str = "draws splats";
+
+impl Drawing {
+    /// Starts the thread at the first request in real time.
+    fn begin(&mut self, patient: bool) -> Result<&mut Self, SessionError> {
+        if patient || matches!(self, Self::Thread { .. }) {
+            return Ok(self);
+        }
+        let (asked, drawn) = (Mailbox::new(1), Mailbox::new(1));
+        let ends = (asked.clone(), drawn.clone());
+        let before = std::mem::replace(self, Self::Thread { asked, drawn, thread: None, since: None });
+        if let (Self::Here(drawer), Self::Thread { thread, .. }) = (before, &mut *self) {
+            *thread = Some(spawn(DRAWS, move || drawer.run(&ends))?);
+        }
+        Ok(self)
+    }
+}
+
+impl Drawer {
+    fn run(mut self: Box<Self>, (asked, drawn): &(Mailbox<Asked>, Mailbox<Drawn>)) {
+        while !asked.is_alone() {
+            if let Some(next) = asked.take_within(POLL_INTERVAL) {
+                drawn.push(self.draw(next));
+            }
+        }
+    }
+
+    fn draw(&mut self, asked: Asked) -> Drawn {
+        let places: Vec<(f64, f64)> = asked.near.places().into_iter().map(|[x, y]| (x, y)).collect();
+        let planes = self.splats.views(&asked.camera, &self.colors, &places);
+        let (name, grid) = (self.splats.name().to_owned(), [asked.near.views as usize; 2]);
+        let field = light_field(name, &self.display, &self.colors, (grid, asked.near.pitch), planes);
+        let colors = self.exposures.colors(&field, &self.display, asked.near.center);
+        Drawn { asked, colors, ended: Instant::now() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optics::PupilDistribution;
+    use crate::scene::Request;
+    use crate::solve::Problem;
+
+    const MS: i64 = 1_000_000;
+
+    fn display() -> Display {
+        Display { height: 40, width: 56, ..Display::preset("small").unwrap() }
+    }
+
+    fn walk(seconds: Option<f64>) -> SplatWalk {
+        let display = display();
+        let splats = MovingSplats::new("builtin:still-life-splats", &Request::new(&display, &[Color::Green])).unwrap();
+        let path = seconds.map(|s| (splats.around(), Duration::from_secs_f64(s)));
+        SplatWalk::new(splats, &display, &[Color::Green], path)
+    }
+
+    fn due(light_ns: i64, center: [f64; 2], patient: bool) -> Due {
+        let pupil =
+            PupilDistribution { centre: center, spread: 1e-4, diameter: [3e-3; 2], focus: [0.0; 2], elsewhere: 0.0 };
+        Due {
+            now_ns: light_ns - 20 * MS,
+            light_ns,
+            light_monotonic_ns: light_ns as u64,
+            period_ns: 16 * MS,
+            pupil,
+            velocity: [0.0; 2],
+            tracked: true,
+            patient,
+        }
+    }
+
+    fn problem(newest: Newest) -> Problem {
+        match newest {
+            Newest::New(frame) => frame.colors[0].problem.clone(),
+            _ => panic!("no new views"),
+        }
+    }
+
+    /// Without a path, views are made again if the pupil or the camera moves, and not otherwise.
+    #[test]
+    fn views_are_made_for_the_pupil_and_the_camera() {
+        let mut walk = walk(None);
+        let first = problem(walk.next(&due(100 * MS, [0.0; 2], true)).unwrap());
+        assert_eq!((first.views.rows, first.views.columns, first.center), (3, 3, [0.0; 2]));
+        assert!((first.views.cell - 3.4e-3 / 3.0).abs() < 1e-9, "{}", first.views.cell);
+        let again = walk.next(&due(116 * MS, [0.3e-3, 0.0], true)).unwrap();
+        assert!(matches!(again, Newest::Same), "the pupil moved by less than half a pitch");
+        let aside = problem(walk.next(&due(132 * MS, [0.9e-3, 0.0], true)).unwrap());
+        assert_eq!(aside.center, [0.9e-3, 0.0]);
+        assert!(matches!(walk.next(&due(148 * MS, [0.9e-3, 0.0], true)).unwrap(), Newest::Same));
+        walk.handle().step([0.2, 0.0, 0.0]);
+        let moved = problem(walk.next(&due(164 * MS, [0.9e-3, 0.0], true)).unwrap());
+        assert_ne!(moved.pyramid.levels[0].views, aside.pyramid.levels[0].views);
+        walk.handle().home();
+        let back = problem(walk.next(&due(180 * MS, [0.9e-3, 0.0], true)).unwrap());
+        assert_eq!(back.pyramid.levels[0].views, aside.pyramid.levels[0].views);
+        walk.handle().turn([0.2, 0.1]);
+        assert!(matches!(walk.next(&due(196 * MS, [0.9e-3, 0.0], true)).unwrap(), Newest::New(_)));
+    }
+
+    /// The views of the still camera are the same as in the light field that a solve reads, at the same places.
+    #[test]
+    fn views_are_those_of_the_light_field() {
+        let display = display();
+        let mut walk = walk(None);
+        let made = problem(walk.next(&due(100 * MS, [0.0; 2], true)).unwrap());
+        let pitch = Some(made.views.cell);
+        let request = Request { views: 3, view_pitch: pitch, ..Request::new(&display, &[Color::Green]) };
+        let field = crate::scene::load("builtin:still-life-splats", &request).unwrap();
+        let wanted = Problem::new(&field, Color::Green, &display, crate::optics::Padding::default()).unwrap();
+        assert_eq!(made.pyramid.levels[0].views, wanted.pyramid.levels[0].views);
+    }
+
+    /// In real time a thread draws. Requests return at once, and a path moves the camera.
+    #[test]
+    fn a_path_is_walked_while_a_thread_draws() {
+        let mut walk = walk(Some(2.0));
+        let begun = Instant::now();
+        let (mut pictures, mut waiting) = (Vec::new(), 0);
+        while pictures.len() < 4 && begun.elapsed() < Duration::from_secs(60) {
+            let now_ns = begun.elapsed().as_nanos() as i64;
+            let next = walk.next(&due(now_ns + 20 * MS, [0.0; 2], false)).unwrap();
+            match next {
+                Newest::New(frame) => {
+                    assert_eq!(frame.number, pictures.len() as u64 + 1);
+                    assert!(frame.arrived_ns.unwrap() <= now_ns);
+                    pictures.push(frame.colors[0].problem.pyramid.levels[0].views.clone());
+                }
+                _ => waiting += 1,
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        assert_eq!(pictures.len(), 4);
+        pictures.dedup();
+        assert_eq!(pictures.len(), 4, "the camera moves");
+        // The first request, at least, returned before its views were drawn.
+        assert!(waiting > 0);
+    }
+}
