@@ -35,14 +35,16 @@ run() {
 commands() {
     run --version
     run solve builtin:still-life --engine cpu --size 64x64 --color green --steps 2 -o still-life.zarr
-    run show still-life.zarr --display grey8 --size 64x64 --engine cpu --record shown --clock simulated --duration 0.2
-    local all=(still-life.zarr/zarr.json shown)
+    local show=(show still-life.zarr --display grey8 --size 64x64 --engine cpu --clock simulated --duration 0.2)
+    run "${show[@]}" --output raw:shown.raw
+    local all=(still-life.zarr/zarr.json shown.raw)
     # The smaller command has no others.
     if [[ $profile != device ]]; then
         run demo --engine cpu --size 64 --out demo
         run render still-life.zarr --engine cpu --pupil=4,0,4,1.5 -o seen.png
         run encode still-life.zarr --display grey8 --size 64x64 -o frames
-        all+=(demo/still-life.zarr/zarr.json seen.png frames)
+        run "${show[@]}" --record shown
+        all+=(demo/still-life.zarr/zarr.json seen.png frames shown)
     fi
     for made in "${all[@]}"; do
         [[ -e $made ]] || { echo "$made was not made" >&2; exit 1; }
