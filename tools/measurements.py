@@ -193,8 +193,9 @@ MORE = {  # Other files that a topic shows.
     "first-phases": ["simultaneous-color", "slides"],
     "display-model": ["calibrations", "camera-steps", "drift", "solver-and-model", "float64-bound"],
 }
-ORDER = ["against-pytorch", "methods", "gpu-h200", "steering", "closed-loop", "two-eyes", "first-phases", "speed-and-accuracy", "sequences", "motion",
-         "view-synthesis", "far-field", "display-model", "obstructions", "simultaneous-color", "sources-and-masks", "python-building-tests"]
+ORDER = ["against-pytorch", "methods", "gpu-h200", "threads", "steering", "closed-loop", "two-eyes", "first-phases", "speed-and-accuracy", "sequences", "motion",
+         "view-synthesis", "far-field", "display-model", "obstructions", "simultaneous-color", "sources-and-masks", "on-a-device", "python-building-tests"]
+INSERTED = {"on-a-device": "on-a-device.md"}  # Topics whose table is also on another page.
 
 
 def shown(column, header):
@@ -272,17 +273,26 @@ def page():
     return "\n".join(head + [line for name in ORDER for line in topic(name)])
 
 
+def inserted(name):
+    """A page of the documents with the table of a topic between its two comments."""
+    file = ROOT / "docs" / INSERTED[name]
+    columns, rows, _ = records_table([record for record in load(name)["records"] if "page" in record])
+    begin, end = f"<!-- {name}: made by tools/measurements.py -->\n", "<!-- end -->\n"
+    text = file.read_text(encoding="utf-8")
+    table = "\n".join(["", *markdown_table(columns, rows), "", ""])
+    return file, text[: text.index(begin) + len(begin)] + table + text[text.index(end):]
+
+
 def main():
     if sys.argv[1:2] == ["--record"]:
         print(json.dumps(measured(sys.argv[3], sys.argv[2]), indent=1))
         return 0
-    text = page()
-    if sys.argv[1:] == ["--check"]:
-        if PAGE.read_text(encoding="utf-8") != text:
-            print(f"{PAGE.relative_to(ROOT)} differs from docs/results: run tools/measurements.py", file=sys.stderr)
+    for file, text in [(PAGE, page()), *map(inserted, INSERTED)]:
+        if sys.argv[1:] != ["--check"]:
+            file.write_text(text, encoding="utf-8")
+        elif file.read_text(encoding="utf-8") != text:
+            print(f"{file.relative_to(ROOT)} differs from docs/results: run tools/measurements.py", file=sys.stderr)
             return 1
-        return 0
-    PAGE.write_text(text, encoding="utf-8")
     return 0
 
 

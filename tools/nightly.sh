@@ -75,6 +75,11 @@ for storage in fp32 fp16; do
 done
 rm -r "$work"
 
+stage "the program for devices: its size, first light and memory, and the unit that starts it"
+CARGO_PROFILE_DEVICE_STRIP=none cargo build --profile device --package eyebox-tools --bin eyebox --no-default-features
+tools/device.py "$target/device/eyebox"
+EYEBOX_BINARY=$target/device/eyebox cargo test --release --workspace --test command -- on_a_device::
+
 stage "aarch64 under qemu-user, and its archive"
 tools/setup.sh aarch64
 tools/aarch64.sh test

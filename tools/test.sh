@@ -26,8 +26,9 @@ fi
 stage "lints"
 cargo clippy --workspace --all-targets --quiet -- -D warnings
 
-stage "the library without its features"
+stage "the library without its features, and the command for devices"
 cargo clippy --package eyebox --no-default-features --quiet -- -D warnings
+cargo clippy --package eyebox-tools --bins --no-default-features --quiet -- -D warnings
 
 # It runs under Wine in tools/nightly.sh.
 stage "lints for Windows"

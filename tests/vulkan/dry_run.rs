@@ -10,7 +10,7 @@ use eyebox::low_level::plan::{DEVICES, Storage};
 use eyebox::low_level::scene::LightField;
 use eyebox::low_level::solve::{DryRun, DryRunStep, Problem, RefineSettings, Refiner, Settings};
 use eyebox_tests::both::watched;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Returns a problem with nine views. The target image then moves fewer bytes than with 81 views, and all other work is
 /// the same.
@@ -318,6 +318,15 @@ fn pipelines_by_kernel(gpu: &Gpu) -> BTreeMap<String, u64> {
     kernels
 }
 
+/// Returns the length and the direction (1 for columns) of each pipeline that transforms whole lines. The radices, whose
+/// product is the length, decide the registers of a pipeline.
+fn transforms(gpu: &Gpu) -> Vec<(u32, u32)> {
+    let made = gpu.device.pipelines_made();
+    let shared = made.iter().filter(|(kernel, _, _)| kernel.starts_with("fft_shared"));
+    let length = |constants: &[u32]| constants[5..20].chunks(3).map(|stage| stage[0] * stage[1]).product();
+    shared.map(|(_, _, constants)| (length(constants), constants[20])).collect()
+}
+
 /// A driver of a GPU compiles a pipeline in 0.1 to 0.3 s of a core, and a session shows nothing refined before.
 #[test]
 fn few_pipelines_are_compiled_before_the_first_step_of_a_session() {
@@ -332,5 +341,10 @@ fn few_pipelines_are_compiled_before_the_first_step_of_a_session() {
         // The others are made as well, so that a pupil of another size does not wait for a compiler.
         assert!(counts.pipelines_in_background > 60, "{storage:?}: {counts:?}");
         assert_eq!(made.values().sum::<u64>(), counts.pipelines + counts.pipelines_in_background);
+        // Transforms differ in their lengths and axes alone. Direction, offsets and scales are no constants.
+        let transforms = transforms(&gpu);
+        let lines: BTreeSet<(u32, u32)> = transforms.iter().copied().collect();
+        println!("{storage:?}: lengths and axes {lines:?}");
+        assert_eq!((lines.len() > 20, lines.len()), (true, transforms.len()), "{storage:?}: {transforms:?}");
     }
 }

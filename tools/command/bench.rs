@@ -114,6 +114,8 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
         steps.push(median);
         totals.push(total);
     }
+    let of_last = |(time, seconds): (_, &f64)| roofline::Parallel { time, seconds: *seconds };
+    let parallel = engine.parallel_time().zip(totals.last()).map(of_last);
     let look_up = look_up_ms(&problem, &settings, engine.as_mut())?;
     if let Some(ms) = look_up {
         say_beside!(args.solve.json, "first phases looked up in {ms:.2} ms");
@@ -124,10 +126,12 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let peak = common::peak_memory_mib();
     let machine = kernels.iter().any(|row| row.bytes > 0.0).then(machine_rates);
     roofline::lines(&kernels, machine).iter().for_each(|line| say_beside!(args.solve.json, "{line}"));
+    parallel.iter().for_each(|parallel| say_beside!(args.solve.json, "{parallel}"));
     if args.solve.json {
         print_report(json!({
             "step_ms": steps, "look_up_ms": look_up, "solve_s": totals, "load_s": loading,
             "peak_memory_mib": peak, "kernels": roofline::as_json(&kernels),
+            "parallel": parallel.as_ref().map(roofline::Parallel::as_json),
             "machine_per_thread": machine.map(|machine| json!({
                 "gb_per_s": machine.memory * 1e-9, "gflop_per_s": machine.arithmetic * 1e-9,
             })),

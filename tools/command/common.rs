@@ -18,8 +18,9 @@ use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, Inspection, LightField, SplatDrawer};
 use eyebox::low_level::session::EngineSource;
 use eyebox::low_level::solve::{Flow, PupilRange, Settings, StartTable};
+use eyebox::low_level::trackers::now_ns;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Fits first phases of these colors of a display into the cache, so that no solve waits for them. Ctrl-C ends the fit,
 /// and the next solve continues it.
@@ -327,6 +328,20 @@ pub fn write_image(
     }
     files::write_png(out, height, width, &rgb)?;
     Ok(())
+}
+
+/// The time at which the command began (ns on the monotonic clock of the system).
+static BEGUN: OnceLock<u64> = OnceLock::new();
+
+/// Stores the time at which the command begins.
+pub fn begin() {
+    BEGUN.get_or_init(now_ns);
+}
+
+/// Returns the time from the beginning of the command to a time on the monotonic clock of the system, s.
+pub fn seconds_to(at_ns: u64) -> f64 {
+    let begun_ns = *BEGUN.get_or_init(now_ns);
+    at_ns.saturating_sub(begun_ns) as f64 * 1e-9
 }
 
 /// Returns the largest resident set so far, MiB, as Linux reports it.

@@ -67,6 +67,7 @@ use std::ffi::OsString;
 ///
 /// A process runs it once, because signals, log and threads are set up for the rest of the process.
 pub fn main(arguments: Vec<OsString>) -> u8 {
+    common::begin();
     talk::set_arguments(&arguments);
     let (given, command): (Vec<_>, _) = (arguments, headings::command::<Cli>());
     let command = if short_help::is_asked(&given) { short_help::command(command) } else { command };

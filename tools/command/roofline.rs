@@ -1,7 +1,8 @@
 //! Compares the kernels of a step with the limits of the processor, for `eyebox bench`.
 
-use eyebox::low_level::engine::{MachineRates, Timing};
+use eyebox::low_level::engine::{MachineRates, ParallelTime, Timing};
 use serde_json::{Map, Value, json};
+use std::fmt;
 
 /// A kernel with its rates per thread.
 pub struct Row {
@@ -75,4 +76,30 @@ pub fn as_json(rows: &[Row]) -> Value {
         (row.name.to_owned(), value)
     };
     Value::Object(rows.iter().map(one).collect::<Map<_, _>>())
+}
+
+/// The part of a solve that threads share.
+pub struct Parallel {
+    pub time: ParallelTime,
+    /// Time of the solve in seconds.
+    pub seconds: f64,
+}
+
+impl Parallel {
+    /// Returns the share of the time in which one thread works.
+    fn outside(&self) -> f64 {
+        1.0 - self.time.seconds / self.seconds
+    }
+
+    /// Returns the times as JSON, in seconds.
+    pub fn as_json(&self) -> Value {
+        let Self { time: ParallelTime { seconds, shared_seconds }, .. } = self;
+        json!({ "outside_share": self.outside(), "regions_s": seconds, "regions_by_threads_s": shared_seconds })
+    }
+}
+
+impl fmt::Display for Parallel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "outside parallel regions {:.1} % of the solve", 100.0 * self.outside())
+    }
 }

@@ -95,7 +95,11 @@ fn front(command: &Command) -> String {
             text += &format!("{group:10}{name:14}{about}\n");
         }
     }
-    text += &format!("{:10}{}\n", "Develop", DEVELOP.join(", "));
+    // The program for devices has none of them.
+    let develop: Vec<&str> = DEVELOP.into_iter().filter(|name| command.find_subcommand(name).is_some()).collect();
+    if !develop.is_empty() {
+        text += &format!("{:10}{}\n", "Develop", develop.join(", "));
+    }
     text + "\n`eyebox COMMAND --help` shows the usual options, `eyebox help COMMAND` all of them. `--version` prints the version.\n\
            Numbers may have a unit, such as 4mm, 0.5D, 520nm, 30Hz, 10s or 4GiB.\n"
 }

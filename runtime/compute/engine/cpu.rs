@@ -11,6 +11,7 @@
 
 mod account;
 mod buffers;
+mod clock;
 mod floats;
 mod frames;
 mod pupil_pass;
@@ -18,63 +19,19 @@ mod twins;
 mod waves;
 
 use super::{
-    Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, ModelTables, Resource, Scope, Shape, Step, Timing, misfit,
-    not_kept, nothing_kept,
+    Buffer, Dispatch, Engine, EngineError, Kernel, LookUp, ModelTables, ParallelTime, PupilPass, Resource, Scope,
+    Shape, Step, Timing, misfit, not_kept, nothing_kept,
 };
 use crate::scene::Pyramid;
 use buffers::{Buffers, ModelView, SPLIT, Slot, complex, complex_mut, storing, storing_drives};
+use clock::Clock;
 use eyebox_kernels::{Complex32, fft::Plans};
 use frames::{Frame, FrameFft, Whole};
 use pupil_pass::{Pass, WindowFrame};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::{
-    Arc,
-    atomic::{AtomicU64, Ordering::Relaxed},
-};
-use std::time::Instant;
+use std::sync::Arc;
 use twins::{Twin, twin};
-
-/// Sums of one kernel.
-#[derive(Default)]
-struct Sums {
-    calls: AtomicU64,
-    nanoseconds: AtomicU64,
-    bytes: AtomicU64,
-    operations: AtomicU64,
-}
-
-/// The sums of each kernel.
-struct Clock {
-    sums: [Sums; Kernel::ALL.len()],
-    /// If true, bytes and operations are counted, too.
-    accounts: bool,
-}
-
-impl Clock {
-    fn new(accounts: bool) -> Self {
-        Self { sums: std::array::from_fn(|_| Sums::default()), accounts }
-    }
-
-    /// Adds the bytes and operations of a dispatch.
-    fn account(&self, dispatch: &Dispatch, step: &Step, shape: &Shape) {
-        if self.accounts {
-            let (bytes, operations) = account::account(dispatch, step, shape);
-            let sums = &self.sums[dispatch.kernel as usize];
-            sums.bytes.fetch_add(bytes, Relaxed);
-            sums.operations.fetch_add(operations, Relaxed);
-        }
-    }
-
-    fn time<R>(&self, kernel: Kernel, work: impl FnOnce() -> R) -> R {
-        let start = Instant::now();
-        let result = work();
-        let Sums { calls, nanoseconds, .. } = &self.sums[kernel as usize];
-        calls.fetch_add(1, Relaxed);
-        nanoseconds.fetch_add(start.elapsed().as_nanos() as u64, Relaxed);
-        result
-    }
-}
 
 /// Runs lists of kernels on the CPU.
 pub struct CpuEngine {
@@ -95,6 +52,17 @@ pub struct CpuEngine {
 
 /// Sub-frames under way at once.
 const AT_ONCE: usize = 64;
+
+/// Returns true if a kernel can use all threads for one sub-frame. The others use a thread per sub-frame.
+fn uses_all_threads(kernel: Kernel) -> bool {
+    use Kernel::{
+        ChangeInverse, CrosstalkColumns, CrosstalkColumnsBack, CrosstalkRows, CrosstalkRowsBack, FieldForward,
+        FromMask, SubpixelsForward, SubpixelsInverse, ToMask,
+    };
+    let blurs = [CrosstalkRows, CrosstalkColumns, CrosstalkColumnsBack, CrosstalkRowsBack];
+    let transforms = [FieldForward, ChangeInverse, ToMask, FromMask, SubpixelsForward, SubpixelsInverse];
+    blurs.contains(&kernel) || transforms.contains(&kernel)
+}
 
 impl CpuEngine {
     /// Makes an engine without buffers. [`load`](Engine::load) makes them.
@@ -161,7 +129,7 @@ impl CpuEngine {
             store_drives: storing_drives(shape.storage),
         };
         let mut frames = (0..shape.frames).map(frame);
-        let run = |frame: &mut Frame<'_>| {
+        let run = |frame: &mut Frame<'_>, group: &[Dispatch]| {
             for dispatch in group {
                 frame.passes = &frame.step.pupil_passes[dispatch.pupil_passes.clone()];
                 if let Twin::Frames(twin) = twin(dispatch.kernel) {
@@ -169,19 +137,28 @@ impl CpuEngine {
                 }
             }
         };
-        if wide {
-            for mut frame in frames {
-                std::mem::swap(&mut frame.fft.scratch, scratch);
-                run(&mut frame);
-                std::mem::swap(&mut frame.fft.scratch, scratch);
-            }
-            return;
-        }
         loop {
             // These are on the stack, because a list would be allocated for every group of kernels.
             let mut some: [Option<Frame<'_>>; AT_ONCE] = std::array::from_fn(|_| frames.next());
             let count = some.iter().flatten().count();
-            some[..count].par_iter_mut().flatten().for_each(run);
+            let mut rest = group;
+            while let [first, ..] = rest {
+                let one_by_one = |d: &Dispatch| wide && uses_all_threads(d.kernel);
+                let alike = rest.iter().take_while(|d| one_by_one(d) == one_by_one(first)).count();
+                let (now, later) = rest.split_at(alike);
+                rest = later;
+                if !one_by_one(first) {
+                    clock.region(count, || {
+                        some[..count].par_iter_mut().flatten().for_each(|frame| run(frame, now));
+                    });
+                    continue;
+                }
+                for frame in some.iter_mut().flatten() {
+                    std::mem::swap(&mut frame.fft.scratch, scratch);
+                    clock.region(size[0], || run(frame, now));
+                    std::mem::swap(&mut frame.fft.scratch, scratch);
+                }
+            }
             if count < AT_ONCE {
                 return;
             }
@@ -207,7 +184,12 @@ impl CpuEngine {
         if let Some(pass) = odd.filter(|_| group.iter().any(relays)) {
             return Err(super::other_source(pass.last_source_mode() + 1, shape.model.relay));
         }
-        slots.par_iter_mut().zip(pupil_passes).for_each(|(slot, pass)| {
+        let parts = |pass: &PupilPass| {
+            let all = pass.mode_count() * frames;
+            if all * pass.count() >= SPLIT { all } else { 1 }
+        };
+        let tasks = pupil_passes.iter().map(parts).sum();
+        let each = |(slot, pass): (&mut Slot, &PupilPass)| {
             let mut rest = group;
             while let [first, ..] = rest {
                 // Kernels that take one sub-frame at a time also run depth first.
@@ -240,7 +222,8 @@ impl CpuEngine {
                     window.chunks_exact_mut(count).enumerate().for_each(|(f, w)| work(f, w));
                 }
             }
-        });
+        };
+        clock.region(tasks, || slots.par_iter_mut().zip(pupil_passes).for_each(each));
         Ok(())
     }
 
@@ -284,7 +267,8 @@ impl CpuEngine {
         let ([field, change], shape) = ([field, change].map(|buffer| complex_mut(buffer)), &self.shape);
         let mut whole = Whole { step, shape, passes, field, change, wave, hits, energy, finite: true };
         if let Twin::Whole(twin) = twin(dispatch.kernel) {
-            self.clock.time(dispatch.kernel, || twin(&mut whole));
+            // The threads share parts of all sub-frames.
+            self.clock.region(usize::MAX, || self.clock.time(dispatch.kernel, || twin(&mut whole)));
         }
         whole.finite
     }
@@ -418,13 +402,11 @@ impl Engine for CpuEngine {
     }
 
     fn timings(&self) -> Vec<Timing> {
-        let one = |kernel: Kernel| {
-            let Sums { calls, nanoseconds, bytes, operations } = &self.clock.sums[kernel as usize];
-            let [calls, nanoseconds, bytes, operations] =
-                [calls, nanoseconds, bytes, operations].map(|sum| sum.load(Relaxed));
-            Timing { kernel, calls, seconds: nanoseconds as f64 * 1e-9, bytes, operations }
-        };
-        Kernel::ALL.into_iter().map(one).filter(|t| t.calls > 0).collect()
+        self.clock.timings()
+    }
+
+    fn parallel_time(&self) -> Option<ParallelTime> {
+        Some(self.clock.parallel_time())
     }
 
     fn reset_timings(&mut self) {

@@ -48,6 +48,16 @@ impl Memory {
     }
 }
 
+/// The time in regions whose tasks the threads share.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParallelTime {
+    /// Time of the regions in seconds.
+    pub seconds: f64,
+    /// The sum of the times of the regions, each divided by its tasks or by the threads, whichever are fewer. If one
+    /// core runs all threads, this is the time on as many cores as threads, for tasks of equal size.
+    pub shared_seconds: f64,
+}
+
 /// The result of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepResult {
@@ -299,6 +309,11 @@ pub trait Engine: Send {
     /// Returns time and calls per kernel since the last reset, in the order of [`Kernel::ALL`]. On a device they
     /// count only while kernels are [timed](Self::time_kernels).
     fn timings(&self) -> Vec<Timing>;
+
+    /// Returns the time in regions that threads share, since the last reset, if the engine measures it.
+    fn parallel_time(&self) -> Option<ParallelTime> {
+        None
+    }
 
     /// Sets all times to zero.
     fn reset_timings(&mut self);

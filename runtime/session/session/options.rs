@@ -175,6 +175,9 @@ pub struct Status {
     pub account: Account,
     /// The accuracy of the predicted times of video frames.
     pub timing: Timing,
+    /// The time at which content was lit for the first time (ns on the monotonic clock of the system), predicted until
+    /// the display reports it. It is `None` before, and on a simulated clock.
+    pub first_light_ns: Option<u64>,
     /// The status of a live hologram, if the session shows one. With two eyes it belongs to the left eye.
     pub live: Option<LiveStatus>,
 }

@@ -203,6 +203,12 @@ impl PresentThread {
         (self.display.clock.now_ns() - self.begun_ns) as f64 / SECOND_NS as f64
     }
 
+    /// Returns the time at which content was lit for the first time, on the monotonic clock of the system.
+    fn first_light_ns(&self) -> Option<u64> {
+        let clock = self.display.real_clock?;
+        self.player.first_light_ns().map(|at_ns| clock.monotonic_ns(at_ns))
+    }
+
     fn tick(&mut self) -> Result<Option<Ending>, SessionError> {
         if self.shared.stop.load(Ordering::Acquire) {
             return Ok(Some(Ending::Stopped));
@@ -265,6 +271,7 @@ impl PresentThread {
             seconds: self.seconds(),
             account: *self.player.scheduler.account(),
             timing: self.player.timing,
+            first_light_ns: self.first_light_ns(),
             live: self.running.lives().next().map(LiveState::status),
         });
         Ok(None)
@@ -274,13 +281,14 @@ impl PresentThread {
     fn finish(mut self, ended: Result<Ending, SessionError>) -> Ended {
         let ended_by = *ended.as_ref().unwrap_or(&Ending::Failed);
         let mut result = self.player.end(self.display.presenter(), ended).map(drop);
-        let seconds = self.seconds();
+        let (seconds, first_light_ns) = (self.seconds(), self.first_light_ns());
         let presenter = self.display.presenter();
         let schedule = *self.player.scheduler.schedule();
         let planes = self.sub_frames * schedule.decided_every() / schedule.set_frames.max(1);
         let mut statistics = Statistics {
             report: Report::new(&self.player.scheduler, &self.player.timing, seconds, planes),
             ended_by,
+            first_light_ns,
             presenter: presenter.describe(),
             timed_by: presenter.timed_by(),
             display_hz: schedule.display_rate.hz(),

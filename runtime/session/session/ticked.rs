@@ -130,12 +130,17 @@ mod tests {
         let (eye, tracking) = Tracking::pushed(estimator);
         let mut session = TickedSession::start(live(Some(tracking)), SessionOptions::default()).unwrap();
         let (mut sets, mut numbers, begun) = (BTreeMap::new(), Vec::new(), Instant::now());
+        let mut first_light_ns = None;
         while sets.len() < 4 && begun.elapsed() < Duration::from_secs(60) {
             eye.pupil([2e-3, 0.0], Some(4e-3), Duration::ZERO);
-            let frame = session.tick(None).unwrap().unwrap();
+            let lit_ns = steady::now_ns() + 40_000_000;
+            let frame = session.tick(Some(lit_ns)).unwrap().unwrap();
             assert_eq!(frame.picture.len(), 96 * 112);
             numbers.push(frame.number);
             frame.content.map(|set| sets.insert(set, frame.picture.clone()));
+            if frame.content.is_some() {
+                first_light_ns.get_or_insert(lit_ns);
+            }
             std::thread::sleep(Duration::from_millis(16));
         }
         let pictures: BTreeSet<_> = sets.values().collect();
@@ -146,6 +151,8 @@ mod tests {
         assert!(status.live.is_some_and(|live| live.sets_new >= 4 && live.steps >= 4), "{status:?}");
         let ended = session.stop();
         ended.result.unwrap();
+        // The first content is lit when the program lights its video frame.
+        assert_eq!((status.first_light_ns, ended.statistics.first_light_ns), (first_light_ns, first_light_ns));
         assert_eq!((ended.statistics.ended_by, ended.statistics.timed_by), (Ending::Stopped, "the program"));
         assert!(ended.statistics.report.account.video_frames >= numbers.len() as u64);
     }
@@ -163,7 +170,8 @@ mod tests {
         assert_eq!(session.stop().statistics.ended_by, Ending::Duration);
         let never = TickedSession::start(live(None), SessionOptions::default()).unwrap();
         let begun = Instant::now();
-        assert_eq!(never.stop().statistics.ended_by, Ending::Stopped);
+        let never = never.stop().statistics;
+        assert_eq!((never.ended_by, never.first_light_ns), (Ending::Stopped, None));
         assert!(begun.elapsed() < Duration::from_secs(5));
         // A session that is dropped does not need a tick either.
         drop(TickedSession::start(live(None), SessionOptions::default()).unwrap());

@@ -30,7 +30,8 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
             eprint!("\r\x1b[K");
         }
     };
-    let mut before = Status::default();
+    let light = |at_ns: u64| eprintln!("first light {:.2} s after the start", common::seconds_to(at_ns));
+    let (mut before, mut lit) = (Status::default(), false);
     // A pipe or a device receives the statistics only once, at the end.
     let grows = |file: &&Path| file.metadata().map_or(true, |there| there.is_file());
     let mut stats = stats.filter(grows).map(|file| (file, Instant::now()));
@@ -47,12 +48,18 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
             break;
         }
         let now = session.status();
+        if let (false, Some(at_ns)) = (lit, now.first_light_ns) {
+            lit = true;
+            clear();
+            light(at_ns);
+        }
         if let Some((file, _)) = stats.filter(|(_, written)| written.elapsed() >= Duration::from_secs(1)) {
             let mut so_far = now.report(session.about()).to_json();
             if now.live.is_some() {
                 so_far = json!({ "playback": so_far });
             }
             so_far["ended_by"] = Value::Null;
+            so_far["first_light_s"] = json!(now.first_light_ns.map(common::seconds_to));
             // An error of this is reported once, at the end.
             let written = files::write_file(file, |out| writeln!(out, "{so_far:#}"));
             stats = written.ok().map(|()| (file, Instant::now()));
@@ -68,7 +75,9 @@ pub fn attend(session: Session, stats: Option<&Path>, line: impl Fn(&Status, &St
         }
     }
     clear();
-    session.stop()
+    let ended = session.stop();
+    ended.statistics.first_light_ns.filter(|_| !lit).inspect(|at_ns| light(*at_ns));
+    ended
 }
 
 /// Returns the reason for the end in words.
@@ -87,6 +96,7 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
             all[key] = value.clone();
         }
         all["ended_by"] = json!(ended_by(&statistics));
+        all["first_light_s"] = json!(statistics.first_light_ns.map(common::seconds_to));
         all["peak_memory_mib"] = json!(common::peak_memory_mib());
         if let Some(file) = stats {
             written = files::write_file(file, |out| writeln!(out, "{all:#}"));
@@ -104,6 +114,7 @@ pub fn conclude(ended: Ended, (stats, prints): (Option<&Path>, bool), more: &Val
         eprintln!("note: {count} pictures were not kept, because the disk was slower than the display");
     }
     statistics.validation.iter().for_each(|message| eprintln!("validation: {message}"));
+    common::peak_memory_mib().inspect(|mib| eprintln!("peak memory {mib} MiB"));
     result.map_err(lost)?;
     written?;
     match statistics.validation.len() {

@@ -35,6 +35,8 @@ mod model;
 mod numbers;
 mod odd_values;
 #[cfg(target_os = "linux")]
+mod on_a_device;
+#[cfg(target_os = "linux")]
 mod openxr;
 mod orders;
 mod own_display;

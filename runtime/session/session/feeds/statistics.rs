@@ -55,6 +55,9 @@ pub struct Statistics {
     pub presenter: String,
     /// The source of the times at which video frames lit up.
     pub timed_by: &'static str,
+    /// The time at which content was lit for the first time (ns on the monotonic clock of the system). It is `None`
+    /// without content, and on a simulated clock.
+    pub first_light_ns: Option<u64>,
     /// The video frames per second.
     pub display_hz: f64,
     /// The content frames per second.

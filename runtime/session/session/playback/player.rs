@@ -103,6 +103,9 @@ pub(crate) struct Player {
     pub(crate) track: Track,
     /// The predicted time of the light of the last video frame that was handed over.
     pub(crate) display_time_ns: i64,
+    /// The number of the first video frame with content, and the time of its light. The time is predicted until the
+    /// display reports it.
+    first_light: Option<(u64, i64)>,
     /// The log of the version of a hologram that is on the screen.
     versions: Option<VersionLog>,
     /// The video frames whose light was reported in this tick, each with its time.
@@ -122,9 +125,15 @@ impl Player {
             timing: Timing::default(),
             track,
             display_time_ns: 0,
+            first_light: None,
             versions: None,
             lit: Vec::with_capacity(8),
         }
+    }
+
+    /// Returns the time at which content was lit for the first time.
+    pub(crate) fn first_light_ns(&self) -> Option<i64> {
+        self.first_light.map(|(_, at_ns)| at_ns)
     }
 
     /// Starts to store which version of a hologram is on the screen.
@@ -205,12 +214,18 @@ impl Player {
         presenter.present(self.id, next.desired_present_time_ns)?;
         self.track.span("present", number, presenting);
         self.pacer.submitted(self.id, next.vblank, compute_ns);
+        if index.is_some() {
+            self.first_light.get_or_insert((self.id, next.predicted_display_time_ns));
+        }
         self.id += 1;
         self.display_time_ns = next.predicted_display_time_ns;
         self.lit.clear();
         while let Some(feedback) = presenter.feedback() {
             if let Some(versions) = &mut self.versions {
                 versions.lit(feedback.id);
+            }
+            if let Some((_, at_ns)) = self.first_light.as_mut().filter(|(first, _)| *first == feedback.id) {
+                *at_ns = feedback.actual_display_time_ns;
             }
             if let Some(outcome) = self.pacer.presented(feedback.id, feedback.actual_display_time_ns) {
                 self.timing.add(outcome, feedback.actual_display_time_ns);

@@ -2,6 +2,7 @@
 //!
 //! The pupils of a dispatch are its z coordinate, and a table has the arguments of each.
 
+use super::super::layout::Layout;
 use super::call::Call;
 use crate::engine::{EngineError, Resource};
 use crate::gpu::{DeviceKind, Range};
@@ -101,7 +102,11 @@ impl<'a> Call<'_, 'a> {
     /// Records the propagation kernels of all pupils of the dispatch.
     pub(super) fn transfer(&mut self) -> Result<(), EngineError> {
         let bytes = |at| 8 * self.pass(at).count() as u64;
-        for batch in self.batches(&[Resource::Transfer], bytes, |_| Some(()))? {
+        for batch in self.batches(&[Resource::Transfer], bytes, |at| Some(self.pass(at).mode_count() > 1))? {
+            if self.pass(batch[0]).mode_count() > 1 {
+                batch.iter().try_for_each(|at| self.transfer_of_modes(*at))?;
+                continue;
+            }
             let (transfer, base) = self.spread(Resource::Transfer, &batch)?;
             let buffers = [self.work.tables.all()?, transfer, self.work.tables.pupils()?];
             let sizes = batch.iter().map(|at| self.pass(*at)).map(|pass| [pass.transfer.rows, pass.transfer.columns]);
@@ -109,21 +114,28 @@ impl<'a> Call<'_, 'a> {
             self.run(&buffers, &base, &self.members(&batch), groups)?;
             self.say_batch_moved(&batch);
         }
-        (0..self.slots.len()).try_for_each(|at| self.transfer_of_modes(at))
+        Ok(())
     }
 
-    /// Records the propagation kernels of a pupil's further modes.
+    /// Records the propagation kernels of all modes of a pupil.
+    ///
+    /// A dispatch binds the part of its modes only. If dispatches without a barrier between them bind the same bytes, a
+    /// validation layer reports a hazard, because it counts all bound bytes as written.
     fn transfer_of_modes(&mut self, at: usize) -> Result<(), EngineError> {
-        let (tables, pass) = (self.work.tables, self.pass(at));
+        let (tables, arenas, pass) = (self.work.tables, self.work.arenas, self.pass(at));
         let index = self.dispatch.pupil_passes.start + at;
-        let modes: Vec<u32> = (1..pass.mode_count()).map(|mode| tables.place(index, mode) as u32).collect();
-        for some in modes.chunks(BATCH) {
-            let (transfer, base) = self.spread(Resource::Transfer, &[at])?;
+        let block = arenas.block(Resource::Transfer).ok_or_else(|| self.missing(Resource::Transfer))?;
+        let layout = self.layout_of(Resource::Transfer, at)?;
+        let most = self.work.at_once(&layout).clamp(1, BATCH);
+        let modes: Vec<usize> = (0..pass.mode_count()).collect();
+        for some in modes.chunks(most) {
+            let part = Layout { offset: layout.offset + some[0] as u64 * layout.step(), frames: some.len(), ..layout };
+            let base = (part.offset / part.value.size() as u64) as u32;
             let mut members = [0; BATCH];
-            members[..some.len()].copy_from_slice(some);
+            members.iter_mut().zip(some).for_each(|(member, mode)| *member = tables.place(index, *mode) as u32);
             let sizes = std::iter::once([pass.transfer.rows, pass.transfer.columns]);
             let groups = self.batch_groups(some.len(), sizes);
-            self.run(&[tables.all()?, transfer, tables.pupils()?], &base, &members, groups)?;
+            self.run(&[tables.all()?, part.range(block, 0, some.len()), tables.pupils()?], &base, &members, groups)?;
             self.say_batch_moved(&vec![at; some.len()]);
         }
         Ok(())
