@@ -1,11 +1,9 @@
 //! Takes one half of a picture that has colors in one half and depths in the other one.
 
-use crate::formats::options::parts;
 use crate::light_field::light::Picture;
 use crate::light_field::near::GrayValues;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
-use std::path::{Path, PathBuf};
 
 /// A half of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,19 +35,14 @@ impl Half {
         }
     }
 
-    fn other(self) -> Self {
+    /// Returns the half beside this one.
+    pub fn other(self) -> Self {
         match self {
             Self::Left => Self::Right,
             Self::Right => Self::Left,
             Self::Top => Self::Bottom,
             Self::Bottom => Self::Top,
         }
-    }
-
-    /// Returns the half that a source shows. It is the one that `half` names, or the other half if `depth` names one.
-    pub fn of(source: &Path) -> Option<Self> {
-        let half = |key: &str| query(source)?.split('&').find_map(|part| Self::named(part.strip_prefix(key)?).ok());
-        half("half=").or_else(|| half("depth=").map(Self::other))
     }
 
     /// Returns rows and columns of this half of a picture. The middle row or column of an odd number is left out.
@@ -87,24 +80,4 @@ impl Half {
         let [height, width] = self.size(size);
         GrayValues { height, width, values: self.cut(&whole.values, size, 1), ..whole }
     }
-}
-
-fn query(source: &Path) -> Option<&str> {
-    let text = source.to_str()?;
-    match parts(text).1 {
-        "" => None,
-        query => Some(query),
-    }
-}
-
-/// Returns the source of the depth map that a picture has in one of its halves.
-pub(crate) fn map_in(source: &Path) -> Option<PathBuf> {
-    let query = query(source)?;
-    if !query.split('&').any(|part| part.starts_with("depth=")) {
-        return None;
-    }
-    let halves =
-        query.split('&').map(|part| part.strip_prefix("depth=").map_or(part.to_owned(), |half| format!("half={half}")));
-    let halves: Vec<String> = halves.collect();
-    Some(format!("{}?{}", parts(source.to_str()?).0.display(), halves.join("&")).into())
 }

@@ -1,7 +1,7 @@
 //! Reads one picture, which is a file of its own or a frame of a video.
 
 use crate::formats::halves::Half;
-use crate::formats::options::Options;
+use crate::formats::options::{self, Options};
 use crate::formats::tone::{Reading, Tone};
 use crate::formats::video_color::Matrix;
 use crate::light_field::light::{FullScale, Picture};
@@ -9,7 +9,7 @@ use crate::light_field::near::GrayValues;
 use crate::{SceneError, formats::picture, formats::video};
 use eyebox_base::files::{Wanted, picture_orientation};
 use eyebox_optics::Color;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Returns rows and columns, from the header alone.
 pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
@@ -17,7 +17,7 @@ pub(crate) fn size(path: &Path) -> Result<[usize; 2], SceneError> {
         Some((file, _)) => video::size(&file)?,
         None => picture::size(parts(path)?.0, picture::ONE)?,
     };
-    Ok(Half::of(path).map_or(whole, |half| half.size(whole)))
+    Ok(half_of(path).map_or(whole, |half| half.size(whole)))
 }
 
 /// Reads the planes of `colors` in linear light.
@@ -32,7 +32,7 @@ pub(crate) fn read(path: &Path, colors: &[Color]) -> Result<Picture, SceneError>
             picture
         }
     };
-    Ok(match Half::of(path) {
+    Ok(match half_of(path) {
         Some(half) => half.picture(whole),
         None => whole,
     })
@@ -43,10 +43,36 @@ pub(crate) fn orientation(path: &Path) -> Result<u8, SceneError> {
     if video::named(path).is_some() { Ok(1) } else { Ok(picture_orientation(parts(path)?.0, Wanted::Scene)?) }
 }
 
+/// Returns the half that a source shows. It is the one that `half` names, or the other half if `depth` names one.
+fn half_of(source: &Path) -> Option<Half> {
+    let half = |key: &str| query(source)?.split('&').find_map(|part| Half::named(part.strip_prefix(key)?).ok());
+    half("half=").or_else(|| half("depth=").map(Half::other))
+}
+
+fn query(source: &Path) -> Option<&str> {
+    let text = source.to_str()?;
+    match options::parts(text).1 {
+        "" => None,
+        query => Some(query),
+    }
+}
+
+/// Returns the source of the depth map that a picture has in one of its halves.
+pub(crate) fn map_in(source: &Path) -> Option<PathBuf> {
+    let query = query(source)?;
+    if !query.split('&').any(|part| part.starts_with("depth=")) {
+        return None;
+    }
+    let halves =
+        query.split('&').map(|part| part.strip_prefix("depth=").map_or(part.to_owned(), |half| format!("half={half}")));
+    let halves: Vec<String> = halves.collect();
+    Some(format!("{}?{}", options::parts(source.to_str()?).0.display(), halves.join("&")).into())
+}
+
 /// Returns the file of a picture, and the statements after its question mark.
 fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
     let Some(text) = path.to_str() else { return Ok((path, Tone::default())) };
-    let (file, query) = crate::formats::options::parts(text);
+    let (file, query) = options::parts(text);
     let options = Options::parse(query, false);
     let options = options.map_err(|reason| SceneError::Options { scene: text.into(), reason })?;
     Ok((file, options.tone))
@@ -54,7 +80,7 @@ fn parts(path: &Path) -> Result<(&Path, Tone), SceneError> {
 
 /// Reads the stored values of a gray picture.
 pub(crate) fn stored(path: &Path) -> Result<GrayValues, SceneError> {
-    let half = Half::of(path);
+    let half = half_of(path);
     match video::named(path) {
         None => picture::stored(parts(path)?.0, half),
         Some((file, frame)) => {

@@ -3,7 +3,6 @@
 use crate::{
     Fit, LightField, Near, Request, SceneError, builtin,
     depth::map::{self, Map},
-    formats::halves,
     formats::options::{Options, parts},
     formats::still,
     formats::video,
@@ -52,7 +51,7 @@ impl Reprojection {
 
     /// Prepares the picture for views at most `reach` cells from the middle, as a function of the number of views.
     fn with_reach(path: &Path, request: &Request, reach: impl Fn(f64) -> f64) -> Result<Self, SceneError> {
-        let within = halves::map_in(path);
+        let within = still::map_in(path);
         let map_path = match (request.depth_map, within.as_deref()) {
             (Some(map), None) | (None, Some(map)) => map,
             (None, None) => return Err(SceneError::NoDepthMap { file: path.display().to_string() }),

@@ -72,6 +72,10 @@ fn every_report_names_its_schema_and_the_page_lists_its_keys() {
         if name == "info RECORDING" {
             done(at, &"tracker record simulated:3 --duration 0.1 -o eye.jsonl".split(' ').collect::<Vec<_>>());
         }
+        if name == "device list" {
+            // The list has the results of the last test.
+            done(at, &["device", "test"]);
+        }
         let report = json(at, &words.split(' ').collect::<Vec<_>>());
         let commands = words.split(' ').take(
             if words.starts_with("eval") || words.starts_with("d") && !words.starts_with("demo") { 2 } else { 1 },
