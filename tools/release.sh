@@ -50,6 +50,7 @@ folder=$profile
 [[ $profile != dev ]] || folder=debug
 rustup target add "$linux" "$windows" 2>/dev/null
 cargo zigbuild --profile "$profile" --target "$linux.$glibc" --package eyebox-tools --bin eyebox
+cargo zigbuild --profile "$profile" --target "$linux.$glibc" --package eyebox-openxr
 cargo build --profile "$profile" --target "$windows" --package eyebox-tools --bin eyebox
 
 needs=$(objdump -T "$built/$linux/$folder/eyebox" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -n 1)
@@ -63,6 +64,8 @@ fill "$linux" "$work/$name-x86_64-linux"
 fill "$windows" "$work/$name-x86_64-windows"
 # Without what a debugger reads, four fifths of it.
 strip --strip-debug -o "$work/$name-x86_64-linux/eyebox" "$built/$linux/$folder/eyebox"
+# The command finds the OpenXR layer in its own folder.
+strip --strip-debug -o "$work/$name-x86_64-linux/libeyebox_openxr.so" "$built/$linux/$folder/libeyebox_openxr.so"
 x86_64-w64-mingw32-strip --strip-debug -o "$work/$name-x86_64-windows/eyebox.exe" "$built/$windows/$folder/eyebox.exe"
 mkdir -p "$dist"
 rm -f "$dist"/*
@@ -78,6 +81,7 @@ cd "$work/tried"
 tar -xzf "$dist/$name-x86_64-linux.tar.gz"
 unzip -q "$dist/$name-x86_64-windows.zip"
 "$name-x86_64-linux/eyebox" demo --engine cpu --size 64 --out demo
+
 if PATH=$PATH:/usr/lib/wine command -v wine64 >/dev/null; then
     EYEBOX=$name-x86_64-windows/eyebox.exe "$root/tools/windows.sh"
 fi

@@ -35,7 +35,8 @@ fn frames_arrive_with_colors_within_a_level_and_depths_within_16_bits() {
         assert!(!errors.contains("runtime:"), "{errors}");
         let [frames, sent, replaced, unsent, not_copied, empty, left_out, ..] = common::counts(&errors);
         assert_eq!(frames, sent + replaced + not_copied, "{errors}");
-        assert!(unsent == 0 && empty == 0 && left_out == 0 && not_copied <= 1, "{errors}");
+        // The images of the first frames may be released before the display is there.
+        assert!(unsent == 0 && empty == 0 && left_out == 0 && not_copied <= 3, "{errors}");
         // Frames before the display arrived are not in the counts.
         assert!(frames <= u64::from(count) && wanted.frames > 0 && wanted.frames <= sent, "{errors}");
         assert_eq!((last, wanted.newest), (Latest::Gone, count), "{form:?}: the last frame arrives: {errors}");
