@@ -82,7 +82,12 @@ fn every_report_names_its_schema_and_the_page_lists_its_keys() {
         );
         let schema = format!("{}/1", commands.collect::<Vec<_>>().join("-"));
         assert_eq!(report["schema"], schema.as_str(), "{words}");
-        let keys = keys(&report);
+        let mut keys = keys(&report);
+        if name == "eval tune" {
+            // Numbers of levels are compared if the budget has time left, which depends on the machine.
+            keys.retain(|key, _| key != "levels" && !key.starts_with("levels[]"));
+            keys.insert("levels".into(), ["list"].into());
+        }
         let _ = write!(page, "\n## {name}\n\n```text\n");
         for (key, kinds) in &keys {
             assert!(key.chars().all(|c| !c.is_uppercase() && c != ' '), "{name}: the key {key}");

@@ -102,8 +102,8 @@ impl Playing {
         for noise in ["panicked", "XIO", "X connection", "validation:"] {
             assert!(!text.contains(noise), "{text}");
         }
-        // The lines are the content, the output, the flicker and two results. An error adds its line.
-        assert!(text.lines().count() <= 6, "{text}");
+        // The lines are the content, the output, the flicker, the first light and two results. An error adds its line.
+        assert!(text.lines().count() <= 7, "{text}");
         (stats(folder.path()), answer)
     }
 }
@@ -185,8 +185,9 @@ fn a_second_interruption_ends_it_at_once() {
     let (answer, folder) = playing.answer();
     let text = String::from_utf8_lossy(&answer.stderr).into_owned();
     assert_eq!(answer.status.code(), Some(130), "{text}");
-    // The text has the content, the output and the flicker. Only the running session can have left statistics.
-    assert!(text.lines().count() <= 3, "{text}");
+    // The text has the content, the output, the flicker and the first light. Only the running session can have left
+    // statistics.
+    assert!(text.lines().count() <= 4, "{text}");
     let stats = std::fs::read_to_string(folder.path().join("stats.json")).unwrap_or("{}".into());
     assert!(
         serde_json::from_str::<serde_json::Value>(&stats).is_ok_and(|stats| stats["ended_by"].is_null()),
