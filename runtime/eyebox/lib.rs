@@ -117,9 +117,10 @@ pub mod optics {
 
 /// Light fields from files and built-in scenes, with depth and disparity.
 pub mod scene {
-    pub use eyebox_scene::{BUILTINS, Fit, Inspection, LightField, Near, Order, Request, SceneError, ViewSynthesis};
     #[cfg(target_os = "linux")]
-    pub use eyebox_scene::{Layer, Places, views_of_depths, views_of_layers};
+    pub use eyebox_scene::views_of_depths;
+    pub use eyebox_scene::{BUILTINS, Fit, Inspection, LightField, Near, Order, Request, SceneError, ViewSynthesis};
+    pub use eyebox_scene::{Layer, Places, views_of_layers};
     pub use eyebox_scene::{inspect, load, srgb_to_linear};
 }
 

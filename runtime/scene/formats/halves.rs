@@ -35,7 +35,7 @@ impl Half {
         }
     }
 
-    /// Returns the half beside this one.
+    /// Returns the other half of the same picture.
     pub fn other(self) -> Self {
         match self {
             Self::Left => Self::Right,
