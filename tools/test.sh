@@ -34,6 +34,7 @@ cargo clippy --package eyebox-tools --bins --no-default-features --quiet -- -D w
 stage "lints for Windows"
 rustup target add x86_64-pc-windows-gnu 2>/dev/null || true
 cargo clippy --target x86_64-pc-windows-gnu --package eyebox-tools --bins --quiet -- -D warnings
+cargo clippy --target x86_64-pc-windows-gnu --package eyebox-python --lib --quiet -- -D warnings
 
 stage "documentation"
 # The command's pages are checked, then the library's take their place: both are called eyebox.

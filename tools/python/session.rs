@@ -1,7 +1,7 @@
 //! Sessions, which show holograms on a display, and their video frames.
 
 use crate::call::run;
-use crate::display::{self, Display};
+use crate::display::Display;
 use crate::engine::Engine;
 use crate::failure::{Answer, Failure};
 use crate::forked::{OfProcess, refuse_after_computing};
@@ -276,7 +276,7 @@ impl Session {
         run(py, engine.get().on_device, move |_| {
             let (display, (names, frames, ask, views)) = (&display.get().0, content);
             let backend = engine.get().backend()?;
-            let colors = display::colors(display, &names)?;
+            let colors = crate::display::colors(display, &names)?;
             let kind = match &ask[..] {
                 "views" => LiveKind::Views,
                 "depth" => LiveKind::ColorAndDepth,
