@@ -114,15 +114,16 @@ windows() {
     (
         export WINEPREFIX=$work/wine WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml=" DISPLAY=
         trap 'wineserver -k || true; wineserver -w || true; rm -rf "$work"' EXIT
-        mkdir "$work/library" "$work/here"
-        # Debian's Wine 8 lacks the one function by which Rust asks Windows for random numbers.
-        x86_64-w64-mingw32-gcc -shared -x c - -o "$work/library/bcryptprimitives.dll" <<'END'
+        mkdir "$work/here"
+        # Debian's Wine 8 lacks the one function by which Rust asks Windows for random numbers. Python looks for libraries of
+        # modules beside itself, and not on the path.
+        x86_64-w64-mingw32-gcc -shared -x c - -o "$place/windows/python/bcryptprimitives.dll" <<'END'
 #include <windows.h>
 #include <ntsecapi.h>
 __declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T length) { return RtlGenRandom(data, length); }
 END
-        local library=Z:${work//\//\\}\\library python=Z:${place//\//\\}\\windows
-        export WINEPATH="$library" PYTHONPATH="$python\\site" PYTHONHOME="$python\\python"
+        local python=Z:${place//\//\\}\\windows
+        export PYTHONPATH="$python\\site" PYTHONHOME="$python\\python"
         cd "$work/here"
         # Python refuses standard files that Wine has not as pipes.
         "$wine" "$place/windows/python/python.exe" "Z:${root//\//\\}\\tools\\python\\tests\\foreign_check.py" </dev/null 2>&1 | cat
