@@ -159,7 +159,11 @@ impl Stated {
             format!("{frames},setsar=1")
         } else {
             let from = matrix.map_or(String::new(), |matrix| format!(":in_color_matrix={matrix}"));
-            let range = ["", ":in_range=pc", ":in_range=tv"][if is_rgb { 0 } else { 2 - usize::from(is_full) }];
+            let range = match is_full {
+                _ if is_rgb => "",
+                true => ":in_range=pc",
+                false => ":in_range=tv",
+            };
             format!("{frames}+full_chroma_int{from}{range}:out_color_matrix=bt709:out_range=tv,setsar=1")
         };
         let said =
