@@ -135,6 +135,7 @@ fn a_whole_hologram_is_the_old_or_the_new() {
 fn tiles_are_the_old_or_the_new() {
     replaced(tiles, |place| Ok(of_all(&Hologram::load(place)?)));
     replaced(tiles, |place| {
+        assert!(Tiles::is_tiled(place), "tiles were replaced by tiles");
         let PhaseSource::Tiled(tiles) = PhaseSource::open(place)? else { panic!("not in tiles") };
         let read = |color, at| tiles.read(color, at, [4, 8]);
         let parts = [read(0, [0, 0])?, read(1, [0, 0])?, read(2, [4, 0])?, read(0, [4, 0])?];
@@ -146,6 +147,7 @@ fn tiles_are_the_old_or_the_new() {
 fn a_sequence_is_the_old_or_the_new() {
     replaced(sequence, |place| Ok(of_all(&Hologram::load_at(place, Some(3))?)));
     replaced(sequence, |place| {
+        assert!(Sequence::is_at(place), "a sequence was replaced by a sequence");
         let mut sequence = Sequence::open(place)?;
         assert_eq!((sequence.count(), sequence.notes().len()), (4, 0));
         Ok(only([of_all(&sequence.load(0)?), of_all(&sequence.load(3)?)]))

@@ -1,8 +1,7 @@
 //! Reads a sequence of holograms, one at a time, while it may still grow.
 
 use super::chunks::{
-    ARRAY, GROUP, check_memory, chunk_name, damaged, none, open_folder, read_chunk, read_document, read_whole,
-    unreadable,
+    ARRAY, GROUP, check_memory, chunk_name, damaged, none, read_chunk, read_document, read_whole, unreadable,
 };
 use super::document::{self, SequenceAttributes};
 use super::newest::NewestHologram;
@@ -137,8 +136,8 @@ impl Sequence {
 
     /// Returns true if there is a sequence at `path`, damaged or not. Returns false for a single hologram.
     pub fn is_at(path: &Path) -> bool {
-        let document = || read_document(&open_folder(path).ok()?, GROUP).ok();
-        matches!(document().and_then(|bytes| document::read_any_group(&bytes).ok()), Some((_, Some(_))))
+        let document = read_whole(path, |folder| read_document(folder, GROUP));
+        document.is_ok_and(|bytes| matches!(document::read_any_group(&bytes), Ok((_, Some(_)))))
     }
 
     /// Counts the whole holograms, by the lengths of their files.

@@ -1,5 +1,6 @@
 //! Holds phases that are in memory, in tiles on the disk, or in a sequence.
 
+use super::chunks::read_whole;
 use super::tiles::Tiles;
 use super::{Hologram, HologramError, Metadata, Sequence};
 use crate::optics::{Obstruction, OpticsError, Prescription};
@@ -71,10 +72,11 @@ impl PhaseSource<'_> {
     /// # Errors
     /// Returns [`HologramError::NotAHologram`] for a sequence, [`HologramError::Damaged`] or [`HologramError::File`].
     pub fn open(path: &Path) -> Result<Self, HologramError> {
-        if Tiles::is_tiled(path) {
-            return Ok(Self::Tiled(Arc::new(Tiles::open(path)?)));
-        }
-        Ok(Hologram::load(path)?.into())
+        // Both are decided in one folder, which another may replace at any time.
+        read_whole(path, |folder| match Tiles::are_in(folder) {
+            Ok(true) => Ok(Self::Tiled(Arc::new(Tiles::of_folder(folder)?))),
+            _ => Ok(Hologram::load_from(folder)?.into()),
+        })
     }
 
     /// Returns everything but the phases, which may be missing here.

@@ -16,7 +16,7 @@ pub use versions::TileVersion;
 
 use super::chunks::{
     ARRAY, GROUP, LOCK, check_is_one, check_length, check_memory, chunk_file, damaged, draft, is_hologram, is_staged,
-    lock, none, open_folder, read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
+    lock, none, read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
 use crate::files::{Folder, Kind};
@@ -198,10 +198,15 @@ impl Tiles {
         }
     }
 
-    /// Returns true if a folder is a hologram in tiles.
+    /// Returns true if a folder is a hologram in tiles. One that replaces it meanwhile is asked instead.
     pub fn is_tiled(path: &Path) -> bool {
-        let document = open_folder(path).and_then(|folder| read_document(&folder, ARRAY));
-        document.is_ok_and(|bytes| document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
+        read_whole(path, Self::are_in).unwrap_or(false)
+    }
+
+    /// Returns true if an open folder is a hologram in tiles, and the error if its description cannot be read.
+    pub(super) fn are_in(folder: &Folder) -> Result<bool, HologramError> {
+        let bytes = read_document(folder, ARRAY)?;
+        Ok(document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
     }
 
     /// Returns everything but the phases.
