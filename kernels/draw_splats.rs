@@ -27,9 +27,13 @@ pub const EXP: [f32; 6] =
 const N: usize = SIDE as usize;
 /// Pixels of a row that are computed together.
 pub const LANES: usize = 8;
+/// Groups of pixels in a tile that are computed together.
+const GROUPS: usize = N * N / LANES;
+/// Values of all pixels of a tile, row by row.
+type Tile = [[f32; LANES]; GROUPS];
 /// Words of 4 bytes of a splat.
 pub const WORDS: usize = size_of::<Splat>() / 4;
-/// Splats between two checks for a tile that is completely opaque.
+/// Splats that are read together. Then the tile may be completely opaque.
 const CHECKED: usize = 16;
 
 /// Size of the picture.
@@ -113,7 +117,7 @@ pub fn draw_splats(args: &Args, splats: &[Splat], first: &[u32], entries: &[u32]
             );
             let (left, wide) = (column * N, N.min(width - column * N));
             for (plane, values) in planes.iter_mut().zip(&drawn) {
-                for (line, values) in plane.chunks_mut(width).zip(values.chunks(N)) {
+                for (line, values) in plane.chunks_mut(width).zip(values.as_flattened().chunks(N)) {
                     line[left..left + wide].copy_from_slice(&values[..wide]);
                 }
             }
@@ -123,44 +127,57 @@ pub fn draw_splats(args: &Args, splats: &[Splat], first: &[u32], entries: &[u32]
 
 /// Draws a tile whose first pixel is at (`left`, `top`).
 #[inline(always)]
-fn draw_tile(splats: &[Splat], list: &[u32], [left, top]: [usize; 2]) -> [[f32; N * N]; VALUES] {
-    let mut drawn = [[0.0f32; N * N]; VALUES];
+fn draw_tile(splats: &[Splat], list: &[u32], [left, top]: [usize; 2]) -> [Tile; VALUES] {
+    let mut drawn = [[[0.0; LANES]; GROUPS]; VALUES];
     // The transmittance, and 1 for pixels that are not opaque yet.
-    let mut clear = [1.0f32; N * N];
-    let mut open = [1.0f32; N * N];
-    for (count, &entry) in list.iter().enumerate() {
-        if count % CHECKED == 0 && open.iter().sum::<f32>() == 0.0 {
+    let mut clear = [[1.0f32; LANES]; GROUPS];
+    let mut open = [[1.0f32; LANES]; GROUPS];
+    let mut some = [Splat::default(); CHECKED];
+    for entries in list.chunks(CHECKED) {
+        if open.iter().all(|group| *group == [0.0; LANES]) {
             break;
         }
-        let splat = &splats[entry as usize];
-        let inside = |span: u32, from: usize| Splat::ends(span).map(|end| end.clamp(from, from + N) - from);
-        let ([x0, x1], [y0, y1]) = (inside(splat.columns, left), inside(splat.rows, top));
-        let [a, b, c] = splat.conic;
-        for y in y0..y1 {
-            let dy = (top + y) as f32 - splat.y;
-            for x in (x0 / LANES * LANES..x1).step_by(LANES) {
-                let at = y * N + x;
-                for i in 0..LANES {
-                    let dx = (left + x + i) as f32 - splat.x;
-                    let power = -0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy;
-                    let alpha = (splat.opacity * exp(power)).min(OPAQUE);
-                    let seen = alpha >= FAINTEST && power <= 0.0;
-                    let alpha = if seen { alpha * open[at + i] } else { 0.0 };
-                    let next = clear[at + i] * (1.0 - alpha);
-                    let closes = next < CLOSED;
-                    let share = if closes { 0.0 } else { alpha * clear[at + i] };
-                    drawn[0][at + i] += share * splat.color[0];
-                    drawn[1][at + i] += share * splat.color[1];
-                    drawn[2][at + i] += share * splat.color[2];
-                    drawn[3][at + i] += share * splat.inverse;
-                    drawn[4][at + i] += share;
-                    clear[at + i] = if closes { clear[at + i] } else { next };
-                    open[at + i] = if closes { 0.0 } else { open[at + i] };
+        // They are read together, so that the memory's delays are not waited for in turn.
+        some.iter_mut().zip(entries).for_each(|(splat, entry)| *splat = splats[*entry as usize]);
+        for splat in &some[..entries.len()] {
+            let inside = |span: u32, from: usize| Splat::ends(span).map(|end| end.clamp(from, from + N) - from);
+            let ([x0, x1], [y0, y1]) = (inside(splat.columns, left), inside(splat.rows, top));
+            let values = [splat.color[0], splat.color[1], splat.color[2], splat.inverse, 1.0];
+            for y in y0..y1 {
+                let dy = (top + y) as f32 - splat.y;
+                for x in (x0 / LANES * LANES..x1).step_by(LANES) {
+                    let group = (y * N + x) / LANES;
+                    let share = shares(splat, [(left + x) as f32, dy], &mut clear[group], &mut open[group]);
+                    for (plane, value) in drawn.iter_mut().zip(values) {
+                        plane[group].iter_mut().zip(share).for_each(|(sum, share)| *sum += share * value);
+                    }
                 }
             }
         }
     }
     drawn
+}
+
+/// Returns the share of a splat in the light of pixels in a row, and takes it from their transmittance. The first pixel
+/// is in column `x`, and the row is `dy` below the splat's center. All lengths are constant, so that the compiler uses
+/// vectors.
+#[inline(always)]
+fn shares(splat: &Splat, [x, dy]: [f32; 2], clear: &mut [f32; LANES], open: &mut [f32; LANES]) -> [f32; LANES] {
+    let [a, b, c] = splat.conic;
+    let mut share = [0.0; LANES];
+    for i in 0..LANES {
+        let dx = x + i as f32 - splat.x;
+        let power = -0.5 * (a * dx * dx + c * dy * dy) - b * dx * dy;
+        let alpha = (splat.opacity * exp(power)).min(OPAQUE);
+        let seen = alpha >= FAINTEST && power <= 0.0;
+        let alpha = if seen { alpha * open[i] } else { 0.0 };
+        let next = clear[i] * (1.0 - alpha);
+        let closes = next < CLOSED;
+        share[i] = if closes { 0.0 } else { alpha * clear[i] };
+        clear[i] = if closes { clear[i] } else { next };
+        open[i] = if closes { 0.0 } else { open[i] };
+    }
+    share
 }
 
 /// Returns the exponential of a number from -80 to 0. It is the same series in the shader.

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Makes the README's animations. docs/steered.gif: what an eye sees of a hologram while it is refined for it, through two pupils.
-# docs/live.gif: the window of `eyebox show --view`, on Xvfb, while fruit moves and a recorded eye looks about. All that is seen comes from the command;
-# python3 with Pillow puts the pictures together. EYEBOX is the command: EYEBOX=target/release/eyebox tools/animation.sh [steered|live]
+# docs/live.gif: the window of `eyebox show --view`, on Xvfb, while fruit moves and a recorded eye looks about.
+# docs/walk.gif: the same window, while the camera moves in front of the built-in splats. All that is seen comes from the command;
+# python3 with Pillow puts the pictures together. EYEBOX is the command: EYEBOX=target/release/eyebox tools/animation.sh [steered|live|walk]
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 eyebox=$(realpath "${EYEBOX:?the command to run, such as target/release/eyebox}")
@@ -60,13 +61,32 @@ for i in range(12 * 120):
     x, y, focus_d = [(-4, 2, 0.012), (4, -3, -0.012), (0, 0, 0)][i // 240 % 3]
     print(json.dumps({"t": i / 120, "x": x, "y": y, "diameter": 4, "focus_d": focus_d}))
 PYTHON
+film "$root/docs/live.gif" 0 show moving.zarr --loop --display planes24 --tracker eye.jsonl --view --duration 14
+}
+
+# One round of eight seconds, after the first one, for an eye that looks about.
+walk() {
+python3 - >eye.jsonl <<'PYTHON'
+import json
+for i in range(40 * 120):
+    x, y, focus_d = [(-3, 1, 0.01), (3, -1, -0.01)][i // 480 % 2]
+    print(json.dumps({"t": i / 120, "x": x, "y": y, "diameter": 5, "focus_d": focus_d}))
+PYTHON
+film "$root/docs/walk.gif" 8 show builtin:still-life-splats --walk around --walk-time 8 --size 256x256 --display planes24 \
+    --tracker eye.jsonl --view --duration 24
+}
+
+# Films the window of a command for eight pictures a second: film GIF SECONDS COMMAND, where SECONDS pass first
+film() {
+local gif=$1 before=$2
+shift 2
 mkdir screen
 Xvfb -displayfd 3 -screen 0 512x512x24 -nocursor -fbdir screen 3>number 2>/dev/null &
 desktop=$!
 while [[ ! -s number ]]; do sleep 0.1; done
-WAYLAND_DISPLAY='' DISPLAY=:$(cat number) "$eyebox" show moving.zarr --loop --display planes24 --tracker eye.jsonl \
-    --view --duration 14 &
-python3 - "$root/docs/live.gif" <<'PYTHON'
+WAYLAND_DISPLAY='' DISPLAY=:$(cat number) "$eyebox" "$@" &
+local shows=$!
+python3 - "$gif" "$before" <<'PYTHON'
 import struct, sys, time
 from PIL import Image
 
@@ -81,9 +101,10 @@ until = time.monotonic() + 120
 while screen().getbbox() is None:  # The window comes when the scene is there.
     assert time.monotonic() < until, "no window"
     time.sleep(0.05)
+time.sleep(float(sys.argv[2]))
 every, seen = 0.125, []
 begun = time.monotonic()
-while len(seen) < 48:
+while len(seen) < 48 + 2 * int(sys.argv[2]):
     seen.append(screen().resize((320, 320), Image.LANCZOS))
     time.sleep(max(0, begun + len(seen) * every - time.monotonic()))
 # One palette for all, so that no colour changes from frame to frame.
@@ -94,11 +115,14 @@ palette = sheet.quantize(112, kmeans=2)
 frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in seen]
 frames[0].save(sys.argv[1], save_all=True, append_images=frames[1:], duration=int(1000 * every), loop=0, optimize=True)
 PYTHON
-wait %2
+wait "$shows"
+kill "$desktop"
+desktop=
+rm -r screen number
 }
 
 case ${1:-all} in
-    all) steered; live ;;
-    steered | live) "$1" ;;
-    *) echo "tools/animation.sh [steered|live]" >&2; exit 1 ;;
+    all) steered; live; walk ;;
+    steered | live | walk) "$1" ;;
+    *) echo "tools/animation.sh [steered|live|walk]" >&2; exit 1 ;;
 esac

@@ -10,7 +10,7 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
-use winit::event::{ElementState, MouseScrollDelta, WindowEvent as SystemEvent};
+use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent as SystemEvent};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window as SystemWindow, WindowId};
 
@@ -44,6 +44,8 @@ pub enum WindowEvent {
     Exposed,
     /// The mouse is at this row and column of the inside, in pixels.
     Pointer([f64; 2]),
+    /// The left button of the mouse was pressed, or released.
+    Button(bool),
     /// The wheel was turned by this number of notches. Up and away are positive.
     Wheel(f64),
     /// A key was pressed, or repeats.
@@ -90,6 +92,9 @@ fn translated(event: &SystemEvent) -> Option<WindowEvent> {
         SystemEvent::Resized(size) => WindowEvent::Resized([size.height as usize, size.width as usize]),
         SystemEvent::RedrawRequested => WindowEvent::Exposed,
         SystemEvent::CursorMoved { position, .. } => WindowEvent::Pointer([position.y, position.x]),
+        SystemEvent::MouseInput { state, button: MouseButton::Left, .. } => {
+            WindowEvent::Button(*state == ElementState::Pressed)
+        }
         SystemEvent::MouseWheel { delta, .. } => WindowEvent::Wheel(match delta {
             MouseScrollDelta::LineDelta(_, rows) => f64::from(*rows),
             MouseScrollDelta::PixelDelta(pixels) => pixels.y / NOTCH,

@@ -62,6 +62,14 @@ pub(crate) fn on_live_threads<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     }
 }
 
+/// Runs work on this number of threads. Without a number, or if they cannot be started, it runs on the usual ones.
+pub(crate) fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> T {
+    match threads.map(|count| ThreadPoolBuilder::new().num_threads(count).build()) {
+        Some(Ok(pool)) => pool.install(work),
+        _ => work(),
+    }
+}
+
 /// A value with threads or device handles, which exist only in the process that made it. A forked child neither uses
 /// nor drops it.
 pub(crate) struct OfProcess<T> {

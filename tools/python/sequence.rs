@@ -4,6 +4,7 @@ use crate::call::run;
 use crate::display::{Display, colors};
 use crate::engine::Engine;
 use crate::failure::Answer;
+use crate::forked::on_threads;
 use eyebox::hologram::{SequenceParts, Start};
 use eyebox::produce::{SceneEvent, SceneJob, SequencePieces, SequenceRequest};
 use eyebox::solve::Flow;
@@ -62,17 +63,25 @@ impl Sequence {
         Self { scenes, display, color_names, settings, rate, out, pieces: OnceLock::new() }
     }
 
-    /// Solves one hologram into its place in the file. Returns `false` if it was there before, and `None` if the solve
-    /// was ended early.
-    fn piece(slf: Py<Self>, py: Python<'_>, index: usize, engine: Py<Engine>) -> PyResult<Option<bool>> {
+    /// Solves one hologram into its place in the file, on the given number of threads. Returns `false` if it was there
+    /// before, and `None` if the solve was ended early.
+    #[pyo3(signature = (index, engine, threads = None))]
+    fn piece(
+        slf: Py<Self>,
+        py: Python<'_>,
+        index: usize,
+        engine: Py<Engine>,
+        threads: Option<usize>,
+    ) -> PyResult<Option<bool>> {
         run(py, engine.get().on_device, move |caller| {
             let sequence = slf.get();
-            engine.get().lend(|engine| {
+            let solve = |engine: &mut dyn eyebox::engine::Engine| {
                 let job = sequence.job(sequence.display.get(), engine)?;
                 let pieces = sequence.pieces(&job)?;
                 let mut observe = |_: &SceneEvent| if caller.is_gone() { Flow::Stop } else { Flow::Continue };
                 Ok(pieces.solve(&job, index, engine, &mut observe)?)
-            })
+            };
+            on_threads(threads, || engine.get().lend(solve))
         })
     }
 

@@ -35,13 +35,23 @@ fn size_of(file: &Path, headers: &[Header]) -> Result<[usize; 2], FileError> {
     }
 }
 
+/// Returns the names of the layers with colors in lower case, in the order of the file.
+pub(super) fn layers(file: &Path) -> Result<Vec<String>, FileError> {
+    let all = all_lower(open(file)?.headers());
+    Ok(with_colors(&all).into_iter().map(|(_, layer)| layer.to_owned()).collect())
+}
+
 /// Reads colors, or the depth of a depth map. A pixel outside the data window is black, or NaN in a depth map.
 pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
     let wrong = |reason: Reason| FileError::content(file, reason);
     let reader = open(file)?;
     let [height, width] = size_of(file, reader.headers())?;
     let is_depth = wanted == Wanted::DepthMap;
-    let choice = if is_depth { depth(reader.headers()) } else { colors(reader.headers()) };
+    let choice = match wanted {
+        Wanted::DepthMap => depth(reader.headers()),
+        Wanted::Layer(index) => layer(reader.headers(), index.into()),
+        _ => colors(reader.headers()),
+    };
     let Choice { part, channels } = choice.map_err(wrong)?;
     let header = reader.headers()[part].clone();
     let list = &header.channels.list;
@@ -127,19 +137,38 @@ fn names(headers: &[Header]) -> String {
     all(headers).take(12).map(|(_, _, name)| name).collect::<Vec<_>>().join(", ")
 }
 
+/// Finds the channel that is the `last` part of a name in a layer of a part.
+fn channel_of(all: &[(usize, usize, String)], (part, layer): (usize, &str), last: &str) -> Option<usize> {
+    all.iter().find(|(p, _, name)| *p == part && split(name) == (layer, last)).map(|(_, i, _)| *i)
+}
+
+/// Returns the part and the name of each layer that has red, green and blue.
+fn with_colors(all: &[(usize, usize, String)]) -> Vec<(usize, &str)> {
+    all.iter()
+        .filter(|(_, _, name)| split(name).1 == "r")
+        .map(|(part, _, name)| (*part, split(name).0))
+        .filter(|layer| ["g", "b"].iter().all(|c| channel_of(all, *layer, c).is_some()))
+        .collect()
+}
+
+/// Returns the channels for red, green, blue and alpha of a layer.
+fn choice(all: &[(usize, usize, String)], layer: (usize, &str)) -> Choice {
+    let channels = ["r", "g", "b", "a"].iter().filter_map(|c| channel_of(all, layer, c)).collect();
+    Choice { part: layer.0, channels }
+}
+
+/// Chooses the channels of the layer with this index among the layers with colors.
+fn layer(headers: &[Header], index: usize) -> Result<Choice, Reason> {
+    let all = all_lower(headers);
+    let found = with_colors(&all).get(index).map(|layer| choice(&all, *layer));
+    found.ok_or_else(|| reason!("no-layer", "it has no layer {index} with colors: its channels are {}", names(headers)))
+}
+
 /// Chooses the channels of a picture. These are red, green, blue and alpha without a layer, of the only layer that has
 /// them, or of the layer called Combined, beauty or rgba. Otherwise it is the only channel.
 fn colors(headers: &[Header]) -> Result<Choice, Reason> {
     let all = all_lower(headers);
-    let get = |part: usize, layer: &str, last: &str| {
-        all.iter().find(|(p, _, name)| *p == part && split(name) == (layer, last)).map(|(_, i, _)| *i)
-    };
-    let mut layers: Vec<(usize, &str)> = all
-        .iter()
-        .filter(|(_, _, name)| split(name).1 == "r")
-        .map(|(part, _, name)| (*part, split(name).0))
-        .filter(|(part, layer)| ["g", "b"].iter().all(|c| get(*part, layer, c).is_some()))
-        .collect();
+    let mut layers = with_colors(&all);
     let is_beauty = |layer: &str| {
         layer.is_empty() || ["combined", "beauty", "rgba", "rgb"].contains(&layer.rsplit('.').next().unwrap_or(layer))
     };
@@ -148,10 +177,7 @@ fn colors(headers: &[Header]) -> Result<Choice, Reason> {
         layers.retain(|(_, layer)| if bare { layer.is_empty() } else { is_beauty(layer) });
     }
     match layers[..] {
-        [(part, layer)] => {
-            let channels = ["r", "g", "b", "a"].iter().filter_map(|c| get(part, layer, c)).collect();
-            return Ok(Choice { part, channels });
-        }
+        [one] => return Ok(choice(&all, one)),
         [] => {}
         _ => {
             return Err(reason!(

@@ -18,6 +18,11 @@ pub fn picture_size(file: &Path, _: Wanted, _: u64) -> Result<[usize; 2], FileEr
     absent(file)
 }
 
+/// Always fails, instead of returning the layers of a picture.
+pub fn picture_layers(file: &Path) -> Result<Vec<String>, FileError> {
+    absent(file)
+}
+
 /// Always fails, instead of returning the EXIF orientation of a picture.
 pub fn picture_orientation(file: &Path, _: Wanted) -> Result<u8, FileError> {
     absent(file)

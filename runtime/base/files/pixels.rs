@@ -50,6 +50,18 @@ pub fn picture_size(file: &Path, wanted: Wanted, most: u64) -> Result<[usize; 2]
     Ok(if orientation(file, kind)? >= 5 { [size[1], size[0]] } else { size })
 }
 
+/// Returns the names of the layers with colors in an EXR file, in lower case and in the order of the file. Pictures of
+/// other formats have none.
+///
+/// # Errors
+/// Returns the errors of [`picture_size`].
+pub fn picture_layers(file: &Path) -> Result<Vec<String>, FileError> {
+    match kind(file, Wanted::Scene)? {
+        FileKind::Exr => exr_pixels::layers(file),
+        _ => Ok(Vec::new()),
+    }
+}
+
 /// Returns the EXIF orientation by which a picture is turned, 1 to 8. 1 is as stored.
 ///
 /// # Errors

@@ -209,6 +209,40 @@ fn exr_parts_halves_and_windows_are_read() {
     assert_eq!((&values[W + 1..2 * W], &values[2 * W + 1..]), (&[1.0, 2.0, 3.0, 4.0][..], &[5.0, 6.0, 7.0, 8.0][..]));
 }
 
+/// Layers of one part and of another one, with and without opacity.
+#[test]
+fn layers_with_colors_are_read_one_by_one() {
+    let here = tempfile::tempdir().unwrap();
+    let file = here.path().join("a.exr");
+    let channels = |size: Vec2<usize>, names: &[(&str, f32)]| {
+        let list: SmallVec<[AnyChannel<FlatSamples>; 4]> = (names.iter())
+            .map(|(name, value)| AnyChannel::new(*name, FlatSamples::F32(vec![*value; size.0 * size.1])))
+            .collect();
+        AnyChannels::sort(list)
+    };
+    let size = Vec2(W, H);
+    let names = ["far.R", "far.G", "far.B", "near.10.R", "near.10.G", "near.10.B", "near.10.A", "normal.X", "depth.Z"];
+    let values: Vec<(&str, f32)> = names.iter().enumerate().map(|(i, name)| (*name, i as f32)).collect();
+    let first = Layer::new(size, LayerAttributes::named("main"), Encoding::SMALL_LOSSLESS, channels(size, &values));
+    let second = [("R", 20.0), ("G", 21.0), ("B", 22.0)];
+    let second = Layer::new(size, LayerAttributes::named("Near.2"), Encoding::SMALL_LOSSLESS, channels(size, &second));
+    let window = IntegerBounds::from_dimensions(size);
+    let image = Image::empty(ImageAttributes::new(window)).with_layer(first).with_layer(second);
+    image.write().to_file(&file).unwrap();
+    assert_eq!(picture_layers(&file).unwrap(), ["far", "near.10", "near.2"]);
+    let pixel = |index: u16| match read(&file, Wanted::Layer(index)) {
+        Pixels { channels, samples: Samples::F32(values), .. } => values[..channels].to_vec(),
+        _ => panic!("floats"),
+    };
+    assert_eq!(pixel(0), [0.0, 1.0, 2.0]);
+    assert_eq!(pixel(1), [3.0, 4.0, 5.0, 6.0]);
+    assert_eq!(pixel(2), [20.0, 21.0, 22.0]);
+    let none = read_pixels(&file, Wanted::Layer(3), MOST);
+    assert!(matches!(&none, Err(FileError::Content { reason, .. }) if reason.code() == "no-layer"), "{none:?}");
+    // A single picture would be one of several.
+    assert!(read_pixels(&file, Wanted::Scene, MOST).is_err());
+}
+
 #[test]
 fn an_animated_gif_is_refused_and_a_still_one_is_read() {
     let here = tempfile::tempdir().unwrap();

@@ -1,8 +1,8 @@
 //! Makes the built-in scene of splats from the still life, and checks that the stored file shows the still life.
 //!
 //! `EYEBOX_WRITE=1` writes the file. Each splat is a disc on a surface that some view sees. Discs are small where the
-//! picture has details, and have the mean color of their texture. The colors are then fitted to the views, because
-//! neighboring splats blur each other.
+//! picture has details, and have the mean color of their texture. The colors are then fitted to the views in several
+//! sizes, because neighboring splats blur each other.
 
 use super::render::{Canvas, Item};
 use super::shape::Blade;
@@ -23,9 +23,11 @@ use std::path::Path;
 
 /// The largest number of splats.
 const MOST: usize = 19_800;
-/// Pixels of the pictures to which colors are fitted.
+/// Pixels along a side of the pictures whose details decide the sizes of discs.
 const SIZE: usize = 240;
-/// Sides of the largest and the smallest square of a disc in these pixels.
+/// Sizes of the pictures to which colors are fitted. With one size, another size shows the pattern of the discs.
+const SIZES: [usize; 3] = [200, 256, 336];
+/// Sides of the largest and the smallest square of a disc in pixels of [`SIZE`].
 const COARSEST: f32 = 4.0;
 const FINEST: f32 = 1.0;
 /// Samples along a side of a square.
@@ -38,9 +40,9 @@ const DISTANCE: [f32; 2] = [1.0, 0.2];
 const BITS: u8 = 14;
 /// Distance by which a disc is farther than its surface, in proportion to its distance, per scene unit of its width.
 /// Otherwise large discs would cover the small ones next to them.
-const BEHIND: f32 = 0.03;
-/// Deviation of a disc in sides of its square.
-const WIDTH: f32 = 0.5;
+const BEHIND: f32 = 0.06;
+/// Deviation of a disc in sides of its square. Narrower discs leave gaps at the corners of squares, which show as a grid.
+const WIDTH: f32 = 0.65;
 /// Rounds of the fit of colors.
 const ROUNDS: usize = 80;
 /// Weight of the colors of the textures in the fit, and of dark pixels.
@@ -229,22 +231,22 @@ fn cloud(discs: &[Disc]) -> Cloud {
 }
 
 /// Returns the splats in the order of the camera, and the displacement of each view.
-fn seen(cloud: &Cloud) -> (Ordered, Vec<Displaced>) {
+fn seen(cloud: &Cloud, size: usize) -> (Ordered, Vec<Displaced>) {
     let camera = Camera::of(Path::new(BUILTIN), &Options::parse("").unwrap().of_builtin(), cloud).unwrap().0;
-    let ordered = Ordered::new(cloud.clone(), &camera, [SIZE, SIZE]);
+    let ordered = Ordered::of(cloud, &camera, [size, size]);
     let one = |tilt: [f32; 2]| {
         // A tilt moves content by its depth in scene units, which is in proportion to the inverse distance.
         let by = tilt.map(|t| t / DISTANCE[1] * tangent());
-        let moved = tilt.map(|t| t * DISTANCE[0] / DISTANCE[1] * SIZE as f32 / 2.0);
+        let moved = tilt.map(|t| t * DISTANCE[0] / DISTANCE[1] * size as f32 / 2.0);
         Displaced { by, moved }
     };
     (ordered, tilts().into_iter().map(one).collect())
 }
 
 /// Returns the views of the splats in sRGB, as (view, pixel, color).
-fn views(cloud: &Cloud) -> Vec<Vec<[f32; 3]>> {
-    let (ordered, places) = seen(cloud);
-    let pixels = SIZE * SIZE;
+fn views(cloud: &Cloud, size: usize) -> Vec<Vec<[f32; 3]>> {
+    let (ordered, places) = seen(cloud, size);
+    let pixels = size * size;
     let one = |place: &Displaced| {
         let drawn = draw(&ordered, place, None);
         (0..pixels).map(|i| [0, 1, 2].map(|k| drawn[k * pixels + i])).collect()
@@ -253,23 +255,23 @@ fn views(cloud: &Cloud) -> Vec<Vec<[f32; 3]>> {
 }
 
 /// Returns the views of the still life in sRGB.
-fn wanted(items: &[Item]) -> Vec<Vec<[f32; 3]>> {
-    let canvas = Canvas { height: SIZE, width: SIZE };
+fn wanted(items: &[Item], size: usize) -> Vec<Vec<[f32; 3]>> {
+    let canvas = Canvas { height: size, width: size };
     let planes = super::render::render(canvas, items, &tilts(), &[Color::Red, Color::Green, Color::Blue]);
     let pixel = |view: usize, i: usize| [0, 1, 2].map(|k: usize| coded(planes[k][view][i]));
-    (0..9).map(|view| (0..SIZE * SIZE).map(|i| pixel(view, i)).collect()).collect()
+    (0..9).map(|view| (0..size * size).map(|i| pixel(view, i)).collect()).collect()
 }
 
 /// Returns the splats of each pixel with their weights in its color.
-fn weights(cloud: &Cloud) -> Vec<Vec<(u32, f32)>> {
+fn weights(cloud: &Cloud, size: usize) -> Vec<Vec<(u32, f32)>> {
     // The index of a splat takes the place of its color, because drawing leaves out splats and changes their order.
     let colors = (0..cloud.len()).map(|i| [i as f32, 0.0, 0.0]).collect();
-    let (ordered, places) = seen(&Cloud { colors, ..cloud.clone() });
+    let (ordered, places) = seen(&Cloud { colors, ..cloud.clone() }, size);
     let across = ordered.args().across as usize;
     let of_view = |place: &Displaced| {
         let TiledSplats { splats, first, entries } = tiled(&ordered, place);
         let pixel = move |i: usize| {
-            let (x, y, side) = (i % SIZE, i / SIZE, SIDE as usize);
+            let (x, y, side) = (i % size, i / size, SIDE as usize);
             let tile = y / side * across + x / side;
             let (mut clear, mut all) = (1.0f32, Vec::new());
             for entry in &entries[first[tile] as usize..first[tile + 1] as usize] {
@@ -287,15 +289,15 @@ fn weights(cloud: &Cloud) -> Vec<Vec<(u32, f32)>> {
             }
             all
         };
-        (0..SIZE * SIZE).map(pixel).collect::<Vec<_>>()
+        (0..size * size).map(pixel).collect::<Vec<_>>()
     };
     places.par_iter().flat_map_iter(of_view).collect()
 }
 
 /// Returns the colors with the smallest error of the light in the views, by conjugate gradients.
-fn fitted(cloud: &Cloud, wanted: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
-    let rows = weights(cloud);
-    let wanted: Vec<[f32; 3]> = wanted.iter().flatten().copied().collect();
+fn fitted(cloud: &Cloud, items: &[Item]) -> Vec<[f32; 3]> {
+    let rows: Vec<_> = SIZES.iter().flat_map(|size| weights(cloud, *size)).collect();
+    let wanted: Vec<[f32; 3]> = SIZES.iter().flat_map(|size| wanted(items, *size)).flatten().collect();
     // The square of the slope of the curve, because errors count in linear light. Dark pixels count a little, too.
     let counts: Vec<[f32; 3]> = wanted.iter().map(|v| v.map(|v| v.max(0.0).powf(2.4) + DARK)).collect();
     let mut colors = cloud.colors.clone();
@@ -363,20 +365,24 @@ fn the_splats_show_the_still_life() {
     let items = items([1.0, 1.0], Mood::Day, 0.0);
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("splats/still-life.spz");
     if std::env::var_os("EYEBOX_WRITE").is_some() {
-        let discs = Goal { items: &items, views: wanted(&items) }.discs();
+        let discs = Goal { items: &items, views: wanted(&items, SIZE) }.discs();
         std::fs::write(&file, written(&discs, &cloud(&discs))).unwrap();
         // The colors fit the places and sizes as the file stores them.
         let stored = read(&file, Format::Spz).unwrap();
-        let colors = fitted(&stored, &wanted(&items));
+        let colors = fitted(&stored, &items);
         std::fs::write(&file, written(&discs, &Cloud { colors, ..cloud(&discs) })).unwrap();
     }
     // The file is a part of this program, which has the old one until it is built again.
     let cloud = read(&file, Format::Spz).unwrap();
     assert!((2_000..=20_000).contains(&cloud.len()) && std::fs::metadata(&file).unwrap().len() < 1 << 20);
-    for (view, (found, wanted)) in views(&cloud).iter().zip(wanted(&items)).enumerate() {
-        let differences = found.iter().flatten().zip(wanted.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
-        let psnr = -10.0 * (differences.sum::<f64>() / (3 * SIZE * SIZE) as f64).log10();
-        println!("view {view}: {psnr:.1} dB");
-        assert!(psnr > 25.0, "view {view}: {psnr:.1} dB");
+    // The second size is between those of the fit.
+    for size in [SIZES[1], 300] {
+        for (view, (found, wanted)) in views(&cloud, size).iter().zip(wanted(&items, size)).enumerate() {
+            let differences =
+                found.iter().flatten().zip(wanted.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
+            let psnr = -10.0 * (differences.sum::<f64>() / (3 * size * size) as f64).log10();
+            println!("{size}, view {view}: {psnr:.1} dB");
+            assert!(psnr > 24.5, "{size}, view {view}: {psnr:.1} dB");
+        }
     }
 }

@@ -9,6 +9,7 @@ use crate::read::views::Read;
 use crate::{Request, SceneError};
 use crate::{light_field::natural, read::names};
 use eyebox_base::error::Reason;
+use eyebox_base::files::{Wanted, picture_layers};
 use eyebox_base::reason;
 use std::path::{Path, PathBuf};
 
@@ -63,22 +64,43 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Given>, SceneError> {
     let wanted = match &values {
         Values::Focus(values, _) | Values::Dioptres(values) => values.len(),
     };
-    if pictures.len() != wanted || pictures.is_empty() {
+    let paths: Vec<PathBuf> = pictures.into_iter().map(|name| folder.join(name)).collect();
+    let parts = match &values {
+        Values::Focus(..) => in_files(&paths),
+        Values::Dioptres(_) => parts(&paths)?,
+    };
+    if parts.len() != wanted || paths.is_empty() {
+        let what = if parts.len() == paths.len() { "pictures" } else { "layers in its EXR file" };
         let has = format!(
-            "but the folder has {} pictures. Give one for each, in the order of the numbers in their names",
-            pictures.len()
+            "but the folder has {} {what}. Give one for each, in the order of the numbers in their names",
+            parts.len()
         );
         return wrong(match values {
             Values::Focus(..) => reason!("focus-count", "focus_mm has {wanted} depths, {has}"),
             Values::Dioptres(_) => reason!("layers-count", "layers_dioptres has {wanted} vergences, {has}"),
         });
     }
-    let paths = pictures.into_iter().map(|name| folder.join(name)).collect();
     let pictures = Pictures { stated, paths, file };
     Ok(Some(match values {
         Values::Focus(focus, aperture) => Given::Stack(FocalStack { pictures, focus, aperture }),
-        Values::Dioptres(dioptres) => Given::Planes(Planes { pictures, dioptres }),
+        Values::Dioptres(dioptres) => Given::Planes(Planes { pictures, parts, dioptres }),
     }))
+}
+
+fn in_files(paths: &[PathBuf]) -> Vec<(PathBuf, Wanted)> {
+    paths.iter().map(|path| (path.clone(), Wanted::Scene)).collect()
+}
+
+/// Returns the pictures of multi-plane images. The layers of a single EXR file are pictures.
+fn parts(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Wanted)>, SceneError> {
+    let [path] = paths else { return Ok(in_files(paths)) };
+    let names = picture_layers(path)?;
+    if names.len() < 2 {
+        return Ok(in_files(paths));
+    }
+    let mut order: Vec<u16> = (0..=u16::MAX).take(names.len()).collect();
+    order.sort_by_cached_key(|index| natural::natural(&names[usize::from(*index)]));
+    Ok(order.into_iter().map(|index| (path.clone(), Wanted::Layer(index))).collect())
 }
 
 impl Given {
@@ -106,5 +128,61 @@ impl Given {
             Self::Stack(stack) => stack.read(folder, request),
             Self::Planes(planes) => planes.read(folder, request),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{Request, SceneError, load};
+    use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, WritableImage};
+    use eyebox_optics::{Color, Display};
+    use std::fs;
+
+    const SIDE: usize = 16;
+
+    /// The light of a layer. The near one covers the middle.
+    fn value(near: bool, i: usize, channel: usize) -> f32 {
+        let (y, x) = (i / SIDE, i % SIDE);
+        let opacity = if near && !((4..12).contains(&x) && (4..12).contains(&y)) { 0.0 } else { 1.0 };
+        let light = [0.1 + 0.05 * x as f32, 0.9 - 0.05 * y as f32, 0.5];
+        if channel == 3 { opacity } else { opacity * light[channel] * if near { 0.5 } else { 1.0 } }
+    }
+
+    #[test]
+    fn layers_of_an_exr_file_are_those_of_several_files() {
+        let here = tempfile::tempdir().unwrap();
+        let [several, one] = ["several", "one"].map(|name| here.path().join(name));
+        for folder in [&several, &one] {
+            fs::create_dir(folder).unwrap();
+            fs::write(folder.join("lightfield.toml"), "layers_dioptres = [-0.005, 0.01]").unwrap();
+        }
+        let mut list: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
+        // In the file, the name of the tenth layer is before that of the ninth.
+        for (near, number) in [(false, 9), (true, 10)] {
+            let picture = image::Rgba32FImage::from_fn(SIDE as u32, SIDE as u32, |x, y| {
+                image::Rgba([0, 1, 2, 3].map(|channel| value(near, y as usize * SIDE + x as usize, channel)))
+            });
+            picture.save(several.join(format!("plane_{number}.exr"))).unwrap();
+            for (channel, name) in ["R", "G", "B", "A"].iter().enumerate() {
+                let values = (0..SIDE * SIDE).map(|i| value(near, i, channel)).collect();
+                list.push(AnyChannel::new(format!("plane_{number}.{name}").as_str(), FlatSamples::F32(values)));
+            }
+        }
+        let channels = AnyChannels::sort(list);
+        Image::from_channels((SIDE, SIDE), channels).write().to_file(one.join("planes.exr")).unwrap();
+        let display = Display { height: SIDE, width: SIDE, ..Display::preset("small").unwrap() };
+        let request = Request { views: 3, ..Request::new(&display, &[Color::Red, Color::Green]) };
+        let of = |folder: &std::path::Path| load(folder.to_str().unwrap(), &request).unwrap();
+        let (wanted, found) = (of(&several), of(&one));
+        assert_eq!((&wanted.planes, wanted.depth), (&found.planes, found.depth));
+        // The near layer moves against the far one.
+        let views = &found.planes[0];
+        assert!(views[0] != views[views.len() - 1]);
+        fs::write(one.join("lightfield.toml"), "layers_dioptres = [-0.005, 0.0, 0.01]").unwrap();
+        let refused = load(one.to_str().unwrap(), &request).unwrap_err();
+        assert!(
+            matches!(&refused, SceneError::Settings { reason, .. } if reason.code() == "layers-count"),
+            "{refused}"
+        );
     }
 }

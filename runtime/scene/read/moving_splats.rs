@@ -81,7 +81,7 @@ impl MovingSplats {
 
     /// Returns views of a camera from these places (x, y) of the pupil plane in meters, as (color, view, pixel).
     pub fn views(&self, camera: &Camera, colors: &[Color], places: &[(f64, f64)]) -> Vec<Vec<Vec<f32>>> {
-        let splats = Ordered::new(self.cloud.clone(), camera, self.size);
+        let splats = Ordered::of(&self.cloud, camera, self.size);
         let one = |place: &(f64, f64)| self.placed.view(&splats, *place, colors, self.drawer.as_ref());
         let views: Vec<Vec<Vec<f32>>> = places.par_iter().map(one).collect();
         by_color(views, colors.len())

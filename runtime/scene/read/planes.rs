@@ -1,6 +1,6 @@
 //! Reads multi-plane images, which are pictures with transparency at distances of their own.
 //!
-//! The settings of the folder state the vergence of each picture. Views show the pictures one in front of the other,
+//! The settings of the folder state the vergence of each picture, or of each layer of one EXR file. Views show the pictures one in front of the other,
 //! each displaced by its depth.
 
 use crate::formats::picture;
@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 /// A multi-plane image in a folder.
 pub(crate) struct Planes {
     pub pictures: Pictures,
+    /// The file of each picture, and its part of the file.
+    pub parts: Vec<(PathBuf, Wanted)>,
     /// Vergence of each picture in diopters.
     pub dioptres: Vec<f64>,
 }
@@ -35,7 +37,7 @@ impl Planes {
     /// Reads the pictures and makes views of them.
     pub fn read(&self, folder: &Path, request: &Request) -> Result<Read, SceneError> {
         let (own, display) = (self.pictures.size()?, request.display);
-        let Pictures { stated, paths, file } = &self.pictures;
+        let Pictures { stated, file, .. } = &self.pictures;
         let wrong = |reason: Reason| SceneError::Settings { file: file.display().to_string(), reason };
         let depths: Vec<f64> = self.dioptres.iter().map(|d| depth_of_dioptres(*d, display.focal_length)).collect();
         let depth = depths.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], z| [a.min(*z), b.max(*z)]);
@@ -43,15 +45,15 @@ impl Planes {
             check_usual_depths(depth).map_err(|e| wrong(reason!("layers", "layers_dioptres: {e}")))?;
         }
         let n = if request.more_views { enough_views(folder, request, depth) } else { request.views };
-        let frame = Frame::new(own, n * n + 2 * paths.len(), request)?;
+        let frame = Frame::new(own, n * n + 2 * self.parts.len(), request)?;
         let reading = Reading::new(stated.tone);
-        let read = |path: &PathBuf| -> Result<Opened, SceneError> {
-            let light = picture::read(path, picture::ONE, request.colors, &reading)?;
-            let mut planes = frame.fit([light.planes, vec![opacity(path)?]].concat());
+        let read = |(path, part): &(PathBuf, Wanted)| -> Result<Opened, SceneError> {
+            let light = picture::read_part(path, *part, picture::ONE, request.colors, &reading)?;
+            let mut planes = frame.fit([light.planes, vec![opacity(path, *part)?]].concat());
             let opacity = planes.pop().unwrap_or_default();
             Ok(Opened { planes, opacity })
         };
-        let read = paths.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
+        let read = self.parts.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
         reading.judge(folder, FullScale::Folder)?;
         // Scaled pictures are unmultiplied again, because layers are given without their opacity.
         let bare: Vec<Opened> = read.into_iter().map(Opened::bare).collect();
@@ -99,8 +101,8 @@ impl Opened {
 }
 
 /// Returns the opacity of a picture, which is 1 without transparency.
-fn opacity(path: &Path) -> Result<Vec<f32>, SceneError> {
-    let image = read_pixels(path, Wanted::Scene, picture::ONE)?;
+fn opacity(path: &Path, part: Wanted) -> Result<Vec<f32>, SceneError> {
+    let image = read_pixels(path, part, picture::ONE)?;
     let pixels = image.height * image.width;
     if !image.channels.is_multiple_of(2) {
         return Ok(vec![1.0; pixels]);

@@ -45,27 +45,42 @@ pub(crate) struct Ordered {
 
 impl Ordered {
     /// Orders the splats in front of a camera whose picture has `height` x `width` pixels.
-    pub fn new(mut cloud: Cloud, camera: &Camera, [height, width]: [usize; 2]) -> Self {
-        let axes = camera.axes.map(|axis| axis.map(|v| v as f32));
+    pub fn new(mut cloud: Cloud, camera: &Camera, size: [usize; 2]) -> Self {
+        let axes = axes_of(camera);
         cloud.places.par_iter_mut().for_each(|place| *place = camera.seen(*place));
         cloud.spreads.par_iter_mut().for_each(|spread| *spread = turned(&axes, spread));
-        let mut order: Vec<u32> = (0..cloud.len() as u32).collect();
-        let distance = |i: &u32| cloud.places[*i as usize][2];
-        order.retain(|i| distance(i) > 0.0);
-        order.par_sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let median = order.get(order.len() / 2).map_or(0.0, distance);
-        let nearest = NEAREST[0].min(NEAREST[1] * median);
-        order.drain(..order.partition_point(|i| distance(i) < nearest));
+        let order = order(&cloud.places);
         // A value after the other is ordered, so that few of them are in memory twice.
-        pick(&mut cloud.places, &order, 1);
-        pick(&mut cloud.spreads, &order, 1);
-        pick(&mut cloud.opacities, &order, 1);
-        pick(&mut cloud.colors, &order, 1);
-        pick(&mut cloud.rest, &order, 3 * count(cloud.degree));
+        cloud.places = picked(&cloud.places, &order, 1);
+        cloud.spreads = picked(&cloud.spreads, &order, 1);
+        cloud.opacities = picked(&cloud.opacities, &order, 1);
+        cloud.colors = picked(&cloud.colors, &order, 1);
+        cloud.rest = picked(&cloud.rest, &order, 3 * count(cloud.degree));
+        Self::framed(cloud, camera, size)
+    }
+
+    /// Orders splats like [`new`](Self::new), and leaves them as they are for the next camera.
+    pub fn of(all: &Cloud, camera: &Camera, size: [usize; 2]) -> Self {
+        let axes = axes_of(camera);
+        let places: Vec<[f32; 3]> = all.places.par_iter().map(|place| camera.seen(*place)).collect();
+        let order = order(&places);
+        let cloud = Cloud {
+            places: picked(&places, &order, 1),
+            spreads: order.par_iter().map(|i| turned(&axes, &all.spreads[*i as usize])).collect(),
+            opacities: picked(&all.opacities, &order, 1),
+            colors: picked(&all.colors, &order, 1),
+            degree: all.degree,
+            rest: picked(&all.rest, &order, 3 * count(all.degree)),
+            antialiased: all.antialiased,
+        };
+        Self::framed(cloud, camera, size)
+    }
+
+    fn framed(cloud: Cloud, camera: &Camera, [height, width]: [usize; 2]) -> Self {
         let half = (camera.field / 2.0).tan();
         let focal = (height.min(width) as f64 / 2.0 / half) as f32;
         let tangents = [width, height].map(|n| n as f32 / 2.0 / focal);
-        Self { cloud, focal, args: Args::new(height, width), tangents, axes }
+        Self { cloud, focal, args: Args::new(height, width), tangents, axes: axes_of(camera) }
     }
 
     /// Returns the size of the pictures.
@@ -173,9 +188,27 @@ fn turned(axes: &[[f32; 3]; 3], &[xx, xy, xz, yy, yz, zz]: &[f32; 6]) -> [f32; 6
     [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]
 }
 
-/// Keeps the entries of `order`, which have `each` values.
-fn pick<T: Copy>(values: &mut Vec<T>, order: &[u32], each: usize) {
+fn axes_of(camera: &Camera) -> [[f32; 3]; 3] {
+    camera.axes.map(|axis| axis.map(|v| v as f32))
+}
+
+/// Returns the indices of the places that are far enough in front of the camera, with the nearest first.
+fn order(places: &[[f32; 3]]) -> Vec<u32> {
+    let distance = |i: &u32| places[*i as usize][2];
+    let mut order: Vec<u32> = (0..places.len() as u32).filter(|i| distance(i) > 0.0).collect();
+    order.par_sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let median = order.get(order.len() / 2).map_or(0.0, distance);
+    let nearest = NEAREST[0].min(NEAREST[1] * median);
+    order.drain(..order.partition_point(|i| distance(i) < nearest));
+    order
+}
+
+/// Returns the entries of `order`, which have `each` values.
+fn picked<T: Copy + Default + Send + Sync>(values: &[T], order: &[u32], each: usize) -> Vec<T> {
+    let mut found = vec![T::default(); order.len() * each];
     if each > 0 {
-        *values = order.iter().flat_map(|i| values[*i as usize * each..][..each].iter().copied()).collect();
+        let pairs = found.par_chunks_exact_mut(each).zip(order);
+        pairs.for_each(|(found, i)| found.copy_from_slice(&values[*i as usize * each..][..each]));
     }
+    found
 }

@@ -12,6 +12,7 @@ mod tracking;
 mod two_eyes;
 mod viewing;
 mod walk;
+mod walking;
 
 pub use content::Show;
 pub use session::controller_line;

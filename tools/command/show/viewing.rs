@@ -1,5 +1,6 @@
 //! `--view` shows the image that the tracked eye sees, in a window next to the display.
 
+use super::walking::Walker;
 use crate::Failure;
 use crate::subject::Steered;
 use eyebox::low_level::gpu::Gpu;
@@ -65,7 +66,7 @@ impl Viewing {
             size,
             colors,
             mouse,
-            walk,
+            walk: walk.map(Walker::new),
             seen: None,
             compared: None,
             overlay: Overlay::default(),
@@ -83,7 +84,7 @@ struct View {
     size: [usize; 2],
     colors: Vec<PreviewColor>,
     mouse: Option<MouseHandle>,
-    walk: Option<WalkHandle>,
+    walk: Option<Walker>,
     seen: Option<Picture>,
     /// The last comparison with the target image, as the state of pupil steering and the PSNR in dB.
     compared: Option<(bool, f64)>,
@@ -91,33 +92,14 @@ struct View {
 }
 
 const HELP: &str = "s: steering on or off   q, Esc: close";
-const WALK_HELP: &str = "arrows, a, d, wheel: walk   Home: start   s: steering   q: close";
-/// Displacement of the camera by a key, in proportion to the distance of the middle of the scene, and turn (radians).
-const STEP: f64 = 0.03;
-const TURN: f64 = 0.04;
-
-/// Moves the camera in front of splats by an event of the window. Returns false if the event does not move it.
-fn walked(walk: &WalkHandle, event: WindowEvent) -> bool {
-    match event {
-        WindowEvent::Key(WindowKey::Arrow([right, down])) => {
-            walk.turn([f64::from(right) * TURN, 0.0]);
-            walk.step([0.0, 0.0, -f64::from(down) * STEP]);
-        }
-        WindowEvent::Key(WindowKey::Character('a')) => walk.step([-STEP, 0.0, 0.0]),
-        WindowEvent::Key(WindowKey::Character('d')) => walk.step([STEP, 0.0, 0.0]),
-        WindowEvent::Wheel(notches) => walk.step([0.0, 0.0, notches * STEP]),
-        WindowEvent::Key(WindowKey::Home) => walk.home(),
-        _ => return false,
-    }
-    true
-}
+const WALK_HELP: &str = "drag, arrows, a, d, wheel: walk   Home: start   s: steering   q: close";
 
 impl View {
     /// Handles the events of the user.
     fn asked(&mut self, now: &Now) -> UserRequest {
         let mut asked = UserRequest::Nothing;
         while let Some(event) = self.window.event() {
-            if self.walk.as_ref().is_some_and(|walk| walked(walk, event)) {
+            if self.walk.as_mut().is_some_and(|walk| walk.take(event)) {
                 continue;
             }
             match event {

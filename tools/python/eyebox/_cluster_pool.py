@@ -48,6 +48,24 @@ def gather(futures: Sequence[Any]) -> list[Any]:
     return [future.result() for future in futures]
 
 
+def threads_of(index: int, count: int, client: Any, workers: int) -> int | None:
+    """Returns the threads of a piece of a sequence if other workers of this machine are idle, otherwise `None`.
+
+    The first piece determines the exposure, so it is alone. The last pieces may be fewer than the workers. Machines of
+    a given client are not known.
+    """
+    if client is not None:
+        return None
+    last = (count - 1) % workers
+    beside = 1 if index == 0 else last if index >= count - last else workers
+    return None if beside == workers else max(_threads() // beside, 1)
+
+
+def _threads() -> int:
+    stated = os.environ.get("RAYON_NUM_THREADS", "")
+    return int(stated) if stated.isdecimal() else os.cpu_count() or 1
+
+
 @contextlib.contextmanager
 def cluster(client: Any, workers: Any, max_workers: Any) -> Iterator[Any]:
     if client is not None:
@@ -57,18 +75,20 @@ def cluster(client: Any, workers: Any, max_workers: Any) -> Iterator[Any]:
         yield client
         return
     try:
+        import dask
         from dask.distributed import Client, LocalCluster
     except ImportError:
         raise ImportError("eyebox.cluster needs Dask: pip install dask[distributed]") from None
     count = _arguments.count(workers, "workers", 4096)
     most = count if max_workers is None else _arguments.count(max_workers, "max_workers", 4096, least=count)
     # The workers share the cores of the machine. If each had all cores, they would wait for each other.
-    stated = os.environ.get("RAYON_NUM_THREADS", "")
-    threads = int(stated) if stated.isdecimal() else os.cpu_count() or 1
-    own = {"RAYON_NUM_THREADS": str(max(threads // most, 1))}
+    own = {"RAYON_NUM_THREADS": str(max(_threads() // most, 1))}
     # Workers would warn of pieces that end with the call after the first error.
     how = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.ERROR, "env": own}
-    with LocalCluster(n_workers=count, **how) as local, Client(local) as one:
+    # Dask makes workers return memory to the system at once. A solve would then ask for it again in every step.
+    spawn = "distributed.nanny.pre-spawn-environ"
+    kept = {name: value for name, value in dask.config.get(spawn, {}).items() if name != "MALLOC_TRIM_THRESHOLD_"}
+    with dask.config.set({spawn: kept}), LocalCluster(n_workers=count, **how) as local, Client(local) as one:
         if most > count:
             local.adapt(minimum=count, maximum=most)
         try:

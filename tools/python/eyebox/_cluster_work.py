@@ -21,15 +21,15 @@ def sequence(job: Any) -> _eyebox.Sequence:
     return _eyebox.Sequence(list(names), _eyebox.Display.of_toml(*display), list(colors), settings, rate, out)
 
 
-def begun(job: Any) -> Any:
+def begun(job: Any, threads: int | None = None) -> Any:
     """Solves the first hologram on a worker, which begins the file. Returns the job for the others."""
-    piece(job, 0)
+    piece(job, 0, threads)
     return job
 
 
-def piece(job: Any, index: int) -> None:
-    """Solves one hologram on a worker, unless it exists."""
-    sequence(job).piece(index, engine_of(job[-1]))
+def piece(job: Any, index: int, threads: int | None = None) -> None:
+    """Solves one hologram on a worker, unless it exists, on this number of threads instead of the worker's own."""
+    sequence(job).piece(index, engine_of(job[-1]), threads)
 
 
 @functools.lru_cache(maxsize=1)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
 import numpy as np
 
 from . import _arguments, _cluster_work, _eyebox
-from ._cluster_pool import cluster, gather, submit
+from ._cluster_pool import cluster, gather, submit, threads_of
 from ._display import Display, display_of
 from ._tables import Rows
 
@@ -104,8 +104,9 @@ def solve_sequence(
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
     with cluster(client, workers, max_workers) as there:
         # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
-        first = submit(there, _cluster_work.begun, job)
-        gather([first, *(submit(there, _cluster_work.piece, first, index) for index in range(1, len(names)))])
+        own = [threads_of(index, len(names), client, max_workers or workers) for index in range(len(names))]
+        first = submit(there, _cluster_work.begun, job, own[0])
+        gather([first, *(submit(there, _cluster_work.piece, first, i, own[i]) for i in range(1, len(names)))])
     _eyebox.Sequence.finish(out)
     return len(names) - before
 

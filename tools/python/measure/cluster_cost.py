@@ -1,9 +1,9 @@
 """Measures the cost of a sequence on a cluster.
 
-    EYEBOX=.../eyebox python3 tools/python/measure/cluster_cost.py [COUNT] [SIDE] [STEPS]
+    EYEBOX=.../eyebox python3 tools/python/measure/cluster_cost.py [COUNT] [SIDE] [STEPS] [FRAMES]
 
 The script solves the same sequence twice. The first solve is one process of the command with all threads of this
-machine, and the second uses two local workers with half of the threads each. The script compares the files, the times
+machine, and the second is a call that starts two local workers. The script compares the files, the times
 and the processor time, which depends little on other load. It also measures the time and the bytes of a piece. The
 model below then gives the times of 1 to 1,000 workers.
 """
@@ -35,6 +35,11 @@ def processor(who=resource.RUSAGE_SELF):
     return used.ru_utime + used.ru_stime
 
 
+def used():
+    """Returns the seconds of processor time of this process and of its children that have ended."""
+    return processor() + processor(resource.RUSAGE_CHILDREN)
+
+
 def seconds(workers, pieces, first, load, piece, finish):
     """Models the time of a sequence in seconds.
 
@@ -45,29 +50,28 @@ def seconds(workers, pieces, first, load, piece, finish):
 
 
 def main():
-    count, side, steps = (int(given) for given in (sys.argv[1:] + ["64", "256", "20"][len(sys.argv) - 1 :]))
+    count, side, steps, frames = (int(given) for given in (sys.argv[1:] + ["64", "256", "20", "2"][len(sys.argv) - 1 :]))
     threads = os.cpu_count() or 1
     scenes = [f"builtin:plane?depth={depth / count}" for depth in range(count)]
     display = eyebox.Display("small", size=(side, side))
-    settings = dict(frames=2, steps=steps, pupils=4, seed=7)
+    settings = dict(frames=frames, steps=steps, pupils=4, seed=7)
     with tempfile.TemporaryDirectory() as temporary:
         folder = pathlib.Path(temporary)
-        options = f"--display small --size {side}x{side} --color green --frames 2 --steps {steps} --pupils 4 --seed 7".split()
+        options = f"--display small --size {side}x{side} --color green --frames {frames} --steps {steps} --pupils 4 --seed 7".split()
         run = [os.environ["EYEBOX"], "solve", *scenes, *options, "--engine", "cpu", "--warm-start", "cold", "-o", folder / "one.zarr"]
         begun, worked = time.perf_counter(), processor(resource.RUSAGE_CHILDREN)
         subprocess.run(run, check=True, capture_output=True, env={**os.environ, "RAYON_NUM_THREADS": str(threads)})
         one, one_worked = time.perf_counter() - begun, processor(resource.RUSAGE_CHILDREN) - worked
-        os.environ["RAYON_NUM_THREADS"] = str(max(threads // 2, 1))
+        # The cluster starts and ends with the call.
+        begun, worked = time.perf_counter(), used()
+        eyebox.cluster.solve_sequence(scenes, folder / "two.zarr", display, "green", workers=2, engine="cpu", **settings)
+        two, two_worked = time.perf_counter() - begun, used() - worked
+        begun, worked = time.perf_counter(), used()
         with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local, Client(local) as client:
-            # The workers of a cluster are running and have loaded the package.
             client.run(lambda: __import__("eyebox"))
-            begun, worked = time.perf_counter(), sum(client.run(processor).values()) + processor()
-            eyebox.cluster.solve_sequence(scenes, folder / "two.zarr", display, "green", client=client, engine="cpu", **settings)
-            two, two_worked = time.perf_counter() - begun, sum(client.run(processor).values()) + processor() - worked
-            # The processor time of an idle cluster of three processes, scaled to the same duration.
-            worked = sum(client.run(processor).values()) + processor()
-            time.sleep(min(two, 20))
-            idle = (sum(client.run(processor).values()) + processor() - worked) * two / min(two, 20)
+            start = time.perf_counter() - begun
+            time.sleep(max(min(two - start, 20), 0))
+        idle = used() - worked
         assert contents(folder / "one.zarr") == contents(folder / "two.zarr"), "other bytes"
         carried = (folder / "two.zarr/phases/c/1/0/0/0/0").stat().st_size
         out = str(folder / "again.zarr")
@@ -86,11 +90,11 @@ def main():
         begun = time.perf_counter()
         eyebox._eyebox.Sequence.finish(out)
         finish = (time.perf_counter() - begun) / count
-    print(f"{count} holograms of {side} x {side}, {steps} steps: the same files")
-    print(f"one process with {threads} threads {one:.1f} s; two workers with {max(threads // 2, 1)} each {two:.1f} s, {two / one:.2f} times")
+    print(f"{count} holograms of {side} x {side}, {frames} sub-frames, {steps} steps: the same files")
+    print(f"one process with {threads} threads {one:.1f} s; two workers, started and ended, {two:.1f} s, {two / one:.2f} times")
     print(
         f"processors: {one_worked:.1f} s for the one, {two_worked:.1f} s for both and the caller, {two_worked / one_worked:.2f} times, "
-        f"of which an idle cluster would have taken {idle:.1f} s"
+        f"of which an idle cluster would have taken {idle:.1f} s; it started in {start:.1f} s"
     )
     print(
         f"of one processor: first piece {first:.2f} s, another {piece:.2f} s, a worker's beginning {load:.2f} s, "
