@@ -2,9 +2,9 @@
 //!
 //! It also determines how much of an unfinished hologram is done.
 
-use super::chunks::{GROUP, none};
-use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, load_phases};
-use crate::files::FileError;
+use super::chunks::{ARRAY, GROUP, none, read_document, read_whole};
+use super::{Hologram, HologramError, PhaseSource, PhaseUnit, Phases, Sequence, Tiles, document, load_phases};
+use crate::files::{FileError, Folder};
 use crate::optics::{Color, Display, Geometry};
 use eyebox_base::{Reason, reason};
 use serde::Serialize;
@@ -220,6 +220,17 @@ impl Unfinished {
 }
 
 impl Tiles {
+    /// Returns true if a folder is a hologram in tiles. One that replaces it meanwhile is asked instead.
+    pub fn is_tiled(path: &Path) -> bool {
+        read_whole(path, Self::are_in).unwrap_or(false)
+    }
+
+    /// Returns true if an open folder is a hologram in tiles, and the error if its description cannot be read.
+    pub(super) fn are_in(folder: &Folder) -> Result<bool, HologramError> {
+        let bytes = read_document(folder, ARRAY)?;
+        Ok(document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
+    }
+
     /// Returns the state of the work, or none if it is finished.
     pub fn unfinished(&self) -> Option<Unfinished> {
         self.made().map(|made| Unfinished { done: made.done, total: made.total, unit: "visits" })

@@ -198,17 +198,6 @@ impl Tiles {
         }
     }
 
-    /// Returns true if a folder is a hologram in tiles. One that replaces it meanwhile is asked instead.
-    pub fn is_tiled(path: &Path) -> bool {
-        read_whole(path, Self::are_in).unwrap_or(false)
-    }
-
-    /// Returns true if an open folder is a hologram in tiles, and the error if its description cannot be read.
-    pub(super) fn are_in(folder: &Folder) -> Result<bool, HologramError> {
-        let bytes = read_document(folder, ARRAY)?;
-        Ok(document::read_array(&bytes, true).is_ok_and(|array| array.side.is_some()))
-    }
-
     /// Returns everything but the phases.
     pub fn about(&self) -> &Hologram {
         &self.about
