@@ -161,7 +161,7 @@ fn choice(all: &[(usize, usize, String)], layer: (usize, &str)) -> Choice {
 fn layer(headers: &[Header], index: usize) -> Result<Choice, Reason> {
     let all = all_lower(headers);
     let found = with_colors(&all).get(index).map(|layer| choice(&all, *layer));
-    found.ok_or_else(|| reason!("no-layer", "it has no layer {index} with colors: its channels are {}", names(headers)))
+    found.ok_or_else(|| reason!("no-layer", "it has no layer {index} with colors. Its channels are {}", names(headers)))
 }
 
 /// Chooses the channels of a picture. These are red, green, blue and alpha without a layer, of the only layer that has

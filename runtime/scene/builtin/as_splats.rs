@@ -375,7 +375,7 @@ fn the_splats_show_the_still_life() {
     // The file is a part of this program, which has the old one until it is built again.
     let cloud = read(&file, Format::Spz).unwrap();
     assert!((2_000..=20_000).contains(&cloud.len()) && std::fs::metadata(&file).unwrap().len() < 1 << 20);
-    // The second size is between those of the fit.
+    // The colors were not fitted to the second size.
     for size in [SIZES[1], 300] {
         for (view, (found, wanted)) in views(&cloud, size).iter().zip(wanted(&items, size)).enumerate() {
             let differences =

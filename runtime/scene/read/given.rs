@@ -157,7 +157,7 @@ mod tests {
             fs::write(folder.join("lightfield.toml"), "layers_dioptres = [-0.005, 0.01]").unwrap();
         }
         let mut list: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
-        // In the file, the name of the tenth layer is before that of the ninth.
+        // The file has the tenth layer before the ninth, by the alphabet.
         for (near, number) in [(false, 9), (true, 10)] {
             let picture = image::Rgba32FImage::from_fn(SIDE as u32, SIDE as u32, |x, y| {
                 image::Rgba([0, 1, 2, 3].map(|channel| value(near, y as usize * SIDE + x as usize, channel)))

@@ -220,7 +220,7 @@ impl Unfinished {
 }
 
 impl Tiles {
-    /// Returns true if a folder is a hologram in tiles. One that replaces it meanwhile is asked instead.
+    /// Returns true if a folder is a hologram in tiles. If another replaces it meanwhile, the answer is for the other.
     pub fn is_tiled(path: &Path) -> bool {
         read_whole(path, Self::are_in).unwrap_or(false)
     }
