@@ -47,7 +47,7 @@ def test_a_request_is_in_meters_and_seconds(both, display):
     request = live.Request._of(raw)
     assert raw.pupil_x_mm == pytest.approx(1.5, abs=0.1) and request.x == raw.pupil_x_mm * 1e-3
     assert (request.lit, request.number) == (raw.lit_ns * 1e-9, raw.number) and isinstance(request.kind, live.Kind)
-    assert request.view_pitch * 1e3 == raw.pitch_mm and request.center == (raw.center_x_mm * 1e-3, raw.center_y_mm * 1e-3)
+    assert request.view_pitch == raw.pitch_mm * 1e-3 and request.center == (raw.center_x_mm * 1e-3, raw.center_y_mm * 1e-3)
     assert there.size == display.picture_size and there.colors == ["red", "green"]
     assert there.eyebox == pytest.approx((display.eyebox, display.eyebox)) and 0 < there.pixel_angle < 0.01
     assert there.kinds == set(live.Kind) and there.most_layers >= 2 and min(there.most_views) >= 1
