@@ -17,6 +17,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed")
 import eyebox.cluster  # noqa: E402
+from eyebox import _cluster_pool  # noqa: E402
 from conftest import coded, light_field, LONG, named  # noqa: E402
 
 COUNT = 64 if LONG else 8
@@ -254,3 +255,20 @@ def test_ctrl_c_ends_a_cluster_at_once(tmp_path):
     ran = subprocess.run([sys.executable, script, tmp_path / "x.zarr"], capture_output=True, text=True, timeout=120)
     # The time includes the end of Dask's cluster, which takes 4 s if workers end by themselves.
     assert ran.stdout and float(ran.stdout) < 2, ran.stderr
+
+
+def test_pieces_that_are_alone_have_all_threads(monkeypatch):
+    monkeypatch.setenv("RAYON_NUM_THREADS", "6")
+    of = lambda count, workers, client=None: [_cluster_pool.threads_of(i, count, client, workers) for i in range(count)]
+    # The first piece is alone, and so is the last one of seven more over three workers.
+    assert of(8, 3) == [6, *[None] * 6, 6]
+    assert of(9, 3) == [6, *[None] * 6, 3, 3]
+    assert of(7, 3) == [6, *[None] * 6]
+    assert of(2, 4) == [6, 6] and of(3, 1) == [None] * 3
+    assert of(8, 3, client="another machine") == [None] * 8
+
+
+def test_workers_keep_their_memory():
+    with _cluster_pool.cluster(None, 1, None) as there:
+        kept = there.run(lambda: __import__("os").environ.get("MALLOC_TRIM_THRESHOLD_"))
+    assert set(kept.values()) == {os.environ.get("MALLOC_TRIM_THRESHOLD_")}
