@@ -38,18 +38,11 @@ pub(crate) fn size_of_all(paths: &[PathBuf], name: impl Fn(&Path) -> String) -> 
 /// Reads the planes of `colors` from a picture of at most `most` pixels. A gray picture gives the same plane for each
 /// color, and transparency is composited over black. `reading` converts values to light and counts them.
 pub(crate) fn read(path: &Path, most: u64, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
-    read_part(path, Wanted::Scene, most, colors, reading)
+    light(path, &read_pixels(path, Wanted::Scene, most)?, colors, reading)
 }
 
-/// Reads planes like [`read`], of a part of the file.
-pub(crate) fn read_part(
-    path: &Path,
-    part: Wanted,
-    most: u64,
-    colors: &[Color],
-    reading: &Reading,
-) -> Result<Picture, SceneError> {
-    let image = &read_pixels(path, part, most)?;
+/// Returns the planes of decoded pixels, like [`read`].
+pub(crate) fn light(path: &Path, image: &Pixels, colors: &[Color], reading: &Reading) -> Result<Picture, SceneError> {
     let &Pixels { height, width, channels, premultiplied, orientation, .. } = image;
     let (stored, says) = match &image.samples {
         Samples::U8(v) => (Stored::Bytes(v), Transfer::Srgb),

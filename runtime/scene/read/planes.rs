@@ -1,7 +1,7 @@
 //! Reads multi-plane images, which are pictures with transparency at distances of their own.
 //!
-//! The settings of the folder state the vergence of each picture, or of each layer of one EXR file. Views show the pictures one in front of the other,
-//! each displaced by its depth.
+//! The settings of the folder state the vergence of each picture, or of each layer of one EXR file. Views show the
+//! pictures one in front of the other, each displaced by its depth.
 
 use crate::formats::picture;
 use crate::formats::tone::Reading;
@@ -12,7 +12,7 @@ use crate::read::views::{Frame, Read};
 use crate::synthesis::given::{Layer, Places, views_of_layers};
 use crate::{Order, OrderFound, Parallax, Request, SceneError, ViewGrid};
 use eyebox_base::error::Reason;
-use eyebox_base::files::{Samples, Wanted, read_pixels};
+use eyebox_base::files::{Pixels, Samples, Wanted, read_pixels};
 use eyebox_base::reason;
 use eyebox_optics::{check_usual_depths, depth_of_dioptres};
 use rayon::prelude::*;
@@ -48,8 +48,9 @@ impl Planes {
         let frame = Frame::new(own, n * n + 2 * self.parts.len(), request)?;
         let reading = Reading::new(stated.tone);
         let read = |(path, part): &(PathBuf, Wanted)| -> Result<Opened, SceneError> {
-            let light = picture::read_part(path, *part, picture::ONE, request.colors, &reading)?;
-            let mut planes = frame.fit([light.planes, vec![opacity(path, *part)?]].concat());
+            let image = read_pixels(path, *part, picture::ONE)?;
+            let light = picture::light(path, &image, request.colors, &reading)?;
+            let mut planes = frame.fit([light.planes, vec![opacity(&image)]].concat());
             let opacity = planes.pop().unwrap_or_default();
             Ok(Opened { planes, opacity })
         };
@@ -101,11 +102,10 @@ impl Opened {
 }
 
 /// Returns the opacity of a picture, which is 1 without transparency.
-fn opacity(path: &Path, part: Wanted) -> Result<Vec<f32>, SceneError> {
-    let image = read_pixels(path, part, picture::ONE)?;
+fn opacity(image: &Pixels) -> Vec<f32> {
     let pixels = image.height * image.width;
     if !image.channels.is_multiple_of(2) {
-        return Ok(vec![1.0; pixels]);
+        return vec![1.0; pixels];
     }
     let last = |i: usize| (i + 1) * image.channels - 1;
     let one = |i: usize| match &image.samples {
@@ -113,5 +113,5 @@ fn opacity(path: &Path, part: Wanted) -> Result<Vec<f32>, SceneError> {
         Samples::U16(v) => f32::from(v[last(i)]) / 65535.0,
         Samples::F32(v) => v[last(i)].clamp(0.0, 1.0),
     };
-    Ok((0..pixels).map(one).map(|v| if v.is_finite() { v } else { 0.0 }).collect())
+    (0..pixels).map(one).map(|v| if v.is_finite() { v } else { 0.0 }).collect()
 }
