@@ -14,9 +14,10 @@ mkdir "$work/bin"
 ln -s "$eyebox" "$work/bin/eyebox"
 numpy=
 for python in "${PYTHON:-python3}" "${CARGO_TARGET_DIR:-$root/target}/python/tests/bin/python"; do
-    if "$python" -c 'import numpy' 2>/dev/null; then
+    # Its full path, because by the name 'python3' the file below would start itself.
+    if executable=$("$python" -c 'import numpy, sys; print(sys.executable)' 2>/dev/null); then
         # No link, because an environment finds its packages by the place of its Python.
-        printf '#!/bin/sh\nexec %q "$@"\n' "$python" >"$work/bin/python3"
+        printf '#!/bin/sh\nexec %q "$@"\n' "$executable" >"$work/bin/python3"
         chmod +x "$work/bin/python3"
         numpy=yes
         break

@@ -37,11 +37,11 @@ impl Sequence {
         Ok(job)
     }
 
-    fn pieces(&self, job: &SceneJob) -> Answer<&SequencePieces> {
+    fn pieces(&self, job: &SceneJob, engine: &dyn eyebox::engine::Engine) -> Answer<&SequencePieces> {
         match self.pieces.get() {
             Some(pieces) => Ok(pieces),
             None => {
-                let pieces = SequencePieces::new(job, &self.out)?;
+                let pieces = SequencePieces::new(job, &self.out, engine)?;
                 // If another thread was faster, its pieces are the same.
                 Ok(self.pieces.get_or_init(|| pieces))
             }
@@ -63,6 +63,17 @@ impl Sequence {
         Self { scenes, display, color_names, settings, rate, out, pieces: OnceLock::new() }
     }
 
+    /// Loads the first scene, which all pieces need.
+    fn prepare(slf: Py<Self>, py: Python<'_>, engine: Py<Engine>) -> PyResult<()> {
+        run(py, engine.get().on_device, move |_| {
+            let sequence = slf.get();
+            engine.get().lend(|engine| {
+                let job = sequence.job(sequence.display.get(), engine)?;
+                sequence.pieces(&job, engine).map(drop)
+            })
+        })
+    }
+
     /// Solves one hologram into its place in the file, on the given number of threads. Returns `false` if it was there
     /// before, and `None` if the solve was ended early.
     #[pyo3(signature = (index, engine, threads = None))]
@@ -77,7 +88,7 @@ impl Sequence {
             let sequence = slf.get();
             let solve = |engine: &mut dyn eyebox::engine::Engine| {
                 let job = sequence.job(sequence.display.get(), engine)?;
-                let pieces = sequence.pieces(&job)?;
+                let pieces = sequence.pieces(&job, engine)?;
                 let mut observe = |_: &SceneEvent| if caller.is_gone() { Flow::Stop } else { Flow::Continue };
                 Ok(pieces.solve(&job, index, engine, &mut observe)?)
             };

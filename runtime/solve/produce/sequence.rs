@@ -11,7 +11,7 @@ use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
 use eyebox_base::{Reason, reason};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// The progress of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,24 +92,27 @@ pub struct SequencePieces {
     out: PathBuf,
     /// The file, once it exists.
     parts: OnceLock<SequenceParts>,
+    /// The loaded first scene, for hologram 0.
+    first: Mutex<Option<LightField>>,
 }
 
 impl SequencePieces {
     /// Prepares a sequence at `out`, which may exist. It loads the first scene, which decides which parts of all scenes
-    /// are computed.
+    /// are computed. The scene stays in memory until the first piece. The `engine` draws its views if the scene is splats.
     ///
     /// # Errors
     /// [`ProduceError::Job`] for a sequence whose holograms begin at the end of the one before, and the errors of
     /// [`solve_scene`](super::solve_scene).
-    pub fn new(job: &SceneJob, out: &Path) -> Result<Self, ProduceError> {
+    pub fn new(job: &SceneJob, out: &Path, engine: &dyn Engine) -> Result<Self, ProduceError> {
         job.check_usual()?;
         job.check_one_by_one()?;
         if job.sequence.start != Start::Cold || job.scenes.is_empty() {
             let reason = "pieces need a sequence of one or more scenes whose holograms begin cold";
             return Err(ProduceError::Job(Reason::new("pieces-begin-cold", reason)));
         }
-        let common = Common::new(job, &job.load(0)?)?;
-        Ok(Self { common, out: out.to_path_buf(), parts: OnceLock::new() })
+        let first = job.load_on(0, engine)?;
+        let common = Common::new(job, &first)?;
+        Ok(Self { common, out: out.to_path_buf(), parts: OnceLock::new(), first: Mutex::new(Some(first)) })
     }
 
     /// Solves hologram `index` of the `job` into its place, unless it exists, and returns true if it was solved now.
@@ -130,8 +133,10 @@ impl SequencePieces {
             let reason = reason!("piece", "piece {index} of {}: out of range, or piece 0 is missing", job.scenes.len());
             return Err(ProduceError::Job(reason));
         }
+        let first = self.first.lock().unwrap_or_else(PoisonError::into_inner).take().filter(|_| index == 0);
+        let load = |engine: &dyn Engine| first.map_or_else(|| job.load_on(index, engine), Ok);
         if !self.out.exists() {
-            let made = self.common.hologram(job, 0, job.load_on(0, engine)?, None, engine, observe)?;
+            let made = self.common.hologram(job, 0, load(engine)?, None, engine, observe)?;
             let Some((hologram, _)) = made else { return Ok(None) };
             self.common.begin(job, &self.out, &hologram)?.append(&hologram)?;
             return Ok(Some(true));
@@ -150,7 +155,7 @@ impl SequencePieces {
         check_scene(job, &self.out, parts.about(), index)?;
         // The file already has its exposures if hologram 0 is missing, and hologram 0 uses them.
         let before = Some(parts.about()).filter(|_| index > 0);
-        let made = self.common.hologram(job, index, job.load_on(index, engine)?, before, engine, observe)?;
+        let made = self.common.hologram(job, index, load(engine)?, before, engine, observe)?;
         let Some((hologram, _)) = made else { return Ok(None) };
         parts.write(index as u64, &hologram)?;
         Ok(Some(true))
@@ -317,7 +322,7 @@ pub mod tests {
         solve_scene(&job, Some(&whole), engine.as_mut(), &mut |_| Flow::Continue).unwrap();
 
         let out = here.path().join("pieces.zarr");
-        let [one, other] = [0, 1].map(|_| SequencePieces::new(&job, &out).unwrap());
+        let [one, other] = [0, 1].map(|_| SequencePieces::new(&job, &out, engine.as_ref()).unwrap());
         let mut solve = |who: &SequencePieces, job: &SceneJob, index| {
             who.solve(job, index, engine.as_mut(), &mut |_| Flow::Continue)
         };
@@ -340,7 +345,8 @@ pub mod tests {
         assert!(asked.is_none() && !SequenceParts::open(&out).unwrap().has(1));
         // A sequence of another job is neither used nor changed.
         let longer = SceneJob { settings: Settings { steps: 3, ..job.settings.clone() }, ..job.clone() };
-        let refused = solve(&SequencePieces::new(&longer, &out).unwrap(), &longer, 1);
+        let of_longer = SequencePieces::new(&longer, &out, engine::open(Choice::Cpu).unwrap().as_ref()).unwrap();
+        let refused = solve(&of_longer, &longer, 1);
         assert!(matches!(refused, Err(ProduceError::Hologram(HologramError::OtherSequence { .. }))), "{refused:?}");
         assert_eq!(solve(&other, &job, 1).unwrap(), Some(true));
         SequenceParts::open(&out).unwrap().finish().unwrap();
@@ -349,7 +355,7 @@ pub mod tests {
         let more = solve_scene(&job, Some(&out), engine::open(Choice::Cpu).unwrap().as_mut(), &mut |_| Flow::Continue);
         assert!(matches!(more, Ok(SceneSolution::Sequence(SolvedSequence { done: 3, solved: 0, .. }))));
         job.sequence.start = Start::Warm(0.0);
-        assert!(SequencePieces::new(&job, &out).is_err());
+        assert!(SequencePieces::new(&job, &out, engine.as_ref()).is_err());
     }
 
     /// One process writes the whole sequence before another one finishes its first hologram.

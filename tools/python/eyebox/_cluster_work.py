@@ -27,6 +27,11 @@ def begun(job: Any, threads: int | None = None) -> Any:
     return job
 
 
+def prepared(job: Any) -> None:
+    """Loads the first scene on a worker that is idle while another one solves the first hologram."""
+    sequence(job).prepare(engine_of(job[-1]))
+
+
 def piece(job: Any, index: int, threads: int | None = None) -> None:
     """Solves one hologram on a worker, unless it exists, on this number of threads instead of the worker's own."""
     sequence(job).piece(index, engine_of(job[-1]), threads)

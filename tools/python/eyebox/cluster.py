@@ -106,7 +106,10 @@ def solve_sequence(
         # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
         own = [threads_of(index, len(names), client, max_workers or workers) for index in range(len(names))]
         first = submit(there, _cluster_work.begun, job, own[0])
-        gather([first, *(submit(there, _cluster_work.piece, first, i, own[i]) for i in range(1, len(names)))])
+        idle = min(sum(there.nthreads().values()), len(names)) - 1
+        beside = [submit(there, _cluster_work.prepared, job) for _ in range(idle)]
+        pieces = [submit(there, _cluster_work.piece, first, i, own[i]) for i in range(1, len(names))]
+        gather([first, *beside, *pieces])
     _eyebox.Sequence.finish(out)
     return len(names) - before
 

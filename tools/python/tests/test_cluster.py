@@ -268,6 +268,20 @@ def test_pieces_that_are_alone_have_all_threads(monkeypatch):
     assert of(8, 3, client="another machine") == [None] * 8
 
 
+def test_idle_workers_load_the_first_scene_meanwhile(monkeypatch, tmp_path):
+    class Client:
+        nthreads = staticmethod(lambda: {"one": 2, "other": 1})
+
+    submitted = []
+    monkeypatch.setattr(eyebox.cluster, "submit", lambda there, work, *arguments: submitted.append(work.__name__))
+    monkeypatch.setattr(eyebox.cluster, "gather", lambda futures: None)
+    monkeypatch.setattr(eyebox._eyebox.Sequence, "finish", lambda out: None, raising=False)
+    for count, idle in [(5, 2), (2, 1), (1, 0)]:
+        submitted.clear()
+        eyebox.cluster.solve_sequence(["builtin:plane"] * count, tmp_path / "s.zarr", "small", client=Client())
+        assert submitted == ["begun", *["prepared"] * idle, *["piece"] * (count - 1)]
+
+
 def test_workers_keep_their_memory(monkeypatch):
     name = "MALLOC_TRIM_THRESHOLD_"
     # Dask also sets it in this process, when a test before has started workers.
