@@ -193,7 +193,7 @@ MORE = {  # Other files that a topic shows.
     "first-phases": ["simultaneous-color", "slides"],
     "display-model": ["calibrations", "camera-steps", "drift", "solver-and-model", "float64-bound"],
 }
-ORDER = ["against-pytorch", "methods", "gpu-h200", "threads", "steering", "closed-loop", "two-eyes", "splats", "first-phases", "speed-and-accuracy", "sequences", "motion",
+ORDER = ["against-pytorch", "methods", "gpu-h200", "threads", "steering", "closed-loop", "two-eyes", "content", "first-phases", "speed-and-accuracy", "sequences", "motion",
          "view-synthesis", "far-field", "display-model", "obstructions", "simultaneous-color", "sources-and-masks", "on-a-device", "python-building-tests"]
 INSERTED = {"on-a-device": "on-a-device.md"}  # Topics whose table is also on another page.
 

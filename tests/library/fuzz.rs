@@ -4,6 +4,7 @@
 //! run is part of the tests. `EYEBOX_FUZZ_SECONDS=3600 cargo test --release -p eyebox-tests --test library fuzz::` runs
 //! each subject for that time on its own thread, with new seeds each time.
 
+mod content;
 mod splats;
 
 use eyebox::low_level::gaze::{Estimator, EyeVelocity, Settings};

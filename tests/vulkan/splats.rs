@@ -4,8 +4,9 @@
 use super::views::silent;
 use eyebox::low_level::engine::vulkan::{VulkanEngine, VulkanSplats};
 use eyebox::low_level::engine::{Engine, EngineError};
+use eyebox::low_level::hologram::{Hologram, SceneRecord};
 use eyebox::low_level::optics::{Color, Display};
-use eyebox::low_level::produce::drawer_for;
+use eyebox::low_level::reconstruction::{InputOptions, SolveInput, drawer_for};
 use eyebox::low_level::scene::{self, Request, SplatDrawer, TiledSplats};
 use eyebox_kernels::draw_splats::{Args, SIDE, Splat, VALUES, draw_splats};
 use eyebox_tests::both::{Noise, gpu};
@@ -140,6 +141,13 @@ fn a_scene_of_splats_is_drawn_on_the_device() {
         assert!(error < 1e-9, "{error:e}");
     }
     assert!(drawer_for("builtin:still-life", &engine).is_none());
+    let mut hologram = Hologram::on(&display, 1, Vec::new());
+    hologram.set_scene(SOURCE, SceneRecord::of_source(SOURCE, None).expect("a record"));
+    let input = SolveInput::open(&hologram, &InputOptions::default()).expect("its scene");
+    assert!(input.request().drawer.is_none());
+    let input = input.drawn_by(&engine);
+    assert!(input.request().drawer.is_some());
+    drop(input);
     assert!(engine.splat_drawer().expect("a drawer").is_some());
     drop((engine, counted, drawer));
     silent(gpu);

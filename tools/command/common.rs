@@ -15,6 +15,7 @@ use eyebox::low_level::optics::{Color, Display, OpticsError, Pupil, check_usual_
 use eyebox::low_level::preview::Opener;
 use eyebox::low_level::produce::TilesRequest;
 use eyebox::low_level::reason;
+use eyebox::low_level::reconstruction::drawer_for;
 use eyebox::low_level::scene::{self, Inspection, LightField, SplatDrawer};
 use eyebox::low_level::session::EngineSource;
 use eyebox::low_level::solve::{Flow, PupilRange, Settings, StartTable};
@@ -153,11 +154,21 @@ pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
 
 /// Loads the scene and fits it to the display.
 pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
-    scene_on(args, display, colors, None)
+    scene_by(args, display, colors, None)
+}
+
+/// Loads the scene and fits it to the display. The device of the engine draws the views of splats.
+pub fn scene_on(
+    args: &SceneArgs,
+    display: &Display,
+    colors: &[Color],
+    engine: &dyn Engine,
+) -> Result<LightField, Failure> {
+    scene_by(args, display, colors, drawer_for(&args.scene, engine).as_ref())
 }
 
 /// Loads the scene and fits it to the display. The drawer draws the views of splats.
-pub fn scene_on(
+pub fn scene_by(
     args: &SceneArgs,
     display: &Display,
     colors: &[Color],

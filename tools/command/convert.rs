@@ -123,8 +123,9 @@ fn import(args: &Convert) -> Result<(), Failure> {
     let exposures = if let Some(scene) = &args.scene {
         let display = score::display_of(&args.file, &hologram)?;
         let asked = SceneArgs::new(scene, &args.options);
-        let field = common::scene(&asked, &display, &hologram.named_colors())?;
-        hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
+        let mut engine = common::engine(&args.engine)?;
+        let field = common::scene_on(&asked, &display, &hologram.named_colors(), engine.as_ref())?;
+        hologram.fit_exposure(&field, engine.as_mut())?;
         let maps = common::maps_of(&asked)?;
         let record = SceneRecord::of_source(scene, maps.first().map(PathBuf::as_path))?;
         hologram.set_scene(&field.name, record);

@@ -112,8 +112,10 @@ pub fn run(args: &Refine) -> Result<(), Failure> {
         args.phases.display.force,
     )?;
     common::pupil_of(&args.pupil, &hologram, args.phases.display.force)?;
-    let field = input.light_field()?;
-    hologram.fit_exposure(&field, common::engine(&args.engine)?.as_mut())?;
+    let mut engine = common::engine(&args.engine)?;
+    let field = input.drawn_by(engine.as_ref()).light_field()?;
+    hologram.fit_exposure(&field, engine.as_mut())?;
+    drop(engine);
     let aim = args.aim(display.focal_length);
     progress::catch_interrupt();
     let (all, described, best) = match hologram.metadata.joint_color {

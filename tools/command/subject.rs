@@ -13,7 +13,7 @@ use eyebox::low_level::encode::Encoder;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::hologram::{ColorHologram, Hologram, Opening, Phases, Sequence, Tiles, Unfinished};
 use eyebox::low_level::optics::{Color, Display, PupilDistribution};
-use eyebox::low_level::produce::{drawer_for, solve_colors};
+use eyebox::low_level::produce::solve_colors;
 use eyebox::low_level::quality::ColorJob;
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{self, LightField};
@@ -96,9 +96,10 @@ pub fn load(
         let mut hologram = Opening { at, unfinished: true, ..args.unit.chosen(&args.display)? }.hologram(path)?;
         args.eye.replace(&mut hologram.metadata.prescription)?;
         let optics = score::display_of(path, &hologram)?;
-        let field =
-            scene_of(path, &hologram, args.scene.as_deref(), &args.options, args.display.force)?.light_field()?;
-        hologram.fit_exposure(&field, engines.open()?.as_mut())?;
+        let mut engine = engines.open()?;
+        let input = scene_of(path, &hologram, args.scene.as_deref(), &args.options, args.display.force)?;
+        let field = input.drawn_by(engine.as_ref()).light_field()?;
+        hologram.fit_exposure(&field, engine.as_mut())?;
         let parts = LiveColor::all_of(&hologram, &field, &optics)?;
         (hologram, parts, unfinished)
     } else {
@@ -165,7 +166,7 @@ pub fn solved_on(
     }
     let scene = SceneArgs::new(what, &args.options);
     let colors = common::colors(&args.display, display)?;
-    let field = common::scene_on(&scene, display, &colors, drawer_for(what, engine).as_ref())?;
+    let field = common::scene_on(&scene, display, &colors, engine)?;
     let depth = common::depths(&scene, &field, display)?;
     let mut given = args.experiment.given()?.before(display.focal_length)?;
     given.insert("frames", frames);

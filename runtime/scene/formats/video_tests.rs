@@ -69,6 +69,7 @@ fn what_is_wrong_is_said() {
     says(b"YUV4MPEG2\n", 0, "corrupt/not-y4m");
     says(b"YUV4MPEG2 W5 C444\nFRAME\n", 0, "corrupt/video-size");
     says(b"YUV4MPEG2 W5 H3 C411\nFRAME\n", 0, "corrupt/video-chroma");
+    says(b"YUV4MPEG2 W5 H3 C4\xff0jpeg\nFRAME\n", 0, "corrupt/video-chroma");
     says(b"YUV4MPEG2 W5 H3 C420p99\nFRAME\n", 0, "corrupt/video-bits");
     says(&String::from_utf8_lossy(&whole).replace("W5", "W4").into_bytes(), 1, "corrupt/frame-start");
     for at in 0..60 {

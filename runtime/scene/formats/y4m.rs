@@ -96,7 +96,8 @@ impl Layout {
     fn space(&mut self, text: &str) -> Result<(), SceneError> {
         let (kind, bits) = match text.strip_prefix("mono") {
             Some(bits) => ("mono", bits),
-            None => text.split_at(text.len().min(3)),
+            // The header may have any bytes, and a character more than one.
+            None => text.split_at_checked(3).unwrap_or((text, "")),
         };
         self.chroma = match kind {
             "mono" => None,

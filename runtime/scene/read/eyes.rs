@@ -3,6 +3,8 @@
 use crate::formats::options::{parts, with_camera};
 use crate::formats::video;
 use crate::read::source::Source;
+use crate::splats::format::Format;
+use crate::splats::options::{Options, with_shift};
 use crate::{Request, SceneError, builtin};
 use eyebox_base::reason;
 use std::path::Path;
@@ -10,12 +12,17 @@ use std::path::Path;
 /// Returns the sources of one scene for the left and the right eye. `eyes` are their places along x from the middle of
 /// the scene in meters.
 ///
-/// A built-in scene and a picture with a depth map are seen from both places. A folder has a folder `left` and a folder
+/// A built-in scene, splats and a picture with a depth map are seen from both places. A folder has a folder `left` and a folder
 /// `right`, each with the views of one eye.
 ///
 /// # Errors
 /// [`SceneError::Options`] for a scene that has views of one eye only. The errors of finding the scene.
 pub fn of_two_eyes(source: &str, request: &Request, eyes: [f64; 2]) -> Result<[String; 2], SceneError> {
+    let (file, query) = parts(source);
+    if Format::of(file).is_some() {
+        let shift = Options::parse(query).map_err(|reason| SceneError::Options { scene: source.into(), reason })?.shift;
+        return Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_shift(query, shift + eye))));
+    }
     if let Some(name) = source.strip_prefix("builtin:") {
         return builtin::from_places(name, request, eyes);
     }
@@ -26,14 +33,13 @@ pub fn of_two_eyes(source: &str, request: &Request, eyes: [f64; 2]) -> Result<[S
     }
     match Source::of(source)? {
         Source::Picture(path) if video::named(path).is_none() => {
-            let (file, query) = parts(source);
             Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_camera(query, eye))))
         }
         _ => Err(SceneError::Options {
             scene: source.into(),
             reason: reason!(
                 "one-eye",
-                "it has views of one eye only. Two eyes need a built-in scene, a picture with a depth map, or a folder \
+                "it has views of one eye only. Two eyes need a built-in scene, splats, a picture with a depth map, or a folder \
                  with a folder `left` and a folder `right`"
             ),
         }),
@@ -84,6 +90,35 @@ mod tests {
             let arcmin = (found - expected).to_degrees() * 60.0;
             assert!(arcmin.abs() < 2.0, "{dioptres} D: {arcmin} arcmin off, {} seen", found.to_degrees() * 60.0);
         }
+    }
+
+    /// Splats at the near end of the depths have the vergence of this end. Those of an eye are the views from its place.
+    #[test]
+    fn splats_are_seen_from_both_places() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut bytes = Vec::new();
+        for i in 0..300u32 {
+            let value = |which: u32| (i * 7919 + which * 104_729) % 1000;
+            let place = [value(0) as f32 / 800.0 - 0.6, value(1) as f32 / 800.0 - 0.6, 2.0];
+            bytes.extend(place.iter().chain(&[0.02; 3]).flat_map(|v| v.to_le_bytes()));
+            bytes.extend([(value(2) % 256) as u8, (value(3) % 256) as u8, 90, 255, 255, 128, 128, 128]);
+        }
+        let file = folder.path().join("a.splat");
+        std::fs::write(&file, bytes).unwrap();
+        let display = Display { height: 512, width: 512, ..Display::preset("headset").unwrap() };
+        let dioptres = 0.15;
+        let depth = Some([0.0, dioptres * display.focal_length.powi(2)]);
+        let request = Request { views: 1, depth, ..Request::new(&display, &[Color::Green]) };
+        let source = format!("{}?eye=0,0,0&range=2,8&shift=1", file.display());
+        let both = of_two_eyes(&source, &request, EYES).unwrap();
+        assert!(both[0].ends_with("?eye=0,0,0&range=2,8&shift=-30.5"), "{}", both[0]);
+        let [left, right] = both.map(|source| load(&source, &request).unwrap().planes[0].swap_remove(0));
+        let found = -shift(&left, &right, 512, 126) * display.picture_pixel() / display.focal_length;
+        let expected = 2.0 * (0.5 * IPD * dioptres).atan();
+        let arcmin = (found - expected).to_degrees() * 60.0;
+        assert!(arcmin.abs() < 2.0, "{arcmin} arcmin off, {} seen", found.to_degrees() * 60.0);
+        let middle = crate::SplatViews::new(&source, &request).unwrap();
+        assert_eq!(middle.views(Color::Green, &[(EYES[1], 0.0)]), [right]);
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub(crate) struct Placed {
     /// Displacement of the camera, and movement of the picture, per meter of the pupil plane.
     camera_per_metre: f64,
     moved_per_metre: f64,
+    /// Position of the middle of the views to the right of the camera, in meters of the pupil plane.
+    shift: f64,
 }
 
 impl Placed {
@@ -84,10 +86,12 @@ impl Placed {
         let gain = if flat { 0.0 } else { (depth[1] - depth[0]) * per_metre / (near - far) };
         let first = if flat { (depth[0] + depth[1]) / 2.0 * per_metre } else { depth[0] * per_metre - gain * far };
         let camera_per_metre = gain / f64::from(splats.focal);
-        Ok(Self { views, cell, depth, inverse: [far, near], per_metre, camera_per_metre, moved_per_metre: -first })
+        let (inverse, moved_per_metre, shift) = ([far, near], -first, options.shift);
+        Ok(Self { views, cell, depth, inverse, per_metre, camera_per_metre, moved_per_metre, shift })
     }
 
     fn displaced(&self, (x, y): (f64, f64)) -> Displaced {
+        let x = x + self.shift;
         Displaced {
             by: [x, y].map(|s| (s * self.camera_per_metre) as f32),
             moved: [x, y].map(|s| (s * self.moved_per_metre) as f32),

@@ -3,9 +3,15 @@
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
+/// Returns a query with the option `shift` for this displacement in meters.
+pub(crate) fn with_shift(query: &str, shift: f64) -> String {
+    let kept = query.split('&').filter(|pair| !pair.is_empty() && !pair.starts_with("shift="));
+    let shift = format!("shift={}", (shift * 1e7).round() / 1e4);
+    kept.chain([shift.as_str()]).collect::<Vec<_>>().join("&")
+}
+
 /// List of the options, for people.
-const TAKES: &str =
-    "splats take fov=DEGREES, eye=X,Y,Z, at=X,Y,Z, up=X,Y,Z, camera=NUMBER and range=NEAR,FAR, with & between";
+const TAKES: &str = "splats take fov=DEGREES, eye=X,Y,Z, at=X,Y,Z, up=X,Y,Z, camera=NUMBER, range=NEAR,FAR and shift=MM, with & between";
 
 /// Distances of the nearest and the farthest depth of the built-in scene, for a span from -1 to 1.
 const BUILTIN_RANGE: [f64; 2] = [1.0 / 1.2, 1.0 / 0.8];
@@ -25,6 +31,8 @@ pub(crate) struct Options {
     pub range: Option<[f64; 2]>,
     /// Index of a camera in `cameras.json`.
     pub camera: Option<usize>,
+    /// Position of the middle of the views to the right of the camera, in meters of the pupil plane.
+    pub shift: f64,
 }
 
 impl Options {
@@ -48,6 +56,10 @@ impl Options {
                 Some(("range", value)) => {
                     let range = numbers(value).filter(|[near, far]| 1e-9 < *near && near < far);
                     options.range = Some(range.ok_or_else(|| wrong("two positive numbers, the nearer first"))?);
+                }
+                Some(("shift", value)) => {
+                    let shift = value.parse::<f64>().ok().filter(|mm| mm.abs() <= 1e4);
+                    options.shift = 1e-3 * shift.ok_or_else(|| wrong("millimeters to the right, -10000 to 10000"))?;
                 }
                 Some(("camera", value)) => {
                     options.camera = Some(value.parse().map_err(|_| wrong("the index of a camera in cameras.json"))?);
@@ -83,6 +95,7 @@ mod tests {
         let read = Options::parse("fov=35.5&eye=1,-2,3e1&at=0,0,0&up=0,-1,0").unwrap();
         assert_eq!((read.fov, read.eye, read.up), (Some(35.5), Some([1.0, -2.0, 30.0]), Some([0.0, -1.0, 0.0])));
         assert_eq!(Options::parse("camera=3&fov=20").unwrap().camera, Some(3));
+        assert_eq!(Options::parse("shift=-31.5").unwrap().shift, -31.5e-3);
         for (query, code) in [
             ("fov=0", "option-value"),
             ("fov=nan", "option-value"),
@@ -93,6 +106,7 @@ mod tests {
             ("camera=-1", "option-value"),
             ("range=2,1", "option-value"),
             ("range=0,1", "option-value"),
+            ("shift=nan", "option-value"),
             ("grid=3x3", "option"),
             ("camera=1&eye=0,0,0", "two-cameras"),
         ] {

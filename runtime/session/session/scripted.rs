@@ -122,7 +122,14 @@ impl Scenes for Application {
         self.given = Some(number);
         let color = self.scenes[(number % LIFE) as usize % self.scenes.len()].clone();
         let (arrived_ns, shows_ns) = (Some(arrived_ns), Some(arrived_ns));
-        Ok(Newest::New(SceneFrame { number, colors: Arc::new(vec![color]), arrived_ns, shows_ns, piece: None }))
+        Ok(Newest::New(SceneFrame {
+            number,
+            colors: Arc::new(vec![color]),
+            arrived_ns,
+            shows_ns,
+            moment: None,
+            piece: None,
+        }))
     }
 
     fn begins_with_one(&self) -> bool {

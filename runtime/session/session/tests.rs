@@ -72,6 +72,7 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
         focus: None,
         steps: 1,
         content: None,
+        moment: None,
         arrived_ns: None,
         supply: FrameFreshness::Same,
         estimated_db: None,

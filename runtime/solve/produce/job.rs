@@ -4,20 +4,13 @@ use super::ProduceError;
 use crate::engine::Engine;
 use crate::hologram::{Metadata, SceneRecord, Start};
 use crate::optics::{Color, Display, check_usual_diameters};
-use crate::reconstruction::SceneReading;
+use crate::reconstruction::{SceneReading, drawer_for};
 use crate::scene::{self, LightField, Request, SplatDrawer, ViewSynthesis};
 use crate::solve::{Full, PlanRequest, Progress, PupilRange, ScenePlan, Settings, Solution};
 use crate::tiled::{self, RegionSize};
 use eyebox_base::error::Reason;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Returns a drawer of the views of a source on the device of an engine. It is `None` if the source has no splats, or
-/// the CPU draws them.
-pub fn drawer_for(source: &str, engine: &dyn Engine) -> Option<Arc<dyn SplatDrawer>> {
-    // A solve on a lost device fails by itself, so the CPU draws meanwhile.
-    scene::is_splats(source).then(|| engine.splat_drawer().ok().flatten()).flatten()
-}
 
 /// Scenes to solve into a hologram or a sequence of holograms.
 #[derive(Debug, Clone)]

@@ -18,7 +18,7 @@ mod tiles;
 pub use colors::{solve_colors, solve_joint_colors};
 pub use driver::{SceneSolution, SolvedHologram, solve_light_field, solve_scene};
 pub use given_settings::GivenSettings;
-pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest, drawer_for};
+pub use job::{SceneEvent, SceneJob, SequenceRequest, TilesPlan, TilesRequest};
 pub use refinement::Refinement;
 pub use sequence::{SequencePieces, SolvedSequence};
 pub use tile_pieces::TilePieces;

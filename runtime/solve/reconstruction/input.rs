@@ -3,14 +3,23 @@
 //! All code that compares the two, or refines one for the other, uses this module.
 
 use super::SceneSource;
+use crate::engine::Engine;
 use crate::evaluate::Views;
 use crate::hologram::{Hologram, HologramError, SceneRecord};
 use crate::optics::{Color, Display};
-use crate::scene::{self, LightField, Near, Order, Request, SceneError, ViewSynthesis};
+use crate::scene::{self, LightField, Near, Order, Request, SceneError, SplatDrawer, ViewSynthesis};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Largest number of pixels along each axis of the views of a far field larger than memory.
 const PICTURE: usize = 1024;
+
+/// Returns a drawer of the views of a source on the device of an engine. It is `None` if the source has no splats, or
+/// the CPU draws them.
+pub fn drawer_for(source: &str, engine: &dyn Engine) -> Option<Arc<dyn SplatDrawer>> {
+    // A solve on a lost device fails by itself, so the CPU draws meanwhile.
+    scene::is_splats(source).then(|| engine.splat_drawer().ok().flatten()).flatten()
+}
 
 /// The given settings for reading scenes. The solve of the hologram gives the others.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -79,6 +88,7 @@ pub struct SolveInput {
     reading: SceneReading,
     /// True if the distances are unchanged from the solve, which accepted them.
     is_as_solved: bool,
+    drawer: Option<Arc<dyn SplatDrawer>>,
 }
 
 impl SolveInput {
@@ -110,7 +120,13 @@ impl SolveInput {
             None => known.solve.as_ref().map(|settings| settings.depth),
         });
         let is_as_solved = options.reading.depth.is_none() && options.reading.view_pitch_mm.is_none();
-        Ok(Self { display, source, depth_map, colors: hologram.named_colors(), reading, is_as_solved })
+        Ok(Self { display, source, depth_map, colors: hologram.named_colors(), reading, is_as_solved, drawer: None })
+    }
+
+    /// Lets the device of the engine draw the views of splats. Otherwise, the CPU draws them.
+    #[must_use]
+    pub fn drawn_by(self, engine: &dyn Engine) -> Self {
+        Self { drawer: drawer_for(&self.source, engine), ..self }
     }
 
     /// Returns the source of the scene.
@@ -120,7 +136,8 @@ impl SolveInput {
 
     /// Returns the request for the source.
     pub fn request(&self) -> Request<'_> {
-        self.reading.request(&self.display, &self.colors, self.depth_map.as_deref(), self.is_as_solved)
+        let request = self.reading.request(&self.display, &self.colors, self.depth_map.as_deref(), self.is_as_solved);
+        Request { drawer: self.drawer.as_ref(), ..request }
     }
 
     /// Reads its light field in the hologram's colors, fitted to the hologram's display.

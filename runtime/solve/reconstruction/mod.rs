@@ -16,7 +16,7 @@ mod score;
 mod seen;
 
 pub use forward::ForwardModel;
-pub use input::{InputOptions, SceneReading, SolveInput};
+pub use input::{InputOptions, SceneReading, SolveInput, drawer_for};
 pub use jod::{FOVEA_DEGREES, JodSettings};
 pub use look::Sampling;
 pub use scene_source::SceneSource;

@@ -34,7 +34,7 @@ fn ply() -> Vec<u8> {
     bytes
 }
 
-fn plain() -> Vec<u8> {
+pub(super) fn plain() -> Vec<u8> {
     let one = |splat: usize| {
         let floats = (0..6).map(move |which| value(splat, which));
         let mut out: Vec<u8> = floats.flat_map(|v| (v.abs() * 0.3).to_le_bytes()).collect();

@@ -43,7 +43,7 @@ pub fn run(args: &Score) -> Result<(), Failure> {
     let colors = about.named_colors();
     let mut engine = common::engine(&args.engine)?;
     let tiled = matches!(source, PhaseSource::Tiled(_));
-    let (scene, depth) = input.scene(tiled)?;
+    let (scene, depth) = input.drawn_by(engine.as_ref()).scene(tiled)?;
     let solved = about.metadata.solve.as_ref().filter(|_| tiled);
     let diameter = args.pupil_diameter.or(solved.map(|settings| settings.diameter));
     let diameter = common::diameters(diameter, &display, args.phases.display.force)?;

@@ -143,8 +143,10 @@ impl<'a> Reel<'a> {
         let mut input = scene_of(file, &hologram, how.scene.as_deref(), &how.options, how.display.force)?;
         // The target is what an eye should see, wherever the display shows it.
         input.display.picture = Default::default();
+        let mut engine = self.engines.open()?;
+        let input = input.drawn_by(engine.as_ref());
         let field = input.light_field()?;
-        hologram.fit_exposure(&field, self.engines.open()?.as_mut())?;
+        hologram.fit_exposure(&field, engine.as_mut())?;
         let exposures = hologram.colors.iter().map(|c| c.exposure).collect();
         Ok(Content { source: hologram.into(), scene: Some(SceneSource::new(field, &input.display)?), exposures })
     }

@@ -105,11 +105,12 @@ fn with_target(args: &Render, pupil: &GivenPupil, content: RenderedContent) -> R
         )));
     };
     let how = &args.how;
-    let input = scene_of(Path::new(&args.what), hologram, how.scene.as_deref(), &how.options, how.display.force)?;
+    let mut engine = common::engine(&how.engine)?;
+    let input = scene_of(Path::new(&args.what), hologram, how.scene.as_deref(), &how.options, how.display.force)?
+        .drawn_by(engine.as_ref());
     let (mut hologram, field, mut display) =
         (hologram.clone().into_owned(), input.light_field()?, input.display.clone());
     let pupil = common::pupil_of(pupil, &hologram, how.display.force)?;
-    let mut engine = common::engine(&how.engine)?;
     hologram.fit_exposure(&field, engine.as_mut())?;
     // The target is what an eye should see, wherever the display shows it.
     display.picture = Default::default();
@@ -197,7 +198,7 @@ fn target_of_scene(args: &Render, pupil: &GivenPupil) -> Result<Rendered, Failur
     let scene = SceneArgs::new(&args.what, options);
     let scene = match is_larger_than_memory(&display, 1) {
         true => SceneSource::Around(common::scene_around(&scene, &display, &colors)?),
-        false => SceneSource::new(common::scene(&scene, &display, &colors)?, &display)?,
+        false => SceneSource::new(common::scene_on(&scene, &display, &colors, engine.as_ref())?, &display)?,
     };
     let planes = targets(&scene, pupil, engine.as_mut())?;
     Ok(Rendered {

@@ -187,7 +187,7 @@ pub(super) fn follow(args: &Show, settings: ShowSettings, what: &str) -> Result<
     show(args, settings, steered, cost, stage)
 }
 
-fn show(
+pub(super) fn show(
     args: &Show,
     settings: ShowSettings,
     steered: Steered,
@@ -256,72 +256,4 @@ pub(super) fn endless_needs_duration(args: &Show, cost: Option<Cost>, endless: b
         true => Err(Failure::Arguments(reason!("endless", "a simulated clock would run forever. Give --duration"))),
         false => Ok(()),
     }
-}
-
-/// Shows frames of an application in another process. `listening` runs when the application may connect.
-#[cfg(target_os = "linux")]
-pub(super) fn application(
-    args: &Show,
-    settings: ShowSettings,
-    name: &str,
-    listening: impl FnOnce() -> Result<(), Failure>,
-) -> Result<(), Failure> {
-    use super::args::Ask;
-    use eyebox::low_level::session::{LiveInput, LiveKind};
-
-    let cost = match &args.replay {
-        // The decisions of a journal are not timed again.
-        Some(_) if args.live.tracker.tracker.is_none() => Some(Cost::Measured),
-        Some(_) => {
-            return Err(Failure::Arguments(reason!(
-                "replay-with-tracker",
-                "the journal of --replay contains its samples. Leave out --tracker"
-            )));
-        }
-        None => refined(args, &settings)?,
-    };
-    if cost.is_some() && args.replay.is_none() {
-        let line = "an application needs real time. Leave out --clock simulated";
-        return Err(Failure::Arguments(reason!("live", "live:{name}: {line}")));
-    }
-    let stage = Stage::open(&args.subject, &args.live)?;
-    let display = display(args, None)?;
-    let colors = common::colors(&args.subject.display, &display)?;
-    let views = args.subject.options.views.unwrap_or(5).clamp(1, 64) as u32;
-    let kind = match settings.ask {
-        Ask::Views => LiveKind::Views,
-        Ask::Depth => LiveKind::ColorAndDepth,
-        Ask::Layers => LiveKind::Layers,
-    };
-    let frames = args.frames()?;
-    let seed = args.subject.experiment.refinement()?.seed;
-    let mut steered = Steered::dark(&format!("live:{name}"), &display, colors, (frames, seed), &stage.engines)?;
-    if args.replay.is_none() {
-        let mut input = LiveInput::open(name, &display, &steered.colors, views, kind)?;
-        // A journal is shown again to the bit, on any engine. The host decodes its frames for that.
-        if args.journal.is_none()
-            && let Some(reason) = input.decode_with(stage.engines.backend())?
-        {
-            tracing::info!("views pass through the host: {reason}");
-        }
-        steered.scenes = Some(Box::new(input));
-        if args.live.tracker().is_none() && args.subject.options.depth.is_none() {
-            eprintln!(
-                "note: without a tracker, eyes are assumed to focus at 0 mm. Give --depth for content at other depths"
-            );
-        }
-        eprintln!("live:{name} waits for an application");
-        listening()?;
-    }
-    show(args, settings, steered, cost, stage)
-}
-
-#[cfg(not(target_os = "linux"))]
-pub(super) fn application(
-    _args: &Show,
-    _settings: ShowSettings,
-    name: &str,
-    _listening: impl FnOnce() -> Result<(), Failure>,
-) -> Result<(), Failure> {
-    Err(Failure::Arguments(reason!("live-on-linux", "live:{name}: live content exists on Linux alone")))
 }

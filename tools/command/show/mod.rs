@@ -1,5 +1,10 @@
 //! `eyebox show` shows holograms, sequences, scenes and live content on a display.
 
+#[cfg(target_os = "linux")]
+mod application;
+#[cfg(not(target_os = "linux"))]
+#[path = "no_application.rs"]
+mod application;
 pub mod args;
 mod bench_follower;
 mod content;
@@ -23,7 +28,7 @@ use crate::experiment::{Table, TableOf};
 use crate::groups::CameraSettings;
 use crate::subject;
 use args::ShowSettings;
-use content::{application, display, follow, is_phases, nothing_is_solved, play, solve};
+use content::{display, follow, is_phases, nothing_is_solved, play, solve};
 use eyebox::low_level::hologram::{Opening, Sequence};
 use eyebox::low_level::reason;
 use eyebox::low_level::scene;
@@ -55,7 +60,6 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         sink.check()?;
     }
     if let Some(two) = two_eyes::display(&args.subject)? {
-        walk::refuse(args, false)?;
         return two_eyes::show(args, &settings, &two);
     }
     let what = what(args)?;
@@ -74,7 +78,7 @@ pub fn run(args: &Show) -> Result<(), Failure> {
         };
     }
     match what {
-        What::Application(name) => application(args, settings, &name, || Ok(())),
+        What::Application(name) => application::show(args, settings, &name, || Ok(())),
         #[cfg(target_os = "linux")]
         What::OpenXr(command) => openxr::show(args, settings, &command),
         What::Phases(path) if tracked => follow(args, settings, &path.display().to_string()),

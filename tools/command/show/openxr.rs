@@ -1,7 +1,8 @@
 //! `eyebox show openxr` starts an OpenXR application with the layer that sends its frames (docs/openxr.md).
 
+use super::application;
 use super::args::{Ask, ShowSettings};
-use super::content::{Show, application};
+use super::content::Show;
 use crate::Failure;
 use eyebox::low_level::reason;
 use std::ffi::OsString;
@@ -30,22 +31,41 @@ const POLL: Duration = Duration::from_millis(100);
 /// The time in which the application may end by itself when the display ends.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Shows the frames of an OpenXR application. `command` is the application with its arguments. If it is empty, the
-/// environment for an application is printed.
+/// Shows the frames of an OpenXR application.
 pub fn show(args: &Show, settings: ShowSettings, command: &[String]) -> Result<(), Failure> {
-    let settings = ShowSettings { ask: Ask::Depth, ..settings };
-    let layer = Layer::new()?;
-    let mut running = None;
-    application(args, settings, NAME, || {
-        match command.split_first() {
-            Some((program, arguments)) => running = Some(Running::start(program, arguments, &layer)?),
+    let mut program = Program::new(command)?;
+    application::show(args, settings_of(settings), NAME, || program.start())
+}
+
+/// Returns the settings for frames of an OpenXR application, which have depths.
+pub fn settings_of(settings: ShowSettings) -> ShowSettings {
+    ShowSettings { ask: Ask::Depth, ..settings }
+}
+
+/// An OpenXR application, which ends when this is dropped.
+pub struct Program {
+    command: Vec<String>,
+    layer: Layer,
+    running: Option<Running>,
+}
+
+impl Program {
+    /// Prepares an application with its arguments.
+    pub fn new(command: &[String]) -> Result<Self, Failure> {
+        Ok(Self { command: command.to_vec(), layer: Layer::new()?, running: None })
+    }
+
+    /// Starts the application. If there is none, its environment is printed.
+    pub fn start(&mut self) -> Result<(), Failure> {
+        match self.command.split_first() {
+            Some((program, arguments)) => self.running = Some(Running::start(program, arguments, &self.layer)?),
             None => {
                 eprintln!("start the OpenXR application with these variables:");
-                layer.variables().iter().for_each(|(name, value)| eprintln!("{name}={}", value.display()));
+                self.layer.variables().iter().for_each(|(name, value)| eprintln!("{name}={}", value.display()));
             }
         }
         Ok(())
-    })
+    }
 }
 
 /// The layer with its manifest in a folder of its own.

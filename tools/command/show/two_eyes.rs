@@ -1,19 +1,25 @@
 //! `eyebox show --display TWO.toml` shows a scene to both eyes, on two panels.
 
+use super::application;
 use super::args::{OutputTo, ShowSettings};
 use super::content::{self, Show, is_phases};
+#[cfg(target_os = "linux")]
+use super::openxr;
 use super::playback;
 use super::session::{attend, conclude, keep_powers};
 use super::tracked::{self, KeptSession, Refined, ShowOptions, Stage};
 use super::tracking::tracking_of_two;
+use super::walk;
 use crate::groups::SceneArgs;
 use crate::subject::{self, Steered, SubjectOptions};
 use crate::{Failure, common, progress};
 use eyebox::low_level::hologram::{Hologram, Opening, Sequence};
 use eyebox::low_level::optics::{Stereo, TwoEyes, dioptres};
 use eyebox::low_level::reason;
+use eyebox::low_level::scene;
 use eyebox::low_level::session::{Cost, Ended, Output, Session, SessionOptions, Status, TwoEyed, TwoEyesReport};
 use serde_json::{Value, json};
+use std::any::Any;
 use std::path::Path;
 use std::time::Duration;
 
@@ -30,12 +36,29 @@ pub fn show(args: &Show, settings: &ShowSettings, two: &TwoEyes) -> Result<(), F
         subject.display.display = Some(name);
         subject
     });
+    let tracked = args.live.tracker().is_some();
     let content = content(args, &subjects[0], two)?;
-    if args.live.tracker().is_some() {
-        refined(args, settings, two, &subjects, &content)
-    } else {
-        played(args, settings, two, &subjects, &content)
+    let is_drawn = matches!(&content, Content::Each(scenes) if tracked && scene::is_splats(&scenes[0]));
+    walk::refuse(args, is_drawn)?;
+    match content {
+        Content::Each(content) if !tracked => played(args, settings, two, &subjects, &content),
+        content if tracked => refined(args, settings, two, &subjects, &content),
+        _ => Err(Failure::Arguments(reason!(
+            "application-of-two-eyes",
+            "an application for two panels needs an eye tracker. Add --tracker"
+        ))),
     }
+}
+
+/// The content of both eyes.
+enum Content {
+    /// A scene or a hologram for each eye.
+    Each([String; 2]),
+    /// Frames of an application, by its name.
+    Application(String),
+    /// Frames of an OpenXR application that is started with these words.
+    #[cfg(target_os = "linux")]
+    OpenXr(Vec<String>),
 }
 
 /// Refuses options of content for one eye.
@@ -58,18 +81,24 @@ fn refuse(args: &Show) -> Result<(), Failure> {
     }
 }
 
-/// Returns the content of the left and the right eye, as the two scenes or the two holograms.
-fn content(args: &Show, left: &SubjectOptions, two: &TwoEyes) -> Result<[String; 2], Failure> {
+/// Returns the content of the left and the right eye.
+fn content(args: &Show, left: &SubjectOptions, two: &TwoEyes) -> Result<Content, Failure> {
     match args.what.as_slice() {
-        [left, right] if is_phases(left) && is_phases(right) => Ok([left.clone(), right.clone()]),
-        [scene] if !is_phases(scene) && !scene.starts_with("live:") => {
+        #[cfg(target_os = "linux")]
+        [first, command @ ..] if first == "openxr" => Ok(Content::OpenXr(command.to_vec())),
+        [left, right] if is_phases(left) && is_phases(right) => Ok(Content::Each([left.clone(), right.clone()])),
+        [scene] if !is_phases(scene) => {
+            if let Some(name) = scene.strip_prefix("live:") {
+                return Ok(Content::Application(name.into()));
+            }
             let display = common::display(&left.display)?;
             let colors = common::colors(&left.display, &display)?;
-            common::scene_of_eyes(&SceneArgs::new(scene, &left.options), &display, &colors, two.eyes())
+            let scenes = common::scene_of_eyes(&SceneArgs::new(scene, &left.options), &display, &colors, two.eyes())?;
+            Ok(Content::Each(scenes))
         }
         _ => Err(Failure::Arguments(reason!(
             "content-of-two-eyes",
-            "two panels show one scene, or two holograms, the one of the left eye first"
+            "two panels show one scene, one application, or two holograms, the one of the left eye first"
         ))),
     }
 }
@@ -92,34 +121,75 @@ fn options(args: &Show) -> SessionOptions {
     options
 }
 
-/// Shows a scene that is refined for the pupils of both eyes.
+/// Content of both eyes, with the depths that each eye may focus at.
+type Loaded = [(Steered, Option<[f64; 2]>); 2];
+
+/// Loads the content of both eyes. A program that is started with it ends when the second value is dropped.
+fn loaded(
+    args: &Show,
+    settings: &ShowSettings,
+    subjects: &[SubjectOptions; 2],
+    content: &Content,
+    stage: &Stage,
+) -> Result<(Loaded, Option<Box<dyn Any>>), Failure> {
+    let stated = |steered: Steered| {
+        let depths = args.subject.options.depth_before(steered.encoder.display());
+        (steered, depths)
+    };
+    let application = |settings: &ShowSettings, name: &str| {
+        let both = application::of_two_eyes(args, settings, name, subjects, stage)?;
+        Ok::<Loaded, Failure>(both.map(stated))
+    };
+    match content {
+        Content::Each(scenes) if scene::is_splats(&scenes[0]) => {
+            let both = walk::of_two_eyes(args, scenes, subjects, stage)?;
+            Ok((both.map(|(steered, depths)| (steered, Some(depths))), None))
+        }
+        Content::Each(each) => {
+            let load = |eye: usize| {
+                subject::load(&each[eye], &subjects[eye], (None, args.stream.looped), &stage.engines).map(stated)
+            };
+            Ok(([load(0)?, load(1)?], None))
+        }
+        Content::Application(name) => Ok((application(settings, name)?, None)),
+        #[cfg(target_os = "linux")]
+        Content::OpenXr(command) => {
+            let mut program = openxr::Program::new(command)?;
+            let both = application(&openxr::settings_of(settings.clone()), openxr::NAME)?;
+            program.start()?;
+            Ok((both, Some(Box::new(program))))
+        }
+    }
+}
+
+/// Shows content that is refined for the pupils of both eyes.
 fn refined(
     args: &Show,
     settings: &ShowSettings,
     two: &TwoEyes,
     subjects: &[SubjectOptions; 2],
-    content: &[String; 2],
+    content: &Content,
 ) -> Result<(), Failure> {
     let cost = content::refined(args, settings)?;
     content::endless_needs_duration(args, cost, true)?;
     let stage = Stage::open(&args.subject, &args.live)?;
-    let load = |eye: usize| subject::load(&content[eye], &subjects[eye], (None, args.stream.looped), &stage.engines);
-    let both = [load(0)?, load(1)?];
+    let (both, _program) = loaded(args, settings, subjects, content, &stage)?;
+    let [(left, left_depths), (right, right_depths)] = both;
+    let both = [left, right];
     let engine = both[0].engine.clone();
     eprintln!("{}, {engine}", about(&both));
     let trackings = trackings(args, two, &both, cost)?;
     let [left, right] = both;
     let [of_left, of_right] = trackings;
-    let prepare = |steered: Steered, tracking| -> Result<Refined, Failure> {
+    let prepare = |steered: Steered, depths, tracking| -> Result<Refined, Failure> {
         common::say_model_age(steered.encoder.display());
-        let depths = args.subject.options.depth_before(steered.encoder.display());
         let policy = args.subject.experiment.policy()?;
         let (kept, settings) = (KeptSession::default(), settings.clone());
         let showing =
             ShowOptions { policy, tracker: args.live.tracker(), simulated: cost, depths, kept, settings, walk: None };
         tracked::refined(steered, Some(tracking), None, &stage.engines, &args.live, showing)
     };
-    let (left, right) = (prepare(left, of_left)?, prepare(right, of_right)?);
+    let (left, right) = (prepare(left, left_depths, of_left)?, prepare(right, right_depths, of_right)?);
     let focal_length = left.hologram.focal_length;
     let shown = left.hologram.clone();
     let mut options = options(args);

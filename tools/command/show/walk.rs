@@ -1,9 +1,11 @@
 //! `eyebox show` of splats with a tracker draws views for the tracked pupil, while the camera moves.
 
 use super::args::ShowSettings;
-use super::content::{Show, display, endless_needs_duration, kept_of_applications, refined};
+use super::content::{Show, display_for, endless_needs_duration, kept_of_applications, refined};
 use super::tracked::{self, KeptSession, Stage};
-use crate::{Failure, common, subject::Steered};
+use crate::subject::{Steered, SubjectOptions};
+use crate::{Failure, common};
+use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{CameraPath, MovingSplats, Request};
 use eyebox::low_level::session::SplatWalk;
@@ -24,36 +26,98 @@ pub fn refuse(args: &Show, moves: bool) -> Result<(), Failure> {
     }
 }
 
+/// Opens splats for the displays of two eyes, with the depths that the eyes may focus at.
+pub fn of_two_eyes(
+    args: &Show,
+    sources: &[String; 2],
+    subjects: &[SubjectOptions; 2],
+    stage: &Stage,
+) -> Result<[(Steered, [f64; 2]); 2], Failure> {
+    refuse_quality(args, &sources[0])?;
+    let path = stated_path(args)?;
+    let left = Placed::read(args, &subjects[0], &sources[0], stage)?;
+    let right = Placed::read(args, &subjects[1], &sources[1], stage)?;
+    let path = left.path(args, path);
+    let of_left = SplatWalk::new(left.splats, &left.display, &left.colors, path);
+    let of_right = of_left.of_right_eye(right.splats, &right.display, &right.colors);
+    let left_steered = steered(args, &sources[0], (&left.display, left.colors), of_left, stage)?;
+    let right_steered = steered(args, &sources[1], (&right.display, right.colors), of_right, stage)?;
+    Ok([(left_steered, left.depths), (right_steered, right.depths)])
+}
+
+fn refuse_quality(args: &Show, source: &str) -> Result<(), Failure> {
+    if args.subject.quality.quality.is_none() {
+        return Ok(());
+    }
+    let line = "splats with a tracker are not solved first. Leave out --quality";
+    Err(Failure::Arguments(reason!("quality-of-splats", "{source}: {line}")))
+}
+
+/// Reads the path of `--walk`, unless it is the built-in one.
+fn stated_path(args: &Show) -> Result<Option<CameraPath>, Failure> {
+    let file = args.walk.walk.as_deref().filter(|path| *path != AROUND);
+    Ok(file.map(|file| CameraPath::read(Path::new(file))).transpose()?)
+}
+
+/// Splats in front of a display.
+struct Placed {
+    splats: MovingSplats,
+    display: Display,
+    colors: Vec<Color>,
+    /// The depths that eyes may focus at, meters.
+    depths: [f64; 2],
+}
+
+impl Placed {
+    fn read(args: &Show, subject: &SubjectOptions, source: &str, stage: &Stage) -> Result<Self, Failure> {
+        let display = display_for(subject, None)?;
+        let colors = common::colors(&subject.display, &display)?;
+        let reading = args.subject.options.reading(display.focal_length);
+        let drawer = stage.engines.open()?.splat_drawer()?;
+        let request = reading.request(&display, &colors, None, subject.display.force);
+        let splats = MovingSplats::new(source, &Request { drawer: drawer.as_ref(), ..request })?;
+        tracing::info!("{source}: {}", splats.read_as());
+        let depths = args.subject.options.depth_before(&display).unwrap_or(splats.depth());
+        Ok(Self { splats, display, colors, depths })
+    }
+
+    /// Returns the path of the camera, and the time of one round.
+    fn path(&self, args: &Show, stated: Option<CameraPath>) -> Option<(CameraPath, Duration)> {
+        let is_around = args.walk.walk.as_deref() == Some(AROUND);
+        let path = if is_around { Some(self.splats.around()) } else { stated };
+        path.map(|path| (path, Duration::from_secs_f64(args.walk.walk_time.min(1e6))))
+    }
+}
+
+/// Returns darkness until the first views are drawn.
+fn steered(
+    args: &Show,
+    source: &str,
+    (display, colors): (&Display, Vec<Color>),
+    walk: SplatWalk,
+    stage: &Stage,
+) -> Result<Steered, Failure> {
+    let seed = args.subject.experiment.refinement()?.seed;
+    let mut steered = Steered::dark(source, display, colors, (args.frames()?, seed), &stage.engines)?;
+    steered.scenes = Some(Box::new(walk));
+    Ok(steered)
+}
+
 /// Shows splats for the tracked pupil.
 pub fn show(args: &Show, settings: ShowSettings, source: &str) -> Result<(), Failure> {
     kept_of_applications(args)?;
     let cost = refined(args, &settings)?;
     endless_needs_duration(args, cost, true)?;
-    if args.subject.quality.quality.is_some() {
-        let line = "splats with a tracker are not solved first. Leave out --quality";
-        return Err(Failure::Arguments(reason!("quality-of-splats", "{source}: {line}")));
-    }
-    let read = match args.walk.walk.as_deref().filter(|path| *path != AROUND) {
-        Some(file) => Some(CameraPath::read(Path::new(file))?),
-        None => None,
-    };
+    refuse_quality(args, source)?;
+    let path = stated_path(args)?;
     let stage = Stage::open(&args.subject, &args.live)?;
-    let display = display(args, None)?;
-    let colors = common::colors(&args.subject.display, &display)?;
-    let reading = args.subject.options.reading(display.focal_length);
-    let drawer = stage.engines.open()?.splat_drawer()?;
-    let request = reading.request(&display, &colors, None, args.subject.display.force);
-    let splats = MovingSplats::new(source, &Request { drawer: drawer.as_ref(), ..request })?;
-    tracing::info!("{source}: {}", splats.read_as());
-    let path = if args.walk.walk.as_deref() == Some(AROUND) { Some(splats.around()) } else { read };
-    let path = path.map(|path| (path, Duration::from_secs_f64(args.walk.walk_time.min(1e6))));
-    let depths = args.subject.options.depth_before(&display).or(Some(splats.depth()));
-    let seed = args.subject.experiment.refinement()?.seed;
+    let placed = Placed::read(args, &args.subject, source, &stage)?;
+    let (depths, display) = (placed.depths, placed.display.clone());
+    let path = placed.path(args, path);
     let moves_by_itself = path.is_some();
-    let walk = SplatWalk::new(splats, &display, &colors, path);
+    let walk = SplatWalk::new(placed.splats, &placed.display, &placed.colors, path);
     let handle = Some(walk.handle()).filter(|_| !moves_by_itself);
-    let mut steered = Steered::dark(source, &display, colors, (args.frames()?, seed), &stage.engines)?;
-    steered.scenes = Some(Box::new(walk));
+    let steered = steered(args, source, (&display, placed.colors), walk, &stage)?;
     common::say_model_age(&display);
     tracked::show(
         steered,
@@ -62,7 +126,7 @@ pub fn show(args: &Show, settings: ShowSettings, source: &str) -> Result<(), Fai
             policy: args.subject.experiment.policy()?,
             tracker: args.live.tracker(),
             simulated: cost,
-            depths,
+            depths: Some(depths),
             kept: KeptSession::default(),
             settings,
             walk: handle,

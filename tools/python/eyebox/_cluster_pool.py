@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import os
 import signal
 from collections.abc import Sequence
-from typing import Any, Callable, Iterator
+from typing import Any, Callable, Iterable, Iterator
 
 from . import _arguments
 
@@ -46,6 +47,23 @@ def gather(futures: Sequence[Any]) -> list[Any]:
                 other.cancel()
             raise result.error
     return [future.result() for future in futures]
+
+
+def gather_in_turn(pieces: Iterable[Callable[[], Any]], at_once: int) -> None:
+    """Runs pieces in their order, as many at once as there are workers. The first error ends the others.
+
+    Dask would give all pieces to the worker that has the result of the first one, and then move them in any order.
+    """
+    from dask.distributed import as_completed
+
+    waiting = iter(pieces)
+    running = as_completed([start() for start in itertools.islice(waiting, at_once)])
+    for future in running:
+        result = future.result()
+        if isinstance(result, _Refused):
+            raise result.error
+        for start in itertools.islice(waiting, 1):
+            running.add(start())
 
 
 def threads_of(index: int, count: int, client: Any, workers: int) -> int | None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import fractions
+import functools
 import json
 import numbers
 import os
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
 import numpy as np
 
 from . import _arguments, _cluster_work, _eyebox
-from ._cluster_pool import cluster, gather, submit, threads_of
+from ._cluster_pool import cluster, gather, gather_in_turn, submit, threads_of
 from ._display import Display, display_of
 from ._tables import Rows
 
@@ -103,13 +104,18 @@ def solve_sequence(
     job = (tuple(names), _text(display), tuple(colors), _arguments.toml(dict(settings)), shown.as_integer_ratio(), out, engine)
     before = _eyebox.Sequence.there(out) if os.path.exists(out) else 0
     with cluster(client, workers, max_workers) as there:
-        # The first piece passes the job to the others, so each worker fetches it once for any number of pieces.
         own = [threads_of(index, len(names), client, max_workers or workers) for index in range(len(names))]
         first = submit(there, _cluster_work.begun, job, own[0])
         idle = min(sum(there.nthreads().values()), len(names)) - 1
         beside = [submit(there, _cluster_work.prepared, job) for _ in range(idle)]
-        pieces = [submit(there, _cluster_work.piece, first, i, own[i]) for i in range(1, len(names))]
-        gather([first, *beside, *pieces])
+        piece = functools.partial(submit, there, _cluster_work.piece)
+        if client is None and max_workers is None:
+            gather([first, *beside])
+            gather_in_turn([functools.partial(piece, job, i, own[i]) for i in range(1, len(names))], workers)
+        else:
+            # A cluster that adapts to the work must see all of it. The first piece passes the job to the others, so each
+            # worker fetches it once for any number of pieces.
+            gather([first, *beside, *(piece(first, i, own[i]) for i in range(1, len(names)))])
     _eyebox.Sequence.finish(out)
     return len(names) - before
 

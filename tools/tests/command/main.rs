@@ -66,6 +66,8 @@ mod tradeoff;
 mod tree;
 #[cfg(target_os = "linux")]
 mod two_eyes;
+#[cfg(target_os = "linux")]
+mod two_eyes_live;
 mod units;
 mod usage;
 #[cfg(target_os = "linux")]

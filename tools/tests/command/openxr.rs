@@ -9,7 +9,7 @@ const SHOW: [&str; 10] =
     ["show", "openxr", "--display", "planes8", "--size", "64x96", "--engine", "cpu", "--color", "green"];
 
 /// Returns true if cargo built the layer with the command. `cargo test --workspace` does.
-fn has_layer() -> bool {
+pub fn has_layer() -> bool {
     let program = Path::new(env!("CARGO_BIN_EXE_eyebox"));
     let found = ["", "deps"]
         .iter()
@@ -22,7 +22,7 @@ fn has_layer() -> bool {
 }
 
 /// Builds the application and the runtime, or returns false if this machine has no loader of OpenXR.
-fn build(at: &Path) -> bool {
+pub fn build(at: &Path) -> bool {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("openxr/tests");
     let cc = |words: &[&str], output: &str| {
         let mut cc = Command::new("cc");
@@ -44,10 +44,15 @@ fn build(at: &Path) -> bool {
     built
 }
 
+/// Gives a command the runtime that was built.
+pub fn with_runtime<'a>(command: &'a mut Command, at: &Path) -> &'a mut Command {
+    command.env("XDG_RUNTIME_DIR", at).env("XR_RUNTIME_JSON", at.join("runtime.json"));
+    command.env_remove("XR_API_LAYER_PATH").env_remove("XR_ENABLE_API_LAYERS").env_remove("EYEBOX_OPENXR_FOV")
+}
+
 fn show(at: &Path, words: &[&str]) -> Command {
     let mut command = common::command(at, &[&SHOW[..], words].concat());
-    command.env("XDG_RUNTIME_DIR", at).env("XR_RUNTIME_JSON", at.join("runtime.json"));
-    command.env_remove("XR_API_LAYER_PATH").env_remove("XR_ENABLE_API_LAYERS").env_remove("EYEBOX_OPENXR_FOV");
+    with_runtime(&mut command, at);
     command
 }
 

@@ -26,7 +26,7 @@ const BRIEF: [&str; 12] = [
 ];
 const TRACKED: [&str; 4] = ["--tracker", "simulated", "--set", "show.step_time=4"];
 
-fn display(at: &Path, more: &str) {
+pub fn display(at: &Path, more: &str) {
     std::fs::write(at.join("left.toml"), PANEL).unwrap();
     std::fs::write(at.join("right.toml"), PANEL.replace("pitch_um = 8.0", "pitch_um = 8.2")).unwrap();
     std::fs::write(at.join("two.toml"), format!("left = \"left.toml\"\nright = \"right.toml\"\n{more}")).unwrap();
@@ -114,7 +114,6 @@ fn what_two_panels_cannot_show_is_refused() {
     for (args, code) in [
         (&["solve", "builtin:plane", "-o", "a.zarr"][..], "optics/display-file/two-panels"),
         (&["show", "builtin:plane", "builtin:chart"], "arguments/content-of-two-eyes"),
-        (&["show", "live:app"], "arguments/content-of-two-eyes"),
         (&["show", "builtin:plane", "--view"], "arguments/one-eye-option"),
         (&["show", "builtin:plane", "--tracker", "mouse"], "arguments/one-eye-option"),
     ] {

@@ -81,6 +81,11 @@ impl LiveInput {
         })
     }
 
+    /// Gives its frames the exposures of the other eye's, so that both eyes see the same brightness.
+    pub fn expose_like(&mut self, other: &Self) {
+        self.exposures = other.exposures.clone();
+    }
+
     /// Decodes views on this device, for engines there. The host then sees only sums of the light of a frame, and one
     /// view of one color at most 256 pixels wide, which gives the motion of the content. If the device fails, the host
     /// decodes again.
@@ -146,7 +151,7 @@ impl LiveInput {
         if let (Content::Views { grid, pitch_mm }, true) = (info.content, self.frame.is_taken()) {
             let [rows, columns] = grid.map(|n| n as usize);
             let views = ViewGrid { rows, columns, cell: metres(pitch_mm) };
-            return self.device_scene(views, camera, shown_at(info.content_time_ns, due), due.now_ns);
+            return self.device_scene(views, camera, info.content_time_ns, due);
         }
         let (grid, pitch, center, planes) = match info.content {
             Content::Views { grid, pitch_mm } => {
@@ -194,7 +199,7 @@ impl LiveInput {
         let place = (grid.map(|n| n as usize), pitch);
         let field = light_field(self.describe(), &self.display, &self.colors, place, planes);
         let colors = self.exposures.colors(&field, &self.display, center)?;
-        Ok(Ok(self.next_scene(colors, shown_at(info.content_time_ns, due), due.now_ns)))
+        Ok(Ok(self.next_scene(colors, info.content_time_ns, due)))
     }
 
     /// Makes the scene of the newest frame, whose views are on the device.
@@ -202,8 +207,8 @@ impl LiveInput {
         &mut self,
         views: ViewGrid,
         center: [f64; 2],
-        shows_ns: i64,
-        now_ns: i64,
+        content_time_ns: i64,
+        due: &Due,
     ) -> Result<Result<SceneFrame, String>, SessionError> {
         let newest = match self.device.as_mut().map_or(Ok(Vec::new()), DeviceViews::newest) {
             Ok(newest) => newest,
@@ -220,13 +225,15 @@ impl LiveInput {
             let problem = views_of_color.problem(&self.display, *color, views, center)?;
             colors.push(LiveColor { problem, phases: Vec::new(), exposure, laser: None });
         }
-        Ok(Ok(self.next_scene(colors, shows_ns, now_ns)))
+        Ok(Ok(self.next_scene(colors, content_time_ns, due)))
     }
 
-    fn next_scene(&mut self, colors: Vec<LiveColor>, shows_ns: i64, now_ns: i64) -> SceneFrame {
+    fn next_scene(&mut self, colors: Vec<LiveColor>, content_time_ns: i64, due: &Due) -> SceneFrame {
         self.frames += 1;
-        let (arrived_ns, shows_ns) = (Some(now_ns), Some(shows_ns));
-        SceneFrame { arrived_ns, shows_ns, ..SceneFrame::new(self.frames, Arc::new(colors)) }
+        let (arrived_ns, shows_ns) = (Some(due.now_ns), Some(shown_at(content_time_ns, due)));
+        // An application sends the frames of both eyes with the same time, on any clock.
+        let moment = Some(content_time_ns).filter(|time| *time != 0);
+        SceneFrame { arrived_ns, shows_ns, moment, ..SceneFrame::new(self.frames, Arc::new(colors)) }
     }
 }
 

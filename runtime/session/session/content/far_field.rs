@@ -183,7 +183,9 @@ impl Scenes for FarField {
         };
         self.number += 1;
         self.piece = extent;
-        Ok(Newest::New(SceneFrame { piece: Some(extent), ..SceneFrame::new(self.number, Arc::new(colors)) }))
+        // Pieces show the same moment of the scene, wherever they are.
+        let frame = SceneFrame::new(self.number, Arc::new(colors));
+        Ok(Newest::New(SceneFrame { piece: Some(extent), moment: None, ..frame }))
     }
 }
 

@@ -8,5 +8,6 @@ pub(crate) mod far_field;
 pub(crate) mod moving;
 pub(crate) mod near_eye;
 pub(crate) mod scenes;
+mod shared_camera;
 pub(crate) mod shifted;
 pub(crate) mod walk;

@@ -8,6 +8,7 @@ use crate::session::refinement::field::LiveColor;
 use crate::solve::{BrightEnd, Problem, random_phases};
 use eyebox_base::error::Reason;
 use rayon::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// The number of requested views along an axis if a tracker gives the position of the eye.
 const TRACKED_VIEWS: u32 = 3;
@@ -49,19 +50,21 @@ impl NearViews {
     }
 }
 
-/// One exposure for each color, set by the first frame. It only rises, and only if the light would not suffice.
+/// One exposure for each color, set by the first frame. It only rises, and only if the light would not suffice. Clones
+/// are the same exposures, so that both eyes see the same brightness.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Exposures(Option<Vec<f64>>);
+pub(crate) struct Exposures(Arc<Mutex<Option<Vec<f64>>>>);
 
 impl Exposures {
     /// Returns the exposures for another frame.
     ///
     /// The slice `ends` holds the estimate from the bright end of the middle view of each color, and the mean of that
     /// view. An exposure is per unit of light of the sources.
-    pub fn of(&mut self, display: &Display, colors: &[Color], ends: &[[f64; 2]]) -> Vec<f64> {
+    pub fn of(&self, display: &Display, colors: &[Color], ends: &[[f64; 2]]) -> Vec<f64> {
         let lights = colors.iter().map(|color| mean_light(&display.modes(*color)));
         let ends: Vec<[f64; 2]> = ends.iter().zip(lights).map(|(end, light)| end.map(|v| v / light)).collect();
-        let exposures = self.0.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let exposures = kept.get_or_insert_with(|| ends.iter().map(|[guess, _]| guess.max(LEAST_EXPOSURE)).collect());
         exposures.iter_mut().zip(&ends).for_each(|(exposure, [_, mean])| *exposure = exposure.max(*mean));
         exposures.clone()
     }
@@ -71,7 +74,7 @@ impl Exposures {
     /// # Errors
     /// Returns [`SessionError::Setting`] if the display does not have a color.
     pub fn colors(
-        &mut self,
+        &self,
         field: &LightField,
         display: &Display,
         center: [f64; 2],
@@ -136,7 +139,7 @@ mod tests {
             let mut display = Display { height: 32, width: 48, ..Display::preset("small").unwrap() };
             let source = |x| SwitchedSource { eyebox_mm: Some([x, 0.0]), power, ..SwitchedSource::default() };
             display.sources.each = [-30.0, 30.0].map(source).to_vec();
-            let mut exposures = Exposures::default();
+            let exposures = Exposures::default();
             [[0.3, 0.1], [0.2, 0.6]].map(|end| exposures.of(&display, &[Color::Green], &[end])[0])
         };
         for (exposure, wanted) in exposures_at(0.5).into_iter().zip([0.6, 1.2]) {

@@ -20,14 +20,18 @@ pub struct SceneFrame {
     /// The time of the content that it shows, on the same clock. It is `None` if the content is still or its time is
     /// unknown.
     pub shows_ns: Option<i64>,
+    /// The moment of the content, in any unit that the sources of both eyes share. Sets of two eyes that show together
+    /// have the same moment. `None` belongs to every moment.
+    pub moment: Option<i64>,
     /// The piece of a far field that this scene is. Its phases are the solved phases of the piece.
     pub piece: Option<TileRect>,
 }
 
 impl SceneFrame {
-    /// Creates a still scene that was there from the start.
+    /// Creates a still scene that was there from the start. Its number is its moment.
     pub(crate) fn new(number: u64, colors: Arc<Vec<LiveColor>>) -> Self {
-        Self { number, colors, arrived_ns: None, shows_ns: None, piece: None }
+        let moment = i64::try_from(number).ok();
+        Self { number, colors, arrived_ns: None, shows_ns: None, moment, piece: None }
     }
 
     /// Returns true if its views were in the memory of a device that is lost.

@@ -4,6 +4,7 @@ use crate::optics::{Color, Display};
 use crate::scene::{CameraPath, MovingSplats, SplatCamera};
 use crate::session::content::near_eye::{Exposures, NearViews, light_field};
 use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes};
+use crate::session::content::shared_camera::{SharedCamera, Shot};
 use crate::session::frame_log::error::SessionError;
 use crate::session::frame_log::threads::spawn;
 use crate::session::refinement::field::LiveColor;
@@ -67,8 +68,8 @@ pub struct SplatWalk {
     handle: WalkHandle,
     /// The path, and the time of one round.
     path: Option<(CameraPath, Duration)>,
-    /// The light of the first request, at which the path begins (ns).
-    begun_ns: Option<i64>,
+    /// The camera that both eyes share, if there are two.
+    shared: SharedCamera,
     /// The newest views that were requested.
     asked: Option<Asked>,
     frames: u64,
@@ -80,8 +81,9 @@ pub struct SplatWalk {
 /// The views to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Asked {
-    camera: SplatCamera,
+    shot: Shot,
     near: NearViews,
+    /// The light at which they are shown (ns).
     shows_ns: i64,
 }
 
@@ -123,10 +125,30 @@ impl SplatWalk {
     ) -> Self {
         let start = splats.camera();
         let handle = WalkHandle { camera: Arc::new(Mutex::new(start)), start, distance: splats.distance() };
+        Self::with(splats, (display, colors), (handle, path, SharedCamera::alone()), Exposures::default())
+    }
+
+    /// Shows the splats of the right eye. The camera is that of this walk, which is the left eye's, and so are the
+    /// exposures. The camera moves on when both eyes have their views of it.
+    pub fn of_right_eye(&self, splats: MovingSplats, display: &Display, colors: &[Color]) -> Self {
+        let exposures = match &self.drawing {
+            Drawing::Here(drawer) => drawer.exposures.clone(),
+            Drawing::Thread { .. } => Exposures::default(),
+        };
+        let camera = (self.handle.clone(), self.path.clone(), self.shared.of_right_eye());
+        Self::with(splats, (display, colors), camera, exposures)
+    }
+
+    fn with(
+        splats: MovingSplats,
+        (display, colors): (&Display, &[Color]),
+        (handle, path, shared): (WalkHandle, Option<(CameraPath, Duration)>, SharedCamera),
+        exposures: Exposures,
+    ) -> Self {
         let (name, eyebox) = (splats.name().to_owned(), display.eyebox_min());
-        let (display, colors, exposures) = (display.clone(), colors.to_vec(), Exposures::default());
+        let (display, colors) = (display.clone(), colors.to_vec());
         let drawing = Drawing::Here(Box::new(Drawer { splats, display, colors, exposures }));
-        Self { name, eyebox, handle, path, begun_ns: None, asked: None, frames: 0, lead_ns: 0.0, drawing }
+        Self { name, eyebox, handle, path, shared, asked: None, frames: 0, lead_ns: 0.0, drawing }
     }
 
     /// Returns the handle that moves the camera. It has no effect if there is a path.
@@ -137,12 +159,15 @@ impl SplatWalk {
     /// Returns the views for a set.
     fn wanted(&mut self, due: &Due) -> Asked {
         let shows_ns = due.light_ns.saturating_add(self.lead_ns as i64);
-        let begun_ns = *self.begun_ns.get_or_insert(due.light_ns);
+        let begun_ns = self.shared.begun_ns(due.light_ns);
         let camera = match &self.path {
             Some((path, round)) => path.at((shows_ns - begun_ns) as f64 * 1e-9 / round.as_secs_f64().max(1e-3)),
             None => self.handle.camera(),
         };
-        Asked { camera, near: NearViews::of(due, self.eyebox, WHOLE_VIEWS), shows_ns }
+        let shot = self.shared.shot(camera, shows_ns, due.now_ns);
+        // A camera that stands still shows any time.
+        let shows_ns = if shot.camera == camera { shows_ns } else { shot.shows_ns };
+        Asked { shot, near: NearViews::of(due, self.eyebox, WHOLE_VIEWS), shows_ns }
     }
 
     /// Returns true if the views differ visibly from the last ones.
@@ -150,20 +175,40 @@ impl SplatWalk {
         self.asked.is_none_or(|last| {
             let (was, is) = (&last.near, &wanted.near);
             let moved = (is.center[0] - was.center[0]).hypot(is.center[1] - was.center[1]);
-            last.camera != wanted.camera
+            last.shot != wanted.shot
                 || was.views != is.views
                 || (is.pitch - was.pitch).abs() > WIDER * was.pitch
                 || moved > MOVED * was.pitch
         })
     }
 
+    /// Takes the views that the thread has drawn.
+    fn arrived(&mut self) -> Result<Option<Drawn>, SessionError> {
+        let Drawing::Thread { drawn, thread, since, .. } = &mut self.drawing else { return Ok(None) };
+        let newest = drawn.take();
+        if newest.is_none() && thread.as_ref().is_none_or(JoinHandle::is_finished) {
+            let reason = "failed, which is a fault of eyebox".into();
+            return Err(SessionError::Thread { what: DRAWS, reason });
+        }
+        if let Some(begun) = since.take_if(|_| newest.is_some()) {
+            let took_ns = begun.elapsed().as_nanos() as f64;
+            self.lead_ns += if self.frames == 0 { took_ns } else { NEWER * (took_ns - self.lead_ns) };
+        }
+        // The camera may now move on.
+        newest.iter().for_each(|drawn| self.shared.taken(&drawn.asked.shot));
+        Ok(newest)
+    }
+
     fn frame(&mut self, drawn: Drawn, due: &Due) -> Newest {
+        let shot = drawn.asked.shot;
+        self.shared.taken(&shot);
         match drawn.colors {
             Ok(colors) => {
                 self.frames += 1;
                 let age_ns = if due.patient { 0 } else { drawn.ended.elapsed().as_nanos() as i64 };
                 let (arrived_ns, shows_ns) = (Some(due.now_ns - age_ns), Some(drawn.asked.shows_ns));
-                Newest::New(SceneFrame { arrived_ns, shows_ns, ..SceneFrame::new(self.frames, Arc::new(colors)) })
+                let frame = SceneFrame::new(self.frames, Arc::new(colors));
+                Newest::New(SceneFrame { arrived_ns, shows_ns, moment: Some(shot.moment), ..frame })
             }
             Err(error) => Newest::Refused(error.to_string()),
         }
@@ -176,29 +221,20 @@ impl Scenes for SplatWalk {
     }
 
     fn next(&mut self, due: &Due) -> Result<Newest, SessionError> {
+        self.drawing.begin(due.patient)?;
+        let mut drawn = self.arrived()?;
+        if matches!(&self.drawing, Drawing::Thread { since: Some(_), .. }) {
+            return Ok(Newest::Same);
+        }
         let wanted = self.wanted(due);
-        let differs = self.differs(&wanted);
-        let (drawn, taken) = match self.drawing.begin(due.patient)? {
-            Drawing::Here(drawer) => (differs.then(|| drawer.draw(wanted)), differs),
-            Drawing::Thread { asked, drawn, thread, since } => {
-                let newest = drawn.take();
-                if newest.is_none() && thread.as_ref().is_none_or(JoinHandle::is_finished) {
-                    let reason = "failed, which is a fault of eyebox".into();
-                    return Err(SessionError::Thread { what: DRAWS, reason });
-                }
-                if let Some(begun) = since.take_if(|_| newest.is_some()) {
-                    let took_ns = begun.elapsed().as_nanos() as f64;
-                    self.lead_ns += if self.frames == 0 { took_ns } else { NEWER * (took_ns - self.lead_ns) };
-                }
-                let free = since.is_none() && differs;
-                if free {
+        if self.differs(&wanted) {
+            match &mut self.drawing {
+                Drawing::Here(drawer) => drawn = Some(drawer.draw(wanted)),
+                Drawing::Thread { asked, since, .. } => {
                     *since = Some(Instant::now());
                     asked.push(wanted);
                 }
-                (newest, free)
             }
-        };
-        if taken {
             self.asked = Some(wanted);
         }
         Ok(drawn.map_or(Newest::Same, |drawn| self.frame(drawn, due)))
@@ -250,7 +286,7 @@ impl Drawer {
 
     fn draw(&mut self, asked: Asked) -> Drawn {
         let places: Vec<(f64, f64)> = asked.near.places().into_iter().map(|[x, y]| (x, y)).collect();
-        let planes = self.splats.views(&asked.camera, &self.colors, &places);
+        let planes = self.splats.views(&asked.shot.camera, &self.colors, &places);
         let (name, grid) = (self.splats.name().to_owned(), [asked.near.views as usize; 2]);
         let field = light_field(name, &self.display, &self.colors, (grid, asked.near.pitch), planes);
         let colors = self.exposures.colors(&field, &self.display, asked.near.center);

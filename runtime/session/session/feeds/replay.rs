@@ -101,6 +101,7 @@ impl Replay {
             focus: None,
             steps: std::mem::take(&mut self.steps),
             content: self.content,
+            moment: None,
             arrived_ns: None,
             supply: FrameFreshness::Same,
             estimated_db: None,

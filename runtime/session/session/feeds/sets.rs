@@ -33,6 +33,8 @@ pub struct FinishedSet {
     pub steps: u32,
     /// The number of the scene that it shows, if scenes follow each other.
     pub content: Option<u64>,
+    /// The moment of its content, which the sets of both eyes share if they show together.
+    pub moment: Option<i64>,
     /// The arrival of the scene (ns on the clock of the player).
     pub arrived_ns: Option<i64>,
     /// The freshness of the scene.
@@ -62,7 +64,7 @@ impl FinishedSet {
             (0, _) | (_, 0) => false,
             _ => apart_ns <= period_ns.unsigned_abs() / 2,
         };
-        same_time && self.content == other.content
+        same_time && self.moment.zip(other.moment).is_none_or(|(own, others)| own == others)
     }
 }
 

@@ -19,6 +19,7 @@ use eyebox::low_level::evaluate::Group;
 use eyebox::low_level::files::ManagedDir;
 use eyebox::low_level::optics::{Color, Display, Geometry};
 use eyebox::low_level::reason;
+use eyebox::low_level::reconstruction::drawer_for;
 use eyebox::low_level::scene;
 use eyebox::low_level::solve::{Method, Settings};
 use eyebox_lab::comparison::{Comparison, ExistingHologram, JUDGED, MaskKind, Published, Results, candidates};
@@ -52,9 +53,10 @@ pub fn run(args: &Compare) -> Result<(), Failure> {
         eprintln!("engine: {}", engine.describe());
         chosen.iter().for_each(|about| eprintln!("{about}"));
     }
+    let drawers: Vec<_> = args.scenes.iter().map(|scene| drawer_for(scene, engine.as_ref())).collect();
     let mut load = |index: usize| -> Result<_, Failure> {
         let scene = args.scene(index, maps.get(index));
-        let field = common::scene(&scene, &job.display, &job.colors)?;
+        let field = common::scene_by(&scene, &job.display, &job.colors, drawers[index].as_ref())?;
         let depth = common::depths(&scene, &field, &job.display)?;
         Ok((field, depth))
     };

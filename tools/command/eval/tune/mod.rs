@@ -50,7 +50,7 @@ pub fn run(args: &Tune) -> Result<(), Failure> {
         ref given => given.clone(),
     };
     let mut engine = common::engine(&args.engine)?;
-    let field = common::scene(&args.scene, &display, &[color])?;
+    let field = common::scene_on(&args.scene, &display, &[color], engine.as_ref())?;
     base.depth = common::depths(&args.scene, &field, &display)?;
     let _made = writable(&args.out)?;
     if !args.json {

@@ -74,6 +74,7 @@ impl Refining {
             focus,
             steps,
             content: scene.map(|scene| scene.number).or(self.first_of_scenes()),
+            moment: scene.map_or_else(|| self.first_of_scenes().map(|_| 0), |scene| scene.moment),
             arrived_ns: scene.and_then(|scene| scene.arrived_ns),
             supply: self.supply,
             estimated_db: self.refiner.estimated_db().filter(|_| steps > 0),
