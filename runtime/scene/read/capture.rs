@@ -98,7 +98,7 @@ fn colmap_binary(bytes: &[u8]) -> Option<Vec<Camera>> {
         let name = at + 4 + 56 + 4;
         let end = name + bytes.get(name..)?.iter().position(|byte| *byte == 0)? + 1;
         let points = usize::try_from(word(end)?).ok()?;
-        at = points.checked_mul(24)?.checked_add(end + 8)?;
+        at = points.checked_mul(24)?.checked_add(end + 8).filter(|at| *at <= bytes.len())?;
     }
     Some(all)
 }
@@ -157,7 +157,8 @@ fn grid(cameras: &[Camera]) -> Option<[usize; 2]> {
     for place in &places {
         let steps = [0, 1].map(|i| (place[i] - low[i]) / nearest);
         let off = steps.iter().map(|v| (v - v.round()).abs()).fold(place[2].abs() / nearest, f64::max);
-        if off.is_nan() || off > OFF {
+        // A grid has at most as many rows and columns as cameras.
+        if off.is_nan() || off > OFF || steps.iter().any(|step| *step > cameras.len() as f64) {
             return None;
         }
         cells.push([steps[1].round() as usize, steps[0].round() as usize]);
@@ -217,6 +218,12 @@ mod tests {
         assert_eq!(found(folder.path()), Some((6, Some([2, 3]))));
         fs::write(at("images.bin"), &bytes[..bytes.len() - 30]).unwrap();
         assert_eq!(found(folder.path()), None, "a damaged file decides nothing");
+        // The number of points of the first picture ends near the largest place.
+        let of_first = 8 + 4 + 56 + 4 + "name.jpg\0".len();
+        let points = (usize::MAX - of_first - 8) / 24;
+        bytes[of_first..of_first + 8].copy_from_slice(&(points as u64).to_le_bytes());
+        fs::write(at("images.bin"), &bytes).unwrap();
+        assert_eq!(found(folder.path()), None, "a damaged file decides nothing");
         let row = |[x, y, z]: [f64; 3]| {
             let of = |k: usize| [[0.0, 1.0, 0.0, x, 9.0], [1.0, 0.0, 0.0, y, 9.0], [0.0, 0.0, -1.0, z, 9.0]][k];
             (0..3).flat_map(of).chain([1.0, 9.0]).map(|v| v as f32).collect::<Vec<f32>>()
@@ -226,6 +233,13 @@ mod tests {
         assert_eq!(found(folder.path()), Some((6, Some([2, 3]))));
         fs::write(at("lightfield.toml"), "grid = [2, 3]").unwrap();
         assert_eq!(found(folder.path()), None, "the folder states its grid");
+    }
+
+    #[test]
+    fn cameras_that_are_very_far_apart_are_no_grid() {
+        let at = |x: f64| Camera { center: [x, 0.0, 0.0], right: [1.0, 0.0, 0.0], down: [0.0, 1.0, 0.0] };
+        assert_eq!(grid(&[at(0.0), at(1.0), at(1e300)]), None);
+        assert_eq!(grid(&[at(0.0), at(1.0), at(2.0)]), Some([1, 3]));
     }
 
     #[test]
