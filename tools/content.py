@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes docs/content.jpg: one scene as the content of each kind that the page Content lists, seen through one pupil.
+"""Makes docs/content.jpg, which shows one scene as the content of each kind that the page Content lists.
 
     EYEBOX=target/release/eyebox tools/content.py
 

@@ -82,6 +82,22 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
     }
 }
 
+/// Sets of two eyes belong together if they are for the same light and the same moment of the content.
+#[test]
+fn sets_of_the_same_moment_belong_together() {
+    let (sender, _source) = channel(&encoder().frames());
+    let set = |light_ns, moment| {
+        let timestamps = Timestamps { predicted_light_ns: light_ns, ..Timestamps::default() };
+        FinishedSet { timestamps, moment, ..made(&sender, 0) }
+    };
+    let one = set(100, Some(7));
+    for (light_ns, moment, belongs) in
+        [(100, Some(7), true), (104, Some(7), true), (106, Some(7), false), (100, Some(8), false), (100, None, true)]
+    {
+        assert_eq!(one.belongs_to(&set(light_ns, moment), 10), belongs, "{light_ns} {moment:?}");
+    }
+}
+
 #[test]
 fn the_newest_set_wins_and_buffers_go_round() {
     let (sender, mut source) = channel(&encoder().frames());

@@ -1,4 +1,4 @@
-//! Damages files that stand beside pictures, such as those of cameras and of layers, and videos.
+//! Damages files next to pictures, which have cameras or layers, and videos.
 
 use super::{damage, display, edit, fuzz, png, sound};
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, WritableImage};
@@ -121,7 +121,7 @@ fn cameras_of_other_programs() {
     });
 }
 
-/// The cameras of training beside splats.
+/// The cameras of training next to splats.
 #[test]
 fn cameras_of_training() {
     let temp = tempfile::tempdir().expect("a folder");

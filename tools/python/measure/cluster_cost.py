@@ -43,10 +43,10 @@ def used():
 def seconds(workers, pieces, first, load, piece, finish):
     """Models the time of a sequence in seconds.
 
-    The first piece determines the exposure. Each worker then loads the first scene. The other pieces follow at once,
+    The first piece determines the exposure, while the other workers load the first scene. The other pieces follow at once,
     one per worker at a time, but no faster than the scheduler submits them. The caller then checks that all are there.
     """
-    return first + load + max(math.ceil((pieces - 1) / workers) * piece, (pieces - 1) * SCHEDULER) + pieces * finish
+    return max(first, load) + max(math.ceil((pieces - 1) / workers) * piece, (pieces - 1) * SCHEDULER) + pieces * finish
 
 
 def main():

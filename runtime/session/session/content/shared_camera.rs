@@ -117,7 +117,7 @@ mod tests {
         left.taken(&first);
         right.taken(&second);
         assert_eq!(right.shot(camera(4.0), 500, 4 * MS), second);
-        // An eye that stands still or has ended does not stop the other one.
+        // An eye that draws nothing or has ended does not stop the other one.
         assert_eq!(right.shot(camera(4.0), 500, 3 * MS + PATIENCE_NS).moment, 2);
         drop(left);
         right.taken(&right.shot(camera(4.0), 500, 4 * MS));
@@ -130,7 +130,7 @@ mod tests {
         let first = one.shot(camera(0.0), 100, 0);
         assert_eq!(one.shot(camera(1.0), 200, 1), first);
         one.taken(&first);
-        assert_eq!(one.shot(camera(0.0), 300, 2), first, "the camera stands still");
+        assert_eq!(one.shot(camera(0.0), 300, 2), first, "the camera is still");
         assert_eq!(one.shot(camera(1.0), 300, 2).moment, 1);
     }
 }

@@ -128,8 +128,8 @@ impl SplatWalk {
         Self::with(splats, (display, colors), (handle, path, SharedCamera::alone()), Exposures::default())
     }
 
-    /// Shows the splats of the right eye. The camera is that of this walk, which is the left eye's, and so are the
-    /// exposures. The camera moves on when both eyes have their views of it.
+    /// Shows the splats of the right eye. The camera and the exposures belong to this walk, which is of the left eye. The
+    /// camera moves on when both eyes have their views of it.
     pub fn of_right_eye(&self, splats: MovingSplats, display: &Display, colors: &[Color]) -> Self {
         let exposures = match &self.drawing {
             Drawing::Here(drawer) => drawer.exposures.clone(),
@@ -165,7 +165,7 @@ impl SplatWalk {
             None => self.handle.camera(),
         };
         let shot = self.shared.shot(camera, shows_ns, due.now_ns);
-        // A camera that stands still shows any time.
+        // A still camera shows any time.
         let shows_ns = if shot.camera == camera { shows_ns } else { shot.shows_ns };
         Asked { shot, near: NearViews::of(due, self.eyebox, WHOLE_VIEWS), shows_ns }
     }
@@ -369,6 +369,33 @@ mod tests {
         let field = crate::scene::load("builtin:still-life-splats", &request).unwrap();
         let wanted = Problem::new(&field, Color::Green, &display, crate::optics::Padding::default()).unwrap();
         assert_eq!(made.pyramid.levels[0].views, wanted.pyramid.levels[0].views);
+    }
+
+    /// The right eye sees the same moments of the camera as the left one, from its own place.
+    #[test]
+    fn both_eyes_see_the_same_moments_of_a_path() {
+        let display = display();
+        let mut left = walk(Some(2.0));
+        let request = Request::new(&display, &[Color::Green]);
+        let splats = MovingSplats::new("builtin:still-life-splats?shift=63", &request).unwrap();
+        let mut right = left.of_right_eye(splats, &display, &[Color::Green]);
+        let frame = |walk: &mut SplatWalk, light_ns| match walk.next(&due(light_ns, [0.0; 2], true)).unwrap() {
+            Newest::New(frame) => frame,
+            _ => panic!("no new views"),
+        };
+        for moment in 0..3 {
+            let [one, other] = [&mut left, &mut right].map(|eye| frame(eye, 100 * MS * (moment + 1)));
+            assert_eq!([one.moment, other.moment], [Some(moment); 2]);
+            assert_eq!(one.colors[0].exposure, other.colors[0].exposure);
+            let views = |frame: &SceneFrame| frame.colors[0].problem.pyramid.levels[0].views.clone();
+            assert!(views(&one) != views(&other), "the eyes see the same");
+        }
+        // The left eye alone does not move the camera.
+        let ahead = frame(&mut left, 400 * MS);
+        assert_eq!(ahead.moment, Some(3));
+        assert!(matches!(left.next(&due(500 * MS, [0.0; 2], true)).unwrap(), Newest::Same));
+        assert_eq!(frame(&mut right, 500 * MS).moment, Some(3));
+        assert_eq!(frame(&mut left, 500 * MS).moment, Some(4));
     }
 
     /// In real time a thread draws. Requests return at once, and a path moves the camera.
