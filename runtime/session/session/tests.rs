@@ -85,8 +85,8 @@ pub(super) fn made(sender: &SetSender, number: u64) -> FinishedSet {
 /// Sets of two eyes belong together if they are for the same light and the same moment of the content.
 #[test]
 fn sets_of_the_same_moment_belong_together() {
-    let (sender, _source) = channel(&encoder().frames());
     let set = |light_ns, moment| {
+        let (sender, _source) = channel(&encoder().frames());
         let timestamps = Timestamps { predicted_light_ns: light_ns, ..Timestamps::default() };
         FinishedSet { timestamps, moment, ..made(&sender, 0) }
     };
