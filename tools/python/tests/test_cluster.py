@@ -1,6 +1,7 @@
 """Tests work on two processes. If one of them is killed, the files still have the bytes of one process."""
 
 import contextlib
+import functools
 import json
 import os
 import pathlib
@@ -280,6 +281,23 @@ def test_idle_workers_load_the_first_scene_meanwhile(monkeypatch, tmp_path):
         submitted.clear()
         eyebox.cluster.solve_sequence(["builtin:plane"] * count, tmp_path / "s.zarr", "small", client=Client())
         assert submitted == ["begun", *["prepared"] * idle, *["piece"] * (count - 1)]
+
+
+def test_pieces_run_in_turn():
+    with _cluster_pool.cluster(None, 2, None) as there:
+        started = []
+
+        def start(index):
+            # Two run at once, so all but one of those before have ended.
+            assert sum(future.done() for future in started) >= index - 1
+            started.append(_cluster_pool.submit(there, time.sleep, 0.05 * (index % 3)))
+            return started[-1]
+
+        _cluster_pool.gather_in_turn([functools.partial(start, index) for index in range(7)], 2)
+        assert len(started) == 7 and all(future.done() for future in started)
+        with pytest.raises(ValueError):
+            failing = [lambda: _cluster_pool.submit(there, int, "x"), lambda: pytest.fail("it goes on")]
+            _cluster_pool.gather_in_turn(failing, 1)
 
 
 def test_workers_keep_their_memory(monkeypatch):

@@ -24,7 +24,7 @@ fn wait_until_it_hears(child: &mut Child) {
 fn interrupt(at: &Path, line: &str) -> (ExitStatus, String) {
     let args: Vec<&str> = line.split_whitespace().collect();
     let mut child = command(at, &args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    // On a busy machine, the command must not compute faster than this test sends the signal.
+    // The command must not compute faster than this test sends the signal, whatever else runs.
     rustix::process::setpriority_process(Some(rustix::process::Pid::from_child(&child)), 19).unwrap();
     wait_until_it_hears(&mut child);
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
