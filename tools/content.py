@@ -104,7 +104,7 @@ def main():
             ("a picture with a depth map", ["photo.png", *of_map]),
             ("colors and depths in halves", ["pair.png?depth=right", "--near", "bright", of_map[-1]]),
             ("views of a grid of cameras", ["views", of_map[-1]]),
-            ("an array of views", [f"views.npy?srgb", "--view-pitch", pitch, of_map[-1]]),
+            ("an array of views", ["views.npy?srgb", "--view-pitch", pitch, of_map[-1]]),
             ("splats", [f"scene.splat?{camera}", of_map[-1]]),
             ("layers", ["layers"]),
             ("a focal stack", ["stack"]),
