@@ -129,6 +129,18 @@ fn sound(field: &scene::LightField) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Checks a loaded field like [`sound`], and that an error is one line.
+fn sound_or_refused(loaded: Result<scene::LightField, scene::SceneError>) -> Result<(), TestCaseError> {
+    match loaded {
+        Ok(field) => sound(&field),
+        Err(error) => {
+            let text = error.to_string();
+            prop_assert!(!text.is_empty() && !text.contains('\n'), "{}", text);
+            Ok(())
+        }
+    }
+}
+
 /// Returns a TIFF of 10 x 12 pixels without compression, with little-endian samples of `bits` bits.
 fn tiff(channels: u16, bits: u16, format: u16) -> Vec<u8> {
     let count = 120 * usize::from(channels) * usize::from(bits) / 8;
@@ -200,14 +212,7 @@ fn folders_of_views() {
         let loaded = scene::load(views.to_str().expect("a name"), &Request::new(&display, &[Color::Green]));
         // Restores the file for the next case.
         if which < 7 { fs::write(&file, whole) } else { fs::remove_file(&file) }.expect("restored");
-        match loaded {
-            Ok(field) => sound(&field),
-            Err(error) => {
-                let text = error.to_string();
-                prop_assert!(!text.is_empty() && !text.contains('\n'), "{}", text);
-                Ok(())
-            }
-        }
+        sound_or_refused(loaded)
     });
 }
 

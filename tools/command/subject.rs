@@ -248,7 +248,7 @@ impl Steered {
         display: &Display,
         colors: Vec<Color>,
         (frames, seed): (usize, u64),
-        engines: &Engines,
+        engine: &dyn Engine,
     ) -> Result<Self, Failure> {
         let encoder = Encoder::new(display, &colors, frames)?;
         let parts = darkness(display, &colors, frames, seed)?;
@@ -261,7 +261,7 @@ impl Steered {
         };
         let mut hologram = Hologram::on(display, frames, colors.iter().zip(&parts).map(of).collect());
         hologram.scene = scene.into();
-        let engine = engines.open()?.describe();
+        let engine = engine.describe();
         Ok(Self { hologram, colors, parts, scenes: None, field: None, encoder, engine, unfinished: None })
     }
 

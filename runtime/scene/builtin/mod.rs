@@ -23,7 +23,7 @@ mod still_life;
 mod targets;
 mod texture;
 
-use crate::formats::options::with_camera;
+use crate::formats::options::with_length;
 use crate::{LightField, Request, SceneError};
 use eyebox_base::error::Reason;
 use eyebox_base::memory;
@@ -191,7 +191,7 @@ pub(super) fn from_places<const N: usize>(
         // It is rounded down, so that the scene stays within the limit.
         query.push_str(&format!("&span={}", (span * 1e7).floor() / 1e4));
     }
-    Ok(cameras.map(|camera| format!("builtin:{head}?{}", with_camera(&query, camera))))
+    Ok(cameras.map(|camera| format!("builtin:{head}?{}", with_length(&query, "camera", camera))))
 }
 
 /// Renders `builtin:source` at the display's resolution.

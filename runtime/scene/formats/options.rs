@@ -21,11 +21,12 @@ pub(crate) fn parts(source: &str) -> (&Path, &str) {
     }
 }
 
-/// Returns a query with the option `camera` for this position in meters.
-pub(crate) fn with_camera(query: &str, camera: f64) -> String {
-    let kept = query.split('&').filter(|pair| !pair.is_empty() && !pair.starts_with("camera="));
-    let camera = format!("camera={}", (camera * 1e7).round() / 1e4);
-    kept.chain([camera.as_str()]).collect::<Vec<_>>().join("&")
+/// Returns a query with the option `name` for this length in meters, which it has in millimeters.
+pub(crate) fn with_length(query: &str, name: &str, length: f64) -> String {
+    let is_it = |pair: &&str| pair.split_once('=').is_some_and(|(key, _)| key == name);
+    let kept = query.split('&').filter(|pair| !pair.is_empty() && !is_it(pair));
+    let option = format!("{name}={}", (length * 1e7).round() / 1e4);
+    kept.chain([option.as_str()]).collect::<Vec<_>>().join("&")
 }
 
 /// The arrangement of views in a picture.

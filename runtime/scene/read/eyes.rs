@@ -1,10 +1,10 @@
 //! Finds the scene that each of two eyes sees.
 
-use crate::formats::options::{parts, with_camera};
+use crate::formats::options::{parts, with_length};
 use crate::formats::video;
 use crate::read::source::Source;
 use crate::splats::format::Format;
-use crate::splats::options::{Options, with_shift};
+use crate::splats::options::Options;
 use crate::{Request, SceneError, builtin};
 use eyebox_base::reason;
 use std::path::Path;
@@ -12,8 +12,8 @@ use std::path::Path;
 /// Returns the sources of one scene for the left and the right eye. `eyes` are their places along x from the middle of
 /// the scene in meters.
 ///
-/// A built-in scene, splats and a picture with a depth map are seen from both places. A folder has a folder `left` and a folder
-/// `right`, each with the views of one eye.
+/// A built-in scene, splats and a picture with a depth map are seen from both places. A folder has a folder `left` and a
+/// folder `right`, each with the views of one eye.
 ///
 /// # Errors
 /// [`SceneError::Options`] for a scene that has views of one eye only. The errors of finding the scene.
@@ -21,7 +21,7 @@ pub fn of_two_eyes(source: &str, request: &Request, eyes: [f64; 2]) -> Result<[S
     let (file, query) = parts(source);
     if Format::of(file).is_some() {
         let shift = Options::parse(query).map_err(|reason| SceneError::Options { scene: source.into(), reason })?.shift;
-        return Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_shift(query, shift + eye))));
+        return Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_length(query, "shift", shift + eye))));
     }
     if let Some(name) = source.strip_prefix("builtin:") {
         return builtin::from_places(name, request, eyes);
@@ -33,14 +33,14 @@ pub fn of_two_eyes(source: &str, request: &Request, eyes: [f64; 2]) -> Result<[S
     }
     match Source::of(source)? {
         Source::Picture(path) if video::named(path).is_none() => {
-            Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_camera(query, eye))))
+            Ok(eyes.map(|eye| format!("{}?{}", file.display(), with_length(query, "camera", eye))))
         }
         _ => Err(SceneError::Options {
             scene: source.into(),
             reason: reason!(
                 "one-eye",
-                "it has views of one eye only. Two eyes need a built-in scene, splats, a picture with a depth map, or a folder \
-                 with a folder `left` and a folder `right`"
+                "it has views of one eye only. Two eyes need a built-in scene, splats, a picture with a depth map, or a \
+                 folder with a folder `left` and a folder `right`"
             ),
         }),
     }

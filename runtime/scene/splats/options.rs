@@ -3,13 +3,6 @@
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 
-/// Returns a query with the option `shift` for this displacement in meters.
-pub(crate) fn with_shift(query: &str, shift: f64) -> String {
-    let kept = query.split('&').filter(|pair| !pair.is_empty() && !pair.starts_with("shift="));
-    let shift = format!("shift={}", (shift * 1e7).round() / 1e4);
-    kept.chain([shift.as_str()]).collect::<Vec<_>>().join("&")
-}
-
 /// List of the options, for people.
 const TAKES: &str = "splats take fov=DEGREES, eye=X,Y,Z, at=X,Y,Z, up=X,Y,Z, camera=NUMBER, range=NEAR,FAR and shift=MM, with & between";
 

@@ -1,6 +1,6 @@
 //! Damages files of splats in every format and version, also before their compression.
 
-use super::{damage, display, edit, fuzz, sound};
+use super::{damage, display, edit, fuzz, sound, sound_or_refused};
 use eyebox::low_level::optics::Color;
 use eyebox::low_level::scene::{self, Request};
 use flate2::Compression;
@@ -122,13 +122,6 @@ fn files_of_splats() {
         let source = written(name, *packed, bytes);
         // A name may have any character, but a message has one line if the name has one.
         let query = String::from_utf8_lossy(&query).replace(char::is_control, " ");
-        match scene::load(&format!("{source}?{query}"), &request) {
-            Ok(field) => sound(&field),
-            Err(error) => {
-                let text = error.to_string();
-                prop_assert!(!text.is_empty() && !text.contains('\n'), "{}", text);
-                Ok(())
-            }
-        }
+        sound_or_refused(scene::load(&format!("{source}?{query}"), &request))
     });
 }

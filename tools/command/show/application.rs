@@ -79,7 +79,8 @@ fn dark(args: &Show, subject: &SubjectOptions, name: &str, stage: &Stage) -> Res
     let display = display_for(subject, None)?;
     let colors = common::colors(&subject.display, &display)?;
     let seed = subject.experiment.refinement()?.seed;
-    let steered = Steered::dark(&format!("live:{name}"), &display, colors, (args.frames()?, seed), &stage.engines)?;
+    let (name, engine) = (format!("live:{name}"), stage.engines.open()?);
+    let steered = Steered::dark(&name, &display, colors, (args.frames()?, seed), engine.as_ref())?;
     Ok((steered, display))
 }
 

@@ -38,8 +38,7 @@ pub fn show(args: &Show, settings: &ShowSettings, two: &TwoEyes) -> Result<(), F
     });
     let tracked = args.live.tracker().is_some();
     let content = content(args, &subjects[0], two)?;
-    let is_drawn = matches!(&content, Content::Each(scenes) if tracked && scene::is_splats(&scenes[0]));
-    walk::refuse(args, is_drawn)?;
+    walk::refuse(args, matches!(content, Content::Splats(_)))?;
     match content {
         Content::Each(content) if !tracked => played(args, settings, two, &subjects, &content),
         content if tracked => refined(args, settings, two, &subjects, &content),
@@ -54,6 +53,8 @@ pub fn show(args: &Show, settings: &ShowSettings, two: &TwoEyes) -> Result<(), F
 enum Content {
     /// A scene or a hologram for each eye.
     Each([String; 2]),
+    /// Splats for each eye, which are drawn for the tracked pupil.
+    Splats([String; 2]),
     /// Frames of an application, by its name.
     Application(String),
     /// Frames of an OpenXR application that is started with these words.
@@ -94,7 +95,8 @@ fn content(args: &Show, left: &SubjectOptions, two: &TwoEyes) -> Result<Content,
             let display = common::display(&left.display)?;
             let colors = common::colors(&left.display, &display)?;
             let scenes = common::scene_of_eyes(&SceneArgs::new(scene, &left.options), &display, &colors, two.eyes())?;
-            Ok(Content::Each(scenes))
+            let is_drawn = args.live.tracker().is_some() && scene::is_splats(scene);
+            Ok(if is_drawn { Content::Splats(scenes) } else { Content::Each(scenes) })
         }
         _ => Err(Failure::Arguments(reason!(
             "content-of-two-eyes",
@@ -141,7 +143,7 @@ fn loaded(
         Ok::<Loaded, Failure>(both.map(stated))
     };
     match content {
-        Content::Each(scenes) if scene::is_splats(&scenes[0]) => {
+        Content::Splats(scenes) => {
             let both = walk::of_two_eyes(args, scenes, subjects, stage)?;
             Ok((both.map(|(steered, depths)| (steered, Some(depths))), None))
         }

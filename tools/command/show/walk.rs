@@ -5,6 +5,7 @@ use super::content::{Show, display_for, endless_needs_duration, kept_of_applicat
 use super::tracked::{self, KeptSession, Stage};
 use crate::subject::{Steered, SubjectOptions};
 use crate::{Failure, common};
+use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::reason;
 use eyebox::low_level::scene::{CameraPath, MovingSplats, Request};
@@ -35,13 +36,14 @@ pub fn of_two_eyes(
 ) -> Result<[(Steered, [f64; 2]); 2], Failure> {
     refuse_quality(args, &sources[0])?;
     let path = stated_path(args)?;
-    let left = Placed::read(args, &subjects[0], &sources[0], stage)?;
-    let right = Placed::read(args, &subjects[1], &sources[1], stage)?;
+    let engine = stage.engines.open()?;
+    let left = Placed::read(args, &subjects[0], &sources[0], engine.as_ref())?;
+    let right = Placed::read(args, &subjects[1], &sources[1], engine.as_ref())?;
     let path = left.path(args, path);
     let of_left = SplatWalk::new(left.splats, &left.display, &left.colors, path);
     let of_right = of_left.of_right_eye(right.splats, &right.display, &right.colors);
-    let left_steered = steered(args, &sources[0], (&left.display, left.colors), of_left, stage)?;
-    let right_steered = steered(args, &sources[1], (&right.display, right.colors), of_right, stage)?;
+    let left_steered = steered(args, &sources[0], (&left.display, left.colors), of_left, engine.as_ref())?;
+    let right_steered = steered(args, &sources[1], (&right.display, right.colors), of_right, engine.as_ref())?;
     Ok([(left_steered, left.depths), (right_steered, right.depths)])
 }
 
@@ -69,11 +71,11 @@ struct Placed {
 }
 
 impl Placed {
-    fn read(args: &Show, subject: &SubjectOptions, source: &str, stage: &Stage) -> Result<Self, Failure> {
+    fn read(args: &Show, subject: &SubjectOptions, source: &str, engine: &dyn Engine) -> Result<Self, Failure> {
         let display = display_for(subject, None)?;
         let colors = common::colors(&subject.display, &display)?;
         let reading = args.subject.options.reading(display.focal_length);
-        let drawer = stage.engines.open()?.splat_drawer()?;
+        let drawer = engine.splat_drawer()?;
         let request = reading.request(&display, &colors, None, subject.display.force);
         let splats = MovingSplats::new(source, &Request { drawer: drawer.as_ref(), ..request })?;
         tracing::info!("{source}: {}", splats.read_as());
@@ -95,10 +97,10 @@ fn steered(
     source: &str,
     (display, colors): (&Display, Vec<Color>),
     walk: SplatWalk,
-    stage: &Stage,
+    engine: &dyn Engine,
 ) -> Result<Steered, Failure> {
     let seed = args.subject.experiment.refinement()?.seed;
-    let mut steered = Steered::dark(source, display, colors, (args.frames()?, seed), &stage.engines)?;
+    let mut steered = Steered::dark(source, display, colors, (args.frames()?, seed), engine)?;
     steered.scenes = Some(Box::new(walk));
     Ok(steered)
 }
@@ -111,13 +113,15 @@ pub fn show(args: &Show, settings: ShowSettings, source: &str) -> Result<(), Fai
     refuse_quality(args, source)?;
     let path = stated_path(args)?;
     let stage = Stage::open(&args.subject, &args.live)?;
-    let placed = Placed::read(args, &args.subject, source, &stage)?;
+    let engine = stage.engines.open()?;
+    let placed = Placed::read(args, &args.subject, source, engine.as_ref())?;
     let (depths, display) = (placed.depths, placed.display.clone());
     let path = placed.path(args, path);
     let moves_by_itself = path.is_some();
     let walk = SplatWalk::new(placed.splats, &placed.display, &placed.colors, path);
     let handle = Some(walk.handle()).filter(|_| !moves_by_itself);
-    let steered = steered(args, source, (&display, placed.colors), walk, &stage)?;
+    let steered = steered(args, source, (&display, placed.colors), walk, engine.as_ref())?;
+    drop(engine);
     common::say_model_age(&display);
     tracked::show(
         steered,

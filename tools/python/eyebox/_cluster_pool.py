@@ -62,7 +62,7 @@ def gather_in_turn(pieces: Iterable[Callable[[], Any]], at_once: int) -> None:
         result = future.result()
         if isinstance(result, _Refused):
             raise result.error
-        for start in itertools.islice(waiting, 1):
+        if (start := next(waiting, None)) is not None:
             running.add(start())
 
 

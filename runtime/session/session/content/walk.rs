@@ -70,6 +70,8 @@ pub struct SplatWalk {
     path: Option<(CameraPath, Duration)>,
     /// The camera that both eyes share, if there are two.
     shared: SharedCamera,
+    /// The exposures, which both eyes share, too.
+    exposures: Exposures,
     /// The newest views that were requested.
     asked: Option<Asked>,
     frames: u64,
@@ -131,12 +133,8 @@ impl SplatWalk {
     /// Shows the splats of the right eye. The camera and the exposures belong to this walk, which is of the left eye. The
     /// camera moves on when both eyes have their views of it.
     pub fn of_right_eye(&self, splats: MovingSplats, display: &Display, colors: &[Color]) -> Self {
-        let exposures = match &self.drawing {
-            Drawing::Here(drawer) => drawer.exposures.clone(),
-            Drawing::Thread { .. } => Exposures::default(),
-        };
         let camera = (self.handle.clone(), self.path.clone(), self.shared.of_right_eye());
-        Self::with(splats, (display, colors), camera, exposures)
+        Self::with(splats, (display, colors), camera, self.exposures.clone())
     }
 
     fn with(
@@ -147,8 +145,9 @@ impl SplatWalk {
     ) -> Self {
         let (name, eyebox) = (splats.name().to_owned(), display.eyebox_min());
         let (display, colors) = (display.clone(), colors.to_vec());
-        let drawing = Drawing::Here(Box::new(Drawer { splats, display, colors, exposures }));
-        Self { name, eyebox, handle, path, shared, asked: None, frames: 0, lead_ns: 0.0, drawing }
+        let drawer = Drawer { splats, display, colors, exposures: exposures.clone() };
+        let drawing = Drawing::Here(Box::new(drawer));
+        Self { name, eyebox, handle, path, shared, exposures, asked: None, frames: 0, lead_ns: 0.0, drawing }
     }
 
     /// Returns the handle that moves the camera. It has no effect if there is a path.
@@ -157,7 +156,7 @@ impl SplatWalk {
     }
 
     /// Returns the views for a set.
-    fn wanted(&mut self, due: &Due) -> Asked {
+    fn wanted(&self, due: &Due) -> Asked {
         let shows_ns = due.light_ns.saturating_add(self.lead_ns as i64);
         let begun_ns = self.shared.begun_ns(due.light_ns);
         let camera = match &self.path {
@@ -201,7 +200,6 @@ impl SplatWalk {
 
     fn frame(&mut self, drawn: Drawn, due: &Due) -> Newest {
         let shot = drawn.asked.shot;
-        self.shared.taken(&shot);
         match drawn.colors {
             Ok(colors) => {
                 self.frames += 1;
@@ -229,7 +227,10 @@ impl Scenes for SplatWalk {
         let wanted = self.wanted(due);
         if self.differs(&wanted) {
             match &mut self.drawing {
-                Drawing::Here(drawer) => drawn = Some(drawer.draw(wanted)),
+                Drawing::Here(drawer) => {
+                    drawn = Some(drawer.draw(wanted));
+                    self.shared.taken(&wanted.shot);
+                }
                 Drawing::Thread { asked, since, .. } => {
                     *since = Some(Instant::now());
                     asked.push(wanted);
