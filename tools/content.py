@@ -3,12 +3,13 @@
 
     EYEBOX=target/release/eyebox tools/content.py
 
-A program draws three balls in front of a wall, with the depth of each pixel. The other kinds are made of this picture. It
-needs NumPy and Pillow.
+A program of docs/tutorials/rgbd.md draws three balls in front of a wall, with the depth of each pixel. The other kinds are
+made of this picture. It needs NumPy and Pillow.
 """
 
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 SIDE = 256
+TUTORIAL = pathlib.Path(__file__).resolve().parent.parent / "docs/tutorials/rgbd.md"
 #: Depths of the wall and of the nearest ball, in mm.
 DEPTH = (-1.5, 1.5)
 #: Focal length of the display in mm, which is that of the preset paper.
@@ -25,22 +27,10 @@ LOOK = ["--size", str(SIDE), "--pupil=3,0,8,1.5"]
 
 
 def balls():
-    """Returns the picture (0 to 1, sRGB) and the share of the depths of each pixel. The largest is the nearest."""
-    y, x = np.mgrid[0:SIDE, 0:SIDE] / (SIDE - 1)
-    color = (0.25 + 0.35 * ((np.floor(8 * x) + np.floor(8 * y)) % 2))[..., None] * [1.0, 0.9, 0.8]
-    depth = np.zeros((SIDE, SIDE))
-    for center_x, center_y, radius, near, paint in [
-        (0.30, 0.35, 0.18, 0.33, [0.9, 0.2, 0.1]),
-        (0.68, 0.40, 0.16, 0.67, [0.2, 0.7, 0.2]),
-        (0.48, 0.70, 0.20, 1.00, [0.2, 0.4, 0.9]),
-    ]:
-        u, v = (x - center_x) / radius, (y - center_y) / radius
-        height = np.sqrt(np.clip(1 - u**2 - v**2, 0, 1))[..., None]
-        light = np.clip(0.6 * height - 0.5 * u[..., None] - 0.6 * v[..., None], 0, 1)
-        stripes = 0.75 + 0.25 * np.sign(np.sin(20 * (u + v)))[..., None]
-        color = np.where(height > 0, paint * (0.15 + 0.85 * light * stripes) + 0.5 * light**20, color)
-        depth = np.where(height[..., 0] > 0, near, depth)
-    return color.clip(0, 1) ** (1 / 2.2), depth
+    """Returns the picture (0 to 1, sRGB) of the tutorial, and the share of the depths of each pixel. The largest is the nearest."""
+    program = re.search(r"^```python\n(# balls\.py.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
+    subprocess.run([sys.executable, "-c", program[1]], check=True)
+    return [np.asarray(Image.open(name)) / 255 for name in ("photo.ppm", "depth.pgm")]
 
 
 def save(name, values):
