@@ -244,9 +244,16 @@ fn room(values: &mut Vec<Complex32>, count: usize) -> &mut [Complex32] {
 }
 
 fn in_place(plan: &Plan, data: &mut [Complex32]) {
-    SCRATCH.with_borrow_mut(|(_, scratch)| {
-        plan.process_with_scratch(data, room(scratch, plan.get_inplace_scratch_len()));
-    });
+    SCRATCH.with_borrow_mut(|(_, scratch)| lines(plan, data, room(scratch, plan.get_inplace_scratch_len())));
+}
+
+/// Up to this length, RustFFT transforms two lines at once on some processors, and rounds a single one differently.
+const PAIRED: usize = 32;
+
+/// Transforms lines so that the bits of each depend on no other line.
+fn lines(plan: &Plan, data: &mut [Complex32], scratch: &mut [Complex32]) {
+    let each = if plan.len() <= PAIRED { plan.len() } else { data.len() };
+    data.chunks_exact_mut(each.max(1)).for_each(|part| plan.process_with_scratch(part, scratch));
 }
 
 impl Down {
@@ -261,7 +268,7 @@ impl Down {
                     let n = TOGETHER.min(first + count - x);
                     let block = &mut block[..n * height];
                     gather(frame, block, width, x, n);
-                    plan.process_with_scratch(block, scratch);
+                    lines(plan, block, scratch);
                     scatter(block, frame, width, x, n);
                 }
             }

@@ -90,10 +90,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn limits_are_finite_and_arithmetic_exceeds_memory() {
+    fn rates_are_finite() {
+        // The ratio of both is not tested, because an emulated processor may have any.
         let MachineRates { memory, arithmetic } = machine_rates();
-        assert!(memory > 1e6 && memory.is_finite() && arithmetic.is_finite(), "{memory} {arithmetic}");
-        // Every processor of today does more than one operation in the time of a byte from its memory.
-        assert!(arithmetic > memory, "{memory} {arithmetic}");
+        assert!([memory, arithmetic].iter().all(|rate| *rate > 1e6 && rate.is_finite()), "{memory} {arithmetic}");
     }
 }
