@@ -2,25 +2,32 @@
 #extension GL_GOOGLE_include_directive : require
 #include "constants.glsl"
 
-// Draws one tile of a picture of splats, nearest first. An invocation draws pixels of one column. All of them read the
-// list of the tile in batches. The arithmetic has the order of draw_splats.rs.
+// Draws one tile of a picture of splats, nearest first. An invocation draws pixels of one column. All of them find the
+// splats of the tile among those that are marked in its bin, and read them in batches. The arithmetic has the order of
+// draw_splats.rs.
 
 const uint ROWS = TILE_THREADS / SPLAT_SIDE;
 const uint PIXELS = SPLAT_SIDE / ROWS;
+// Counts of lanes that are summed together.
+const uint PART = 16;
 
 layout(local_size_x = TILE_THREADS) in;
 layout(std430, binding = 0) readonly buffer Splats { uint splats[]; };
-layout(std430, binding = 1) readonly buffer First { uint first[]; };
-layout(std430, binding = 2) readonly buffer Entries { uint entries[]; };
-layout(std430, binding = 3) writeonly buffer Picture { float picture[]; };
+layout(std430, binding = 1) readonly buffer Marks { uint marks[]; };
+layout(std430, binding = 2) writeonly buffer Picture { float picture[]; };
 
-layout(push_constant) uniform Args { uint height, width, across; };
+// `across` and `words` are those of the marks. Planes of the picture are `stride` values apart. If `light` is not 0,
+// there are three, in linear light up to 1.
+layout(push_constant) uniform Args { uint height, width, across, words, first, stride, light; };
 
 // A batch of splats: (x, y, xx, xy), (yy, opacity, red, green), (blue, inverse) and (columns, rows).
 shared vec4 shapes[TILE_THREADS];
 shared vec4 paints[TILE_THREADS];
 shared vec2 others[TILE_THREADS];
 shared uvec2 spans[TILE_THREADS];
+shared uint entries[TILE_THREADS];
+shared uint counts[TILE_THREADS];
+shared uint parts[TILE_THREADS / PART];
 shared uint some_open;
 
 // Returns the exponential of a number from -80 to 0.
@@ -49,6 +56,18 @@ void fetch(uint lane, uint entry) {
     spans[lane] = uvec2(splats[at + 10], splats[at + 11]);
 }
 
+// Returns true if the splat touches the tile whose first pixel is `corner`.
+bool touches(uint entry, uvec2 corner) {
+    uvec2 span = uvec2(splats[SPLAT_WORDS * entry + 10], splats[SPLAT_WORDS * entry + 11]);
+    return all(lessThan(span & 0xffffu, corner + SPLAT_SIDE)) && all(greaterThan(span >> 16, corner));
+}
+
+// Returns the light of a value in the sRGB curve.
+float light_of(float value) {
+    float v = clamp(value, 0.0, 1.0);
+    return v <= 0.04045 ? v / 12.92 : min(pow((v + 0.055) / 1.055, 2.4), 1.0);
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uvec2 corner = SPLAT_SIDE * gl_WorkGroupID.xy;
@@ -62,55 +81,100 @@ void main() {
         clear[i] = 1.0;
         open[i] = column < width && row + i * ROWS < height;
     }
-    uint tile = gl_WorkGroupID.y * across + gl_WorkGroupID.x;
-    uint end = first[tile + 1];
-    for (uint begin = first[tile]; begin < end; begin += TILE_THREADS) {
-        // The batch before is no longer read after this barrier.
+    uint bin = corner.y / SPLAT_BIN * across + corner.x / SPLAT_BIN;
+    bool all_closed = false;
+    for (uint begin = 0; begin < words && !all_closed; begin += TILE_THREADS * SPLAT_TOGETHER) {
+        uint own_first = begin + lane * SPLAT_TOGETHER;
+        uint bits[SPLAT_TOGETHER];
+        uint own = 0;
+        for (uint k = 0; k < SPLAT_TOGETHER; ++k) {
+            uint marked = own_first + k < words ? marks[bin * words + own_first + k] : 0;
+            uint kept = marked;
+            while (marked != 0) {
+                uint i = findLSB(marked);
+                marked &= marked - 1;
+                if (!touches(32 * (own_first + k) + i, corner)) kept &= ~(1u << i);
+            }
+            bits[k] = kept;
+            own += bitCount(kept);
+        }
+        // The counts before are no longer read after this barrier.
         barrier();
-        if (lane == 0) some_open = 0;
+        counts[lane] = own;
         barrier();
-        bool is_open = false;
-        for (uint i = 0; i < PIXELS; ++i) is_open = is_open || open[i];
-        if (is_open) atomicOr(some_open, 1u);
-        if (begin + lane < end) fetch(lane, entries[begin + lane]);
+        if (lane < TILE_THREADS / PART) {
+            uint sum = 0;
+            for (uint i = 0; i < PART; ++i) sum += counts[PART * lane + i];
+            parts[lane] = sum;
+        }
         barrier();
-        if (some_open == 0) break;
-        uint count = min(end - begin, TILE_THREADS);
-        for (uint at = 0; at < count; ++at) {
-            vec4 shape = shapes[at], paint = paints[at];
-            uvec2 span = spans[at];
-            // The twin computes SPLAT_LANES columns together.
-            uint left = (span.x & 0xffffu) / SPLAT_LANES * SPLAT_LANES;
-            uint right = ((span.x >> 16) + SPLAT_LANES - 1) / SPLAT_LANES * SPLAT_LANES;
-            if (column < left || column >= right) continue;
-            precise float dx = float(column) - shape.x;
-            for (uint i = 0; i < PIXELS; ++i) {
-                uint y = row + i * ROWS;
-                if (!open[i] || y < (span.y & 0xffffu) || y >= span.y >> 16) continue;
-                precise float dy = float(y) - shape.y;
-                precise float power = -0.5 * (shape.z * dx * dx + paint.x * dy * dy) - shape.w * dx * dy;
-                precise float alpha = min(paint.y * exponential(power), SPLAT_OPAQUE);
-                if (!(alpha >= SPLAT_FAINTEST && power <= 0.0)) continue;
-                precise float next = clear[i] * (1.0 - alpha);
-                if (next < SPLAT_CLOSED) {
-                    open[i] = false;
-                    continue;
+        uint total = 0, before = 0;
+        for (uint part = 0; part < TILE_THREADS / PART; ++part) {
+            if (part < lane / PART) before += parts[part];
+            total += parts[part];
+        }
+        for (uint i = lane / PART * PART; i < lane; ++i) before += counts[i];
+        for (uint from = 0; from < total; from += TILE_THREADS) {
+            // The batch before is no longer read after this barrier.
+            barrier();
+            if (lane == 0) some_open = 0;
+            uint rank = before;
+            for (uint k = 0; k < SPLAT_TOGETHER; ++k) {
+                for (uint rest = bits[k]; rest != 0; rest &= rest - 1) {
+                    if (rank - from < TILE_THREADS) entries[rank - from] = 32 * (own_first + k) + findLSB(rest);
+                    ++rank;
                 }
-                precise float share = alpha * clear[i];
-                precise vec4 sum = drawn[i] + share * vec4(paint.zw, others[at]);
-                drawn[i] = sum;
-                covered[i] += share;
-                clear[i] = next;
+            }
+            barrier();
+            bool is_open = false;
+            for (uint i = 0; i < PIXELS; ++i) is_open = is_open || open[i];
+            if (is_open) atomicOr(some_open, 1u);
+            if (from + lane < total) fetch(lane, entries[lane]);
+            barrier();
+            if (some_open == 0) {
+                all_closed = true;
+                break;
+            }
+            uint count = min(total - from, TILE_THREADS);
+            for (uint at = 0; at < count; ++at) {
+                vec4 shape = shapes[at], paint = paints[at];
+                uvec2 span = spans[at];
+                // The twin computes SPLAT_LANES columns together.
+                uint left = (span.x & 0xffffu) / SPLAT_LANES * SPLAT_LANES;
+                uint right = ((span.x >> 16) + SPLAT_LANES - 1) / SPLAT_LANES * SPLAT_LANES;
+                if (column < left || column >= right) continue;
+                precise float dx = float(column) - shape.x;
+                for (uint i = 0; i < PIXELS; ++i) {
+                    uint y = row + i * ROWS;
+                    if (!open[i] || y < (span.y & 0xffffu) || y >= span.y >> 16) continue;
+                    precise float dy = float(y) - shape.y;
+                    precise float power = -0.5 * (shape.z * dx * dx + paint.x * dy * dy) - shape.w * dx * dy;
+                    precise float alpha = min(paint.y * exponential(power), SPLAT_OPAQUE);
+                    if (!(alpha >= SPLAT_FAINTEST && power <= 0.0)) continue;
+                    precise float next = clear[i] * (1.0 - alpha);
+                    if (next < SPLAT_CLOSED) {
+                        open[i] = false;
+                        continue;
+                    }
+                    precise float share = alpha * clear[i];
+                    precise vec4 sum = drawn[i] + share * vec4(paint.zw, others[at]);
+                    drawn[i] = sum;
+                    covered[i] += share;
+                    clear[i] = next;
+                }
             }
         }
     }
     if (column >= width) return;
-    uint plane = height * width;
     for (uint i = 0; i < PIXELS; ++i) {
         uint y = row + i * ROWS;
         if (y >= height) break;
-        uint at = y * width + column;
-        for (uint k = 0; k < 4; ++k) picture[k * plane + at] = drawn[i][k];
-        picture[4 * plane + at] = covered[i];
+        uint at = first + y * width + column;
+        if (light != 0) {
+            for (uint k = 0; k < 3; ++k) picture[k * stride + at] = light_of(drawn[i][k]);
+            continue;
+        }
+        for (uint k = 0; k < 4; ++k) picture[k * stride + at] = drawn[i][k];
+        picture[4 * stride + at] = covered[i];
     }
 }

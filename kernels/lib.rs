@@ -9,7 +9,7 @@
 //! This crate imports nothing from the runtime. The macro [`kernels!`] lists the kernels of a step. [`encode`] and
 //! [`pixels`] are not in the list, because they belong to a display. Neither are [`decode_views`] and [`halve_views`],
 //! which work on the views that an application gives. [`pupil_light`] and [`table_start`] run once, at the beginning of
-//! a solve. [`draw_splats`] draws the views of scenes of splats.
+//! a solve. [`project_splats`], [`mark_splats`] and [`draw_splats`] draw the views of scenes of splats.
 
 pub mod adam;
 pub mod apply_factor;
@@ -37,6 +37,7 @@ pub mod intensity;
 pub mod lag;
 pub mod layers;
 pub mod machine;
+pub mod mark_splats;
 pub mod modulate;
 pub mod modulate_mask;
 pub mod modulate_wave;
@@ -49,6 +50,7 @@ pub mod phase_gradient_mask;
 pub mod photograph;
 pub mod pixels;
 pub mod project;
+pub mod project_splats;
 pub mod pupil_adjoint;
 pub mod pupil_light;
 pub mod quantise;
@@ -58,6 +60,7 @@ pub mod resample;
 pub mod scattered;
 pub mod shared;
 mod simd;
+pub mod splat_colors;
 pub mod subpixels;
 mod table;
 pub mod table_start;

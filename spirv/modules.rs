@@ -27,6 +27,7 @@ modules! {
     JUDGE = "judge";
     LAG = "lag", LAG_HALF = "lag_half";
     LAG_ADJOINT = "lag_adjoint", LAG_ADJOINT_HALF = "lag_adjoint_half";
+    MARK_SPLATS = "mark_splats";
     MODULATE = "modulate", MODULATE_HALF = "modulate_half";
     MODULATE_MASK = "modulate_mask", MODULATE_MASK_HALF = "modulate_mask_half";
     MODULATE_ROWS = "modulate_rows", MODULATE_ROWS_HALF = "modulate_rows_half";
@@ -44,6 +45,7 @@ modules! {
     PIXELS = "pixels";
     PROJECT = "project", PROJECT_HALF = "project_half";
     PROJECT_ROWS = "project_rows", PROJECT_ROWS_HALF = "project_rows_half";
+    PROJECT_SPLATS = "project_splats";
     PROJECT_TILES = "project_tiles", PROJECT_TILES_HALF = "project_tiles_half";
     PUPIL_ADJOINT = "pupil_adjoint", PUPIL_ADJOINT_HALF = "pupil_adjoint_half";
     PUPIL_LIGHT = "pupil_light";

@@ -83,7 +83,7 @@ pub use depth::range::DepthSource;
 pub use depth::range::asked_or_found;
 pub use depth::survey::{Black, DARK, Light};
 pub use light_field::cameras::{CamerasFound, FirstTile, Tiles};
-pub use light_field::drawer::{SplatDrawer, TiledSplats};
+pub use light_field::drawer::{SplatDrawer, StoredSplats};
 pub use light_field::error::SceneError;
 pub use light_field::field::LightField;
 pub use light_field::light::{FullScale, srgb_to_linear};

@@ -54,7 +54,7 @@ fn memory_is_the_other_device_s_too() {
     }
     let mut writer = SlotWriter::new(&theirs, fd, &layout, stride).expect("imported");
     let mut decoder = ViewDecoder::new(&ours, [SIDE, SIDE], 1, &[0], bytes).expect("a decoder");
-    let stored = StoredViews { grid: [3, 3], sample: U8, coded: false };
+    let stored = StoredViews { grid: [3, 3], sample: U8, coded: false, planar: false };
     let numbers = [1, 2].map(|seed| writer.keep(None, &samples(seed)).expect("kept"));
     for (slot, number, seed) in [(0, numbers[0], 1), (2, numbers[1], 2), (0, numbers[1], 2)] {
         let before = [&ours, &theirs].map(Gpu::counts);

@@ -56,7 +56,7 @@ fn views_are_decoded_as_the_twins_and_the_host_do() {
             for (sample, coded) in kinds {
                 let what = format!("{height} x {width}, {stored} colors, sample {sample}, {coded}");
                 let bytes = samples(pixels * count * stored, sample, 7 + u64::from(sample));
-                let views = StoredViews { grid: GRID, sample, coded };
+                let views = StoredViews { grid: GRID, sample, coded, planar: false };
                 decoder.upload(&bytes).expect("room");
                 let lights = decoder.measure(&views).expect("measured").expect("all of it is light");
                 let pyramids = decoder.decode(&views, &lights).expect("decoded");
@@ -130,7 +130,7 @@ fn what_is_no_light_is_found() {
         let size = if sample == F32 { 4 } else { 2 };
         bytes[at * size..][..size].copy_from_slice(&bits.to_le_bytes()[..size]);
         decoder.upload(&bytes).unwrap();
-        decoder.measure(&StoredViews { grid: GRID, sample, coded: false }).unwrap()
+        decoder.measure(&StoredViews { grid: GRID, sample, coded: false, planar: false }).unwrap()
     };
     let (view, pixel, channel) = (4, 50, 1);
     let at = (view * pixels + pixel) * stored + channel;
@@ -148,7 +148,7 @@ fn what_is_no_light_is_found() {
     }
     assert!(found(F32, at, 0x8000_0000).is_ok() && found(F16, at, 0x8000).is_ok(), "zero is light, with any sign");
     // These requests are beyond the samples.
-    let all = StoredViews { grid: [3, 3], sample: F32, coded: false };
+    let all = StoredViews { grid: [3, 3], sample: F32, coded: false, planar: false };
     assert!(matches!(decoder.measure(&all), Err(EngineError::Mismatch { .. })));
     assert!(decoder.upload(&vec![0; 4 * pixels * count * stored + 4]).is_err() && decoder.upload(&[0; 5]).is_err());
     drop(decoder);
@@ -165,7 +165,7 @@ fn engines_look_at_views_where_they_are() {
     let outline = Problem::outline(&display, Color::Green, Padding::default(), views).expect("a problem");
     let (pixels, count) = (48 * 64, 6);
     let mut decoder = ViewDecoder::new(&gpu, [48, 64], 1, &[0], (4 * pixels * count) as u64).expect("a decoder");
-    let stored = StoredViews { grid: GRID, sample: U8, coded: true };
+    let stored = StoredViews { grid: GRID, sample: U8, coded: true, planar: false };
     let mut frame = |seed: u64| {
         decoder.upload(&samples(pixels * count, U8, seed)).expect("room");
         let lights = decoder.measure(&stored).expect("measured").expect("light");

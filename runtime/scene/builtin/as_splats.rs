@@ -7,15 +7,14 @@
 use super::render::{Canvas, Item};
 use super::shape::Blade;
 use super::still_life::{Mood, items};
-use crate::TiledSplats;
 use crate::splats::cloud::Cloud;
 use crate::splats::format::{Format, read};
-use crate::splats::harmonics::C0;
-use crate::splats::picture::{draw, tiled};
+use crate::splats::picture::{TiledSplats, draw, tiled};
 use crate::splats::project::{Displaced, Ordered};
 use crate::splats::{camera::Camera, format::BUILTIN, options::Options};
 use eyebox_base::files::linear_to_srgb;
 use eyebox_kernels::draw_splats::{CLOSED, FAINTEST, OPAQUE, SIDE};
+use eyebox_kernels::splat_colors::C0;
 use eyebox_optics::Color;
 use rayon::prelude::*;
 use std::io::Write;

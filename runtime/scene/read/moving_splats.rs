@@ -6,12 +6,13 @@ use crate::splats::camera::Camera;
 use crate::splats::cloud::Cloud;
 use crate::splats::format::read;
 use crate::splats::path::CameraPath;
-use crate::splats::project::Ordered;
-use crate::{Request, SceneError, SplatDrawer};
+use crate::splats::project::{Ordered, args_of, next_id, order};
+use crate::{Request, SceneError, StoredSplats};
 use eyebox_base::memory;
+use eyebox_kernels::project_splats::Args;
 use eyebox_optics::Color;
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::ops::Range;
 
 /// Splats in front of a display, seen by a camera that moves.
 ///
@@ -24,7 +25,7 @@ pub struct MovingSplats {
     start: Camera,
     placed: Placed,
     size: [usize; 2],
-    drawer: Option<Arc<dyn SplatDrawer>>,
+    id: u64,
 }
 
 impl MovingSplats {
@@ -44,9 +45,9 @@ impl MovingSplats {
         // Views are made at the requested places, so none are too far apart.
         let request = Request { more_views: false, ..*request };
         let views = SplatViews::of_cloud(source, (format, &options), &request, cloud.clone(), |views| views / 2.0)?;
-        let SplatViews { name, read_as, placed, drawer, .. } = views;
+        let SplatViews { name, read_as, placed, .. } = views;
         let (height, width) = request.display.picture_size();
-        Ok(Self { name, read_as, cloud, start, placed, size: [height, width], drawer })
+        Ok(Self { name, read_as, cloud, start, placed, size: [height, width], id: next_id() })
     }
 
     /// Returns the name of the scene.
@@ -82,8 +83,35 @@ impl MovingSplats {
     /// Returns views of a camera from these places (x, y) of the pupil plane in meters, as (color, view, pixel).
     pub fn views(&self, camera: &Camera, colors: &[Color], places: &[(f64, f64)]) -> Vec<Vec<Vec<f32>>> {
         let splats = Ordered::of(&self.cloud, camera, self.size);
-        let one = |place: &(f64, f64)| self.placed.view(&splats, *place, colors, self.drawer.as_ref());
+        let one = |place: &(f64, f64)| self.placed.view(&splats, *place, colors, None);
         let views: Vec<Vec<Vec<f32>>> = places.par_iter().map(one).collect();
         by_color(views, colors.len())
+    }
+
+    /// Returns the indices of the splats in front of a camera, with the nearest first, and the arguments of the kernel
+    /// `project_splats` for views from these places (x, y) of the pupil plane in meters.
+    pub fn cameras(&self, camera: &Camera, places: &[(f64, f64)]) -> (Vec<u32>, Vec<Args>) {
+        let seen: Vec<[f32; 3]> = self.cloud.places.par_iter().map(|place| camera.seen(*place)).collect();
+        let order = order(&seen);
+        let camera = Args { count: order.len() as u32, ..args_of(&self.cloud, camera, self.size) };
+        let one = |place: &(f64, f64)| {
+            let displaced = self.placed.displaced(*place);
+            Args { by: displaced.by, moved: displaced.moved, ..camera }
+        };
+        (order, places.iter().map(one).collect())
+    }
+}
+
+impl StoredSplats for MovingSplats {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn count(&self) -> usize {
+        self.cloud.len()
+    }
+
+    fn words(&self, range: Range<usize>) -> Vec<u32> {
+        self.cloud.words(range)
     }
 }

@@ -31,7 +31,7 @@ pub struct SplatViews {
     pub(crate) read_as: String,
     splats: Ordered,
     pub(crate) placed: Placed,
-    pub(crate) drawer: Option<Arc<dyn SplatDrawer>>,
+    drawer: Option<Arc<dyn SplatDrawer>>,
 }
 
 /// The views of a camera, and the depths of its picture.
@@ -85,12 +85,12 @@ impl Placed {
         let flat = near - far < 1e-4 * near;
         let gain = if flat { 0.0 } else { (depth[1] - depth[0]) * per_metre / (near - far) };
         let first = if flat { (depth[0] + depth[1]) / 2.0 * per_metre } else { depth[0] * per_metre - gain * far };
-        let camera_per_metre = gain / f64::from(splats.focal);
+        let camera_per_metre = gain / f64::from(splats.focal());
         let (inverse, moved_per_metre, shift) = ([far, near], -first, options.shift);
         Ok(Self { views, cell, depth, inverse, per_metre, camera_per_metre, moved_per_metre, shift })
     }
 
-    fn displaced(&self, (x, y): (f64, f64)) -> Displaced {
+    pub(crate) fn displaced(&self, (x, y): (f64, f64)) -> Displaced {
         let x = x + self.shift;
         Displaced {
             by: [x, y].map(|s| (s * self.camera_per_metre) as f32),

@@ -1,9 +1,12 @@
 //! Holds the splats of a scene, which are Gaussians in space with a color for each direction.
 
-use crate::splats::harmonics;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
+use eyebox_kernels::project_splats::{Gaussian, stored_words};
+use eyebox_kernels::splat_colors as harmonics;
 use half::f16;
+use half::slice::HalfFloatSliceExt;
+use std::ops::Range;
 
 /// The largest share of splats with values that are not finite. Training leaves a few of them.
 const DAMAGED: f64 = 0.01;
@@ -52,6 +55,24 @@ impl Cloud {
     /// Returns the number of splats.
     pub fn len(&self) -> usize {
         self.places.len()
+    }
+
+    /// Returns a splat without its harmonics.
+    #[inline(always)]
+    pub fn gaussian(&self, at: usize) -> Gaussian {
+        Gaussian {
+            place: self.places[at],
+            spread: self.spreads[at],
+            opacity: self.opacities[at],
+            color: self.colors[at],
+        }
+    }
+
+    /// Returns the words of splats that the kernel `project_splats` reads.
+    pub fn words(&self, range: Range<usize>) -> Vec<u32> {
+        let mut words = Vec::with_capacity(range.len() * stored_words(self.degree));
+        range.for_each(|at| self.gaussian(at).store(self.rest_of(at).reinterpret_cast(), &mut words));
+        words
     }
 
     /// Returns the harmonics of a degree above 0 of one splat.

@@ -4,7 +4,6 @@ pub(crate) mod camera;
 pub(crate) mod cloud;
 pub(crate) mod file;
 pub(crate) mod format;
-pub(crate) mod harmonics;
 pub(crate) mod options;
 pub(crate) mod path;
 pub(crate) mod picture;

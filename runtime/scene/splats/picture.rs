@@ -1,17 +1,27 @@
 //! Draws a view of splats in the tiles of its picture.
 
-use crate::light_field::drawer::{SplatDrawer, TiledSplats};
+use crate::light_field::drawer::SplatDrawer;
 use crate::light_field::light::srgb_to_linear;
 use crate::splats::project::{Displaced, Ordered};
-use eyebox_kernels::draw_splats::{VALUES, draw_splats};
+use eyebox_kernels::draw_splats::{Splat, VALUES, draw_splats};
 use std::sync::{Arc, OnceLock};
 
 /// Steps of the table of the sRGB curve. The error between them is below 1e-7.
 const STEPS: usize = 4096;
 
+/// The splats of a view, and their order in the tiles of its picture.
+pub(crate) struct TiledSplats {
+    /// The splats, with the nearest first.
+    pub splats: Vec<Splat>,
+    /// Place of the first entry of each tile, and the number of entries.
+    pub first: Vec<u32>,
+    /// Indices of splats, with the nearest first in each tile.
+    pub entries: Vec<u32>,
+}
+
 /// Projects a view and assigns its splats to the tiles that they touch.
 pub(crate) fn tiled(splats: &Ordered, view: &Displaced) -> TiledSplats {
-    let (args, splats) = (*splats.args(), splats.project(view));
+    let (args, splats) = (splats.args(), splats.project(view));
     let mut first = vec![0u32; args.tiles() + 1];
     for tile in splats.iter().flat_map(|splat| splat.tiles(args.across)) {
         first[tile + 1] += 1;
@@ -30,11 +40,11 @@ pub(crate) fn tiled(splats: &Ordered, view: &Displaced) -> TiledSplats {
 
 /// Draws a view on the CPU, or with `drawer`. The result has [`VALUES`] planes in the transfer function of the splats.
 pub(crate) fn draw(splats: &Ordered, view: &Displaced, drawer: Option<&Arc<dyn SplatDrawer>>) -> Vec<f32> {
-    let tiled = tiled(splats, view);
     let args = splats.args();
     let mut picture = vec![0.0; VALUES * (args.height * args.width) as usize];
-    if !drawer.is_some_and(|drawer| drawer.draw(args, &tiled, &mut picture)) {
-        draw_splats(args, &tiled.splats, &tiled.first, &tiled.entries, &mut picture);
+    if !drawer.is_some_and(|drawer| drawer.draw(splats, &splats.camera(view), &mut picture)) {
+        let tiled = tiled(splats, view);
+        draw_splats(&args, &tiled.splats, &tiled.first, &tiled.entries, &mut picture);
     }
     picture
 }

@@ -6,10 +6,10 @@
 
 use crate::splats::cloud::{Cloud, spread};
 use crate::splats::file::Opened;
-use crate::splats::harmonics::{C0, count};
 use crate::{SceneError, splats::file};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
+use eyebox_kernels::splat_colors::{C0, count};
 use half::f16;
 use std::io::{BufRead, Read};
 use std::path::Path;

@@ -1,20 +1,16 @@
-//! Projects splats to the picture of a camera that is displaced in the plane of the pupil (Zwicker et al. 2001).
+//! Orders splats for a camera, and projects them to its pictures from the plane of the pupil.
 
+use crate::light_field::drawer::StoredSplats;
 use crate::splats::camera::Camera;
 use crate::splats::cloud::Cloud;
-use crate::splats::harmonics::{count, harmonics};
-use eyebox_kernels::draw_splats::{Args, FAINTEST, Splat};
-use half::f16;
+use eyebox_kernels::draw_splats::{Args, Splat};
+use eyebox_kernels::project_splats::{self as kernel, ANTIALIASED, ORDERED, turned};
+use eyebox_kernels::splat_colors::{MOST, count};
+use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Variance of a pixel that is added to splats, in square pixels, for usual splats and for splats of antialiased
-/// training.
-const PIXEL: [f32; 2] = [0.3, 0.1];
-/// The smallest compensation of the opacity of splats of antialiased training, squared.
-const LEAST: f32 = 2.5e-5;
-/// Splats outside of the picture are projected as from this factor of its half side, because the projection is linear
-/// around the center of a splat alone.
-const BEYOND: f32 = 1.3;
 /// The nearest distance that is drawn, in units of the scene, and as a share of the median distance. The first is that
 /// of 3D Gaussian splatting.
 const NEAREST: [f32; 2] = [0.2, 0.1];
@@ -34,13 +30,32 @@ pub(crate) struct Displaced {
 /// plane parallel to the picture.
 pub(crate) struct Ordered {
     cloud: Cloud,
-    /// Pixels per tangent of the angle from the axis.
-    pub focal: f32,
-    args: Args,
-    /// Largest tangents (x, y) in the picture.
-    tangents: [f32; 2],
-    /// Axes of the camera in the scene.
-    axes: [[f32; 3]; 3],
+    /// The camera that is not displaced.
+    camera: kernel::Args,
+    /// A number that no other splats have.
+    id: u64,
+}
+
+/// Returns a number for splats that no others of this process have.
+pub(crate) fn next_id() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
+/// Returns the arguments of the kernel for a camera that is not displaced, whose picture has `height` x `width` pixels.
+pub(crate) fn args_of(cloud: &Cloud, camera: &Camera, [height, width]: [usize; 2]) -> kernel::Args {
+    let half = (camera.field / 2.0).tan();
+    let place = camera.place.map(|v| v as f32);
+    kernel::Args {
+        axes: axes_of(camera),
+        place,
+        place_rest: [0, 1, 2].map(|i| (camera.place[i] - f64::from(place[i])) as f32),
+        focal: (height.min(width) as f64 / 2.0 / half) as f32,
+        height: height as u32,
+        width: width as u32,
+        kind: cloud.degree as u32 | if cloud.antialiased { ANTIALIASED } else { 0 },
+        ..kernel::Args::default()
+    }
 }
 
 impl Ordered {
@@ -76,16 +91,25 @@ impl Ordered {
         Self::framed(cloud, camera, size)
     }
 
-    fn framed(cloud: Cloud, camera: &Camera, [height, width]: [usize; 2]) -> Self {
-        let half = (camera.field / 2.0).tan();
-        let focal = (height.min(width) as f64 / 2.0 / half) as f32;
-        let tangents = [width, height].map(|n| n as f32 / 2.0 / focal);
-        Self { cloud, focal, args: Args::new(height, width), tangents, axes: axes_of(camera) }
+    fn framed(cloud: Cloud, camera: &Camera, size: [usize; 2]) -> Self {
+        let args = args_of(&cloud, camera, size);
+        let camera = kernel::Args { count: cloud.len() as u32, kind: args.kind | ORDERED, ..args };
+        Self { cloud, camera, id: next_id() }
     }
 
     /// Returns the size of the pictures.
-    pub fn args(&self) -> &Args {
-        &self.args
+    pub fn args(&self) -> Args {
+        Args::new(self.camera.height as usize, self.camera.width as usize)
+    }
+
+    /// Returns the pixels per tangent of the angle from the axis.
+    pub fn focal(&self) -> f32 {
+        self.camera.focal
+    }
+
+    /// Returns the arguments of the kernel for a displaced camera.
+    pub fn camera(&self, view: &Displaced) -> kernel::Args {
+        kernel::Args { by: view.by, moved: view.moved, ..self.camera }
     }
 
     /// Returns the bytes in memory, and the most bytes of a view that is drawn.
@@ -96,6 +120,7 @@ impl Ordered {
 
     /// Returns the splats that are in the picture, in their order.
     pub fn project(&self, view: &Displaced) -> Vec<Splat> {
+        let camera = self.camera(view);
         let blocks: Vec<Vec<Splat>> = (0..self.cloud.len().div_ceil(BLOCK))
             .into_par_iter()
             .map(|block| {
@@ -103,8 +128,8 @@ impl Ordered {
                 eyebox_kernels::simd(
                     #[inline(always)]
                     || {
-                        let mut rest = [0.0; 3 * crate::splats::harmonics::MOST];
-                        range.filter_map(|at| self.splat(at, view, &mut rest)).collect()
+                        let mut room = [0.0; 3 * MOST];
+                        range.filter_map(|at| self.splat(at, &camera, &mut room)).collect()
                     },
                 )
             })
@@ -112,80 +137,32 @@ impl Ordered {
         blocks.concat()
     }
 
-    /// Projects a splat, unless it is outside of the picture. `rest` has room for its harmonics.
+    /// Projects a splat, unless it is outside of the picture. `room` is for its harmonics.
     #[inline(always)]
-    fn splat(&self, at: usize, view: &Displaced, rest: &mut [f32]) -> Option<Splat> {
-        let [x, y, z] = self.cloud.places[at];
-        let from = [x - view.by[0], y - view.by[1], z];
-        let scale = self.focal / z;
-        let middle = [self.args.width, self.args.height].map(|n| (n as f32 - 1.0) / 2.0);
-        let center = [0, 1].map(|i| scale * from[i] + middle[i] + view.moved[i]);
-        let slope = [0, 1].map(|i| {
-            let most = BEYOND * self.tangents[i];
-            -scale * (from[i] / z).clamp(-most, most)
-        });
-        let [sxx, sxy, sxz, syy, syz, szz] = self.cloud.spreads[at];
-        let xx = scale * (scale * sxx + 2.0 * slope[0] * sxz) + slope[0] * slope[0] * szz;
-        let xy = scale * (scale * sxy + slope[1] * sxz + slope[0] * syz) + slope[0] * slope[1] * szz;
-        let yy = scale * (scale * syy + 2.0 * slope[1] * syz) + slope[1] * slope[1] * szz;
-        let pixel = PIXEL[usize::from(self.cloud.antialiased)];
-        let (wide, high) = (xx + pixel, yy + pixel);
-        let area = wide * high - xy * xy;
-        let mut opacity = self.cloud.opacities[at];
-        if self.cloud.antialiased {
-            opacity *= ((xx * yy - xy * xy) / area).max(LEAST).sqrt();
-        }
-        // A negative area is a rounding error of a splat that is far outside of the picture.
-        if !(area > 0.0 && area.is_finite() && opacity >= FAINTEST) {
-            return None;
-        }
-        // The opacity falls below the faintest one at this distance.
-        let reach = 2.0 * (opacity / FAINTEST).ln();
-        let span = |i: usize, variance: f32, most: u32| {
-            let far = (reach * variance).sqrt();
-            let [first, end] = [(center[i] - far).floor(), (center[i] + far).floor() + 2.0].map(|v| v.max(0.0) as u32);
-            let [first, end] = [first.min(most), end.min(most)];
-            (first < end).then_some(first | end << 16)
-        };
-        let (columns, rows) = (span(0, wide, self.args.width)?, span(1, high, self.args.height)?);
-        Some(Splat {
-            x: center[0],
-            y: center[1],
-            conic: [high / area, -xy / area, wide / area],
-            opacity,
-            color: self.color(at, from, rest),
-            inverse: 1.0 / z,
-            columns,
-            rows,
-        })
-    }
-
-    /// Returns the color of a splat in the direction in which the camera sees it.
-    #[inline(always)]
-    fn color(&self, at: usize, from: [f32; 3], room: &mut [f32]) -> [f32; 3] {
-        let mut color = self.cloud.colors[at];
-        let halves: &[f16] = self.cloud.rest_of(at);
-        if !halves.is_empty() {
-            let length = (from[0] * from[0] + from[1] * from[1] + from[2] * from[2]).sqrt();
-            let direction =
-                [0, 1, 2].map(|i| (0..3).map(|k| self.axes[k][i] * from[k]).sum::<f32>() / length.max(1e-30));
+    fn splat(&self, at: usize, camera: &kernel::Args, room: &mut [f32]) -> Option<Splat> {
+        kernel::project(camera, &self.cloud.gaussian(at), move || {
+            let halves = self.cloud.rest_of(at);
             let rest = &mut room[..halves.len()];
-            half::slice::HalfFloatSliceExt::convert_to_f32_slice(halves, rest);
-            for (values, weight) in rest.chunks_exact(3).zip(harmonics(direction)) {
-                color.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+            if !halves.is_empty() {
+                halves.convert_to_f32_slice(rest);
             }
-        }
-        color.map(|v| v.max(0.0))
+            rest
+        })
     }
 }
 
-/// Returns a covariance of the scene in the axes of a camera.
-fn turned(axes: &[[f32; 3]; 3], &[xx, xy, xz, yy, yz, zz]: &[f32; 6]) -> [f32; 6] {
-    let spread = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    let entry = |a: usize, b: usize| {
-        (0..3).map(|i| (0..3).map(|j| axes[a][i] * spread[i][j] * axes[b][j]).sum::<f32>()).sum::<f32>()
-    };
-    [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]
+impl StoredSplats for Ordered {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn count(&self) -> usize {
+        self.cloud.len()
+    }
+
+    fn words(&self, range: Range<usize>) -> Vec<u32> {
+        self.cloud.words(range)
+    }
 }
 
 fn axes_of(camera: &Camera) -> [[f32; 3]; 3] {
@@ -193,7 +170,7 @@ fn axes_of(camera: &Camera) -> [[f32; 3]; 3] {
 }
 
 /// Returns the indices of the places that are far enough in front of the camera, with the nearest first.
-fn order(places: &[[f32; 3]]) -> Vec<u32> {
+pub(crate) fn order(places: &[[f32; 3]]) -> Vec<u32> {
     let distance = |i: &u32| places[*i as usize][2];
     let mut order: Vec<u32> = (0..places.len() as u32).filter(|i| distance(i) > 0.0).collect();
     order.par_sort_by(|a, b| distance(a).total_cmp(&distance(b)));

@@ -7,9 +7,9 @@
 use crate::SceneError;
 use crate::splats::cloud::{Cloud, spread};
 use crate::splats::file::{self, Bytes, Opened, broken};
-use crate::splats::harmonics::{C0, count};
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
+use eyebox_kernels::splat_colors::{C0, count};
 use flate2::read::GzDecoder;
 use half::f16;
 use std::io::{Read, Seek, SeekFrom, Take};

@@ -54,6 +54,8 @@ mod present_thread;
 mod refinement;
 mod ticked;
 
+#[cfg(test)]
+mod device_splats_tests;
 #[cfg(all(test, target_os = "linux"))]
 mod device_views_tests;
 #[cfg(test)]

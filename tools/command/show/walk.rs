@@ -8,7 +8,7 @@ use crate::{Failure, common};
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::reason;
-use eyebox::low_level::scene::{CameraPath, MovingSplats, Request};
+use eyebox::low_level::scene::{CameraPath, MovingSplats};
 use eyebox::low_level::session::SplatWalk;
 use std::path::Path;
 use std::time::Duration;
@@ -37,11 +37,13 @@ pub fn of_two_eyes(
     refuse_quality(args, &sources[0])?;
     let path = stated_path(args)?;
     let engine = stage.engines.open()?;
-    let left = Placed::read(args, &subjects[0], &sources[0], engine.as_ref())?;
-    let right = Placed::read(args, &subjects[1], &sources[1], engine.as_ref())?;
+    let left = Placed::read(args, &subjects[0], &sources[0])?;
+    let right = Placed::read(args, &subjects[1], &sources[1])?;
     let path = left.path(args, path);
-    let of_left = SplatWalk::new(left.splats, &left.display, &left.colors, path);
-    let of_right = of_left.of_right_eye(right.splats, &right.display, &right.colors);
+    let mut of_left = SplatWalk::new(left.splats, &left.display, &left.colors, path);
+    let mut of_right = of_left.of_right_eye(right.splats, &right.display, &right.colors);
+    drawn_by(&mut of_left, stage)?;
+    drawn_by(&mut of_right, stage)?;
     let left_steered = steered(args, &sources[0], (&left.display, left.colors), of_left, engine.as_ref())?;
     let right_steered = steered(args, &sources[1], (&right.display, right.colors), of_right, engine.as_ref())?;
     Ok([(left_steered, left.depths), (right_steered, right.depths)])
@@ -71,13 +73,12 @@ struct Placed {
 }
 
 impl Placed {
-    fn read(args: &Show, subject: &SubjectOptions, source: &str, engine: &dyn Engine) -> Result<Self, Failure> {
+    fn read(args: &Show, subject: &SubjectOptions, source: &str) -> Result<Self, Failure> {
         let display = display_for(subject, None)?;
         let colors = common::colors(&subject.display, &display)?;
         let reading = args.subject.options.reading(display.focal_length);
-        let drawer = engine.splat_drawer()?;
         let request = reading.request(&display, &colors, None, subject.display.force);
-        let splats = MovingSplats::new(source, &Request { drawer: drawer.as_ref(), ..request })?;
+        let splats = MovingSplats::new(source, &request)?;
         tracing::info!("{source}: {}", splats.read_as());
         let depths = args.subject.options.depth_before(&display).unwrap_or(splats.depth());
         Ok(Self { splats, display, colors, depths })
@@ -89,6 +90,14 @@ impl Placed {
         let path = if is_around { Some(self.splats.around()) } else { stated };
         path.map(|path| (path, Duration::from_secs_f64(args.walk.walk_time.min(1e6))))
     }
+}
+
+/// Lets the device of the engines draw, if they have one.
+fn drawn_by(walk: &mut SplatWalk, stage: &Stage) -> Result<(), Failure> {
+    if let Some(reason) = walk.draw_with(stage.engines.backend())? {
+        tracing::info!("the CPU draws views: {reason}");
+    }
+    Ok(())
 }
 
 /// Returns darkness until the first views are drawn.
@@ -114,11 +123,12 @@ pub fn show(args: &Show, settings: ShowSettings, source: &str) -> Result<(), Fai
     let path = stated_path(args)?;
     let stage = Stage::open(&args.subject, &args.live)?;
     let engine = stage.engines.open()?;
-    let placed = Placed::read(args, &args.subject, source, engine.as_ref())?;
+    let placed = Placed::read(args, &args.subject, source)?;
     let (depths, display) = (placed.depths, placed.display.clone());
     let path = placed.path(args, path);
     let moves_by_itself = path.is_some();
-    let walk = SplatWalk::new(placed.splats, &placed.display, &placed.colors, path);
+    let mut walk = SplatWalk::new(placed.splats, &placed.display, &placed.colors, path);
+    drawn_by(&mut walk, &stage)?;
     let handle = Some(walk.handle()).filter(|_| !moves_by_itself);
     let steered = steered(args, source, (&display, placed.colors), walk, engine.as_ref())?;
     drop(engine);

@@ -5,12 +5,14 @@
 //! content moves.
 
 use super::super::EngineError;
+use super::splats::{DeviceSplats, Pictures};
 use super::views::{DeviceViews, Level, Views};
 #[cfg(target_os = "linux")]
 use crate::gpu::SharedMemory;
 use crate::gpu::{Block, Commands, Gpu};
-use crate::scene::Pyramid;
+use crate::scene::{Pyramid, StoredSplats};
 use eyebox_kernels::decode_views::{self, ALL_LIGHT, SUMS};
+use eyebox_kernels::project_splats::Args as Camera;
 use eyebox_kernels::{WIDTH, decode_views::CURVE};
 use eyebox_kernels::{half, halve_views};
 use eyebox_spirv as spirv;
@@ -30,6 +32,8 @@ pub struct StoredViews {
     pub sample: u32,
     /// True if integers are coded in sRGB, false if they are linear.
     pub coded: bool,
+    /// True if the samples are in the order (color, view, row, column) instead.
+    pub planar: bool,
 }
 
 impl StoredViews {
@@ -179,16 +183,50 @@ impl ViewDecoder {
     }
 
     fn args(&self, views: &StoredViews, channel: usize) -> decode_views::Args {
+        let (channels, channel, first) = match views.planar {
+            true => (1, 0, (channel * views.count()) as u32),
+            false => (self.stored as u32, channel as u32, 0),
+        };
         decode_views::Args {
             pixels: self.pixels() as u32,
-            channels: self.stored as u32,
-            channel: channel as u32,
+            channels,
+            channel,
             sample: views.sample,
             coded: u32::from(views.coded),
-            first: 0,
+            first,
             stride: 0,
             scale: 0.0,
         }
+    }
+
+    /// Draws views of splats in three colors from these cameras, on a grid, as the samples. The splats are drawn in
+    /// this order of their indices.
+    ///
+    /// # Errors
+    /// [`EngineError`] if the views or the splats do not fit the decoder or the device, memory runs out, or the device
+    /// is lost.
+    pub fn draw(
+        &mut self,
+        room: &mut DeviceSplats,
+        (splats, order): (&dyn StoredSplats, &[u32]),
+        cameras: &[Camera],
+        grid: [usize; 2],
+    ) -> Result<StoredViews, EngineError> {
+        let views = StoredViews { grid, sample: decode_views::F32, coded: false, planar: true };
+        let (pixels, count) = (self.pixels(), views.count());
+        let sizes =
+            cameras.iter().all(|camera| self.sizes.first() == Some(&(camera.height as usize, camera.width as usize)));
+        if self.stored != 3 || !sizes || count != cameras.len() {
+            return Err(EngineError::mismatch("the cameras do not belong to the views of the decoder"));
+        }
+        room.store(&mut self.gpu, splats, order)?;
+        self.gpu.recorder.begin(0)?;
+        self.gpu.recorder.barrier();
+        let (next, stride) = (pixels as u32, (pixels * count) as u32);
+        let pictures = Pictures { to: self.samples.all(), next, stride, light: true };
+        room.record(&mut self.gpu, cameras, &pictures)?;
+        self.gpu.recorder.submit("views of splats")?;
+        Ok(views)
     }
 
     /// Returns the light in the views whose samples are on the device, color by color, or an invalid sample.
@@ -244,7 +282,11 @@ impl ViewDecoder {
         pixel: usize,
     ) -> Result<NoLight, EngineError> {
         let index = view * self.pixels() + pixel;
-        let at = views.sample_bytes() * (index * self.stored + channel) as u64;
+        let sample = match views.planar {
+            true => channel * views.count() * self.pixels() + index,
+            false => index * self.stored + channel,
+        };
+        let at = views.sample_bytes() * sample as u64;
         let mut word = [0; 4];
         self.gpu.fetch(&self.samples, &mut word, [(at / 4 * 4, 0, 4)])?;
         let half = [word[at as usize % 4], word[(at as usize + 1) % 4]];
@@ -310,8 +352,9 @@ impl ViewDecoder {
         let (Some(level), Some(sums)) = (room.levels.first(), &self.sums) else { return Ok(()) };
         let pipeline = self.gpu.pipeline(&spirv::DECODE_VIEWS, 4, &[])?;
         for piece in &level.pieces {
-            let (first, stride) = (piece.views.start as u32, level.stride as u32);
-            let args = decode_views::Args { first, stride, scale, ..self.args(views, channel) };
+            let all = self.args(views, channel);
+            let (first, stride) = (all.first + piece.views.start as u32, level.stride as u32);
+            let args = decode_views::Args { first, stride, scale, ..all };
             // These sums are not read any more.
             let to = level.range(&room.blocks, piece, &piece.views);
             let buffers = [self.samples.all(), self.curve.all(), to, sums.all()];

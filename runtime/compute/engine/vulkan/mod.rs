@@ -32,6 +32,8 @@ mod pretend;
 mod record;
 mod self_test;
 mod splats;
+#[cfg(test)]
+mod splats_tests;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -44,4 +46,4 @@ pub use fft::{Timed, Transforms};
 #[cfg(any(test, feature = "test-hooks"))]
 pub use pretend::LesserDevice;
 pub(super) use self_test::check as self_test;
-pub use splats::VulkanSplats;
+pub use splats::{DeviceSplats, VulkanSplats};

@@ -5,8 +5,9 @@ use crate::engine::Backend;
 use crate::gpu::Gpu;
 use crate::optics::{Color, Display, PupilDistribution};
 use crate::scene::{Layer, Places, ViewGrid, views_of_depths, views_of_layers};
-use crate::session::content::device_views::{ColorViews, DeviceViews};
-use crate::session::content::near_eye::{Exposures, NearViews, USUAL_EXPOSURE, light_field};
+use crate::session::content::decoded_views::live_colors;
+use crate::session::content::device_views::DeviceViews;
+use crate::session::content::near_eye::{Exposures, NearViews, light_field};
 use crate::session::content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
 use crate::session::frame_log::error::SessionError;
 use crate::session::refinement::field::LiveColor;
@@ -214,17 +215,8 @@ impl LiveInput {
             Ok(newest) => newest,
             Err(reason) => return Ok(Err(format!("the application's frame is left out: {reason}"))),
         };
-        // The estimate equals the one of `BrightEnd` for a picture on the host.
-        let ends = newest.iter().map(|ColorViews { light, .. }| match light.middle {
-            [mean, square, cube] if square > 0.0 => [(cube / square).max(mean), mean],
-            _ => [USUAL_EXPOSURE, 0.0],
-        });
-        let exposures = self.exposures.of(&self.display, &self.colors, &ends.collect::<Vec<_>>());
-        let mut colors = Vec::with_capacity(newest.len());
-        for ((views_of_color, color), exposure) in newest.into_iter().zip(&self.colors).zip(exposures) {
-            let problem = views_of_color.problem(&self.display, *color, views, center)?;
-            colors.push(LiveColor { problem, phases: Vec::new(), exposure, laser: None });
-        }
+        let of = (&self.display, &self.colors[..]);
+        let colors = live_colors(newest, &self.exposures, of, (views, center))?;
         Ok(Ok(self.next_scene(colors, content_time_ns, due)))
     }
 

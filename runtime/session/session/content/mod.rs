@@ -2,6 +2,8 @@
 
 #[cfg(target_os = "linux")]
 pub(crate) mod application;
+pub(crate) mod decoded_views;
+mod device_splats;
 #[cfg(target_os = "linux")]
 pub(crate) mod device_views;
 pub(crate) mod far_field;

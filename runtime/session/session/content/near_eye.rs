@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The number of requested views along an axis if a tracker gives the position of the eye.
-const TRACKED_VIEWS: u32 = 3;
+pub(crate) const TRACKED_VIEWS: u32 = 3;
 /// The exposure before the first frame. The next constant is the lowest one (OPTICS 6c).
 pub(crate) const USUAL_EXPOSURE: f64 = 0.35;
 const LEAST_EXPOSURE: f64 = 0.05;

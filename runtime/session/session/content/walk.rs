@@ -1,8 +1,12 @@
 //! Draws splats for a camera that moves while they are shown. The views are around the tracked pupil.
 
+use crate::engine::Backend;
+use crate::gpu::Gpu;
 use crate::optics::{Color, Display};
-use crate::scene::{CameraPath, MovingSplats, SplatCamera};
-use crate::session::content::near_eye::{Exposures, NearViews, light_field};
+use crate::scene::{CameraPath, MovingSplats, SplatCamera, ViewGrid};
+use crate::session::content::decoded_views::live_colors;
+use crate::session::content::device_splats::SplatsOnDevice;
+use crate::session::content::near_eye::{Exposures, NearViews, TRACKED_VIEWS, light_field};
 use crate::session::content::scenes::{Due, Newest, SceneFrame, Scenes};
 use crate::session::content::shared_camera::{SharedCamera, Shot};
 use crate::session::frame_log::error::SessionError;
@@ -114,6 +118,8 @@ struct Drawer {
     display: Display,
     colors: Vec<Color>,
     exposures: Exposures,
+    /// The device that draws, if one does.
+    device: Option<SplatsOnDevice>,
 }
 
 impl SplatWalk {
@@ -145,9 +151,34 @@ impl SplatWalk {
     ) -> Self {
         let (name, eyebox) = (splats.name().to_owned(), display.eyebox_min());
         let (display, colors) = (display.clone(), colors.to_vec());
-        let drawer = Drawer { splats, display, colors, exposures: exposures.clone() };
+        let drawer = Drawer { splats, display, colors, exposures: exposures.clone(), device: None };
         let drawing = Drawing::Here(Box::new(drawer));
         Self { name, eyebox, handle, path, shared, exposures, asked: None, frames: 0, lead_ns: 0.0, drawing }
+    }
+
+    /// Draws on this device from now on, for engines there. The views stay on it. The host orders the splats, and sees
+    /// only sums of the light of the views, and one view of one color at most 256 pixels wide. If the device fails, the
+    /// CPU draws again.
+    ///
+    /// # Errors
+    /// Returns the reason in words if views have to pass through the host. Either the display model or the far field
+    /// changes them first, or the device is too small.
+    pub fn draw_on(&mut self, gpu: &Gpu) -> Result<(), String> {
+        // The drawing thread starts with the first request, so the drawer is here.
+        if let Drawing::Here(drawer) = &mut self.drawing {
+            let most = (TRACKED_VIEWS * TRACKED_VIEWS) as usize;
+            drawer.device = Some(SplatsOnDevice::new(gpu, &drawer.display, &drawer.colors, most)?);
+        }
+        Ok(())
+    }
+
+    /// [Draws](Self::draw_on) on the device of these engines, if they have one. Returns the reason in words if the CPU
+    /// draws instead of a device.
+    ///
+    /// # Errors
+    /// Returns [`SessionError::Engine`] if the device is lost.
+    pub fn draw_with(&mut self, engines: &Backend) -> Result<Option<String>, SessionError> {
+        Ok(engines.gpu()?.and_then(|gpu| self.draw_on(&gpu).err()))
     }
 
     /// Returns the handle that moves the camera. It has no effect if there is a path.
@@ -286,12 +317,23 @@ impl Drawer {
     }
 
     fn draw(&mut self, asked: Asked) -> Drawn {
-        let places: Vec<(f64, f64)> = asked.near.places().into_iter().map(|[x, y]| (x, y)).collect();
-        let planes = self.splats.views(&asked.shot.camera, &self.colors, &places);
-        let (name, grid) = (self.splats.name().to_owned(), [asked.near.views as usize; 2]);
-        let field = light_field(name, &self.display, &self.colors, (grid, asked.near.pitch), planes);
-        let colors = self.exposures.colors(&field, &self.display, asked.near.center);
+        let colors = self.colors_of(&asked);
         Drawn { asked, colors, ended: Instant::now() }
+    }
+
+    fn colors_of(&mut self, asked: &Asked) -> Result<Vec<LiveColor>, SessionError> {
+        let (near, of) = (&asked.near, (&self.display, &self.colors[..]));
+        let (grid, center) = ([near.views as usize; 2], near.center);
+        let there = self.device.as_mut().and_then(|device| device.draw(&self.splats, &asked.shot.camera, near, of));
+        if let Some(views) = there {
+            let grid = ViewGrid { rows: grid[0], columns: grid[1], cell: near.pitch };
+            return live_colors(views, &self.exposures, of, (grid, center));
+        }
+        let places: Vec<(f64, f64)> = near.places().into_iter().map(|[x, y]| (x, y)).collect();
+        let planes = self.splats.views(&asked.shot.camera, &self.colors, &places);
+        let name = self.splats.name().to_owned();
+        let field = light_field(name, &self.display, &self.colors, (grid, near.pitch), planes);
+        self.exposures.colors(&field, &self.display, center)
     }
 }
 

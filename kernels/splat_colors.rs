@@ -1,23 +1,24 @@
 //! Evaluates the color of a splat in a direction, by real spherical harmonics up to degree 3.
 
 /// The harmonic of degree 0, which is 1 / sqrt(4 pi).
-pub(crate) const C0: f32 = 0.282_094_79;
-const C1: f32 = 0.488_602_5;
-const C2: [f32; 5] = [1.092_548_4, -1.092_548_4, 0.315_391_57, -1.092_548_4, 0.546_274_2];
-const C3: [f32; 7] = [-0.590_043_6, 2.890_611_4, -0.457_045_8, 0.373_176_34, -0.457_045_8, 1.445_305_7, -0.590_043_6];
+pub const C0: f32 = 0.282_094_79;
+pub(crate) const C1: f32 = 0.488_602_5;
+pub(crate) const C2: [f32; 5] = [1.092_548_4, -1.092_548_4, 0.315_391_57, -1.092_548_4, 0.546_274_2];
+pub(crate) const C3: [f32; 7] =
+    [-0.590_043_6, 2.890_611_4, -0.457_045_8, 0.373_176_34, -0.457_045_8, 1.445_305_7, -0.590_043_6];
 
 /// The largest number of harmonics of a degree above 0.
-pub(crate) const MOST: usize = 15;
+pub const MOST: usize = 15;
 
 /// Returns the number of harmonics of the degrees 1 to `degree`.
-pub(crate) const fn count(degree: usize) -> usize {
+pub const fn count(degree: usize) -> usize {
     (degree + 1) * (degree + 1) - 1
 }
 
 /// Returns the harmonics of the degrees 1 to 3 in a direction of length 1. 3D Gaussian splatting has the same
 /// signs.
 #[inline(always)]
-pub(crate) fn harmonics([x, y, z]: [f32; 3]) -> [f32; MOST] {
+pub fn harmonics([x, y, z]: [f32; 3]) -> [f32; MOST] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
         -C1 * y,

@@ -1,0 +1,66 @@
+//! Draws views of splats on the device of the engines, where they stay.
+
+use crate::engine::vulkan::DeviceSplats;
+use crate::gpu::Gpu;
+use crate::optics::{Color, Display};
+use crate::scene::{MovingSplats, SplatCamera};
+use crate::session::content::decoded_views::{ColorViews, DecodedViews};
+use crate::session::content::near_eye::NearViews;
+
+/// Splats and their views on a device, until the device fails.
+pub(crate) struct SplatsOnDevice {
+    splats: DeviceSplats,
+    views: DecodedViews,
+    /// The most views that fit.
+    most: usize,
+    gpu: Gpu,
+}
+
+impl SplatsOnDevice {
+    /// Creates room for `most` views of a display in these colors. Returns the reason in words if views of this display
+    /// have to pass through the host.
+    pub fn new(gpu: &Gpu, display: &Display, colors: &[Color], most: usize) -> Result<Self, String> {
+        let channels: Vec<usize> = colors.iter().map(|color| color.channel()).collect();
+        let views = DecodedViews::new(gpu, display, colors, (3, &channels), most)?;
+        Ok(Self { splats: DeviceSplats::default(), views, most, gpu: gpu.clone() })
+    }
+
+    /// Draws the views of a camera, color by color. It is `None` if the device cannot, which is reported once.
+    pub fn draw(
+        &mut self,
+        splats: &MovingSplats,
+        camera: &SplatCamera,
+        near: &NearViews,
+        (display, colors): (&Display, &[Color]),
+    ) -> Option<Vec<ColorViews>> {
+        if self.views.has_failed {
+            return None;
+        }
+        let places: Vec<(f64, f64)> = near.places().into_iter().map(|[x, y]| (x, y)).collect();
+        if places.len() > self.most {
+            match Self::new(&self.gpu, display, colors, places.len()) {
+                Ok(larger) => (self.views, self.most) = (larger.views, larger.most),
+                Err(reason) => {
+                    self.views.fails(&reason);
+                    return None;
+                }
+            }
+        }
+        let (order, cameras) = splats.cameras(camera, &places);
+        let grid = [near.views as usize; 2];
+        let drawn = match self.views.decoder.draw(&mut self.splats, (splats, &order), &cameras, grid) {
+            Ok(drawn) => drawn,
+            Err(error) => {
+                self.views.fails(&error.to_string());
+                return None;
+            }
+        };
+        match self.views.measured(&drawn, Ok(()))? {
+            Ok(()) => self.views.newest().ok(),
+            Err(no_light) => {
+                self.views.fails(&format!("a pixel of a view of splats has the value {}", no_light.found));
+                None
+            }
+        }
+    }
+}
