@@ -62,7 +62,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     let loading = begun.elapsed().as_secs_f64();
     drop(field);
     if args.solve.dry_run {
-        return dry::run(args, problem, &settings);
+        return dry::run(args, &request, problem, &settings);
     }
     say_beside!(
         args.solve.json,

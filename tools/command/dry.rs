@@ -2,10 +2,13 @@
 
 use crate::Failure;
 use crate::args::Bench;
+use crate::request::SolveRequest;
 use crate::talk::print_report;
 use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::optics::PupilDistribution;
-use eyebox::low_level::plan::DEVICES;
+use eyebox::low_level::plan::{DEVICES, DeviceModel};
+use eyebox::low_level::scene;
+use eyebox::low_level::session::SplatsDryRun;
 use eyebox::low_level::solve::{DryRun, Problem, RefineSettings, Settings};
 use serde_json::{Value, json};
 
@@ -13,7 +16,7 @@ use serde_json::{Value, json};
 const SPREAD: f64 = 0.3e-3;
 
 /// Records steps of a solve, or of a refinement if a pupil is given.
-pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Failure> {
+pub fn run(args: &Bench, request: &SolveRequest<'_>, problem: Problem, settings: &Settings) -> Result<(), Failure> {
     let device = args.solve.engine.device.device.clone();
     // Any device records the commands that a GPU would receive, because none of them runs.
     let plan_as = if device.is_none() { Some(DeviceKind::Discrete) } else { None };
@@ -28,12 +31,62 @@ pub fn run(args: &Bench, problem: Problem, settings: &Settings) -> Result<(), Fa
         }
         None => DryRun::of_solve(&problem, settings, &gpu, count)?,
     };
+    let frame = content_frame(request, &gpu)?;
     if args.solve.json {
-        print_report(as_json(&dry_run));
+        print_report(as_json(&dry_run, frame.as_ref()));
     } else {
         print(&dry_run);
+        frame.iter().for_each(|frame| print_frame(frame, &dry_run));
     }
     Ok(())
+}
+
+/// Records a content frame of splats, if the scene has splats and a device can draw their views.
+fn content_frame(request: &SolveRequest<'_>, gpu: &Gpu) -> Result<Option<SplatsDryRun>, Failure> {
+    let Some(source) = request.scenes.first().filter(|source| scene::is_splats(source)) else { return Ok(None) };
+    let splats = request.moving_splats(source)?;
+    match SplatsDryRun::of(&splats, &request.display, &request.colors, gpu)? {
+        Ok(frame) => Ok(Some(frame)),
+        Err(reason) => {
+            tracing::info!("no content frame is recorded: {reason}");
+            Ok(None)
+        }
+    }
+}
+
+/// Returns the time of a content frame on a device, and of a step, ms. The host orders the splats of the next frame
+/// meanwhile.
+fn frame_and_step_ms(frame: &SplatsDryRun, dry_run: &DryRun, device: &DeviceModel) -> [f64; 2] {
+    let [frame, step] =
+        [frame.estimate(device).total().max(frame.host), dry_run.estimate(device).total().max(dry_run.host)];
+    [frame, step].map(|time| time.as_secs_f64() * 1e3)
+}
+
+fn print_frame(frame: &SplatsDryRun, dry_run: &DryRun) {
+    println!(
+        "\nA content frame of {} splats in {} views around a tracked pupil, while the camera moves ({} splats in tiles):",
+        frame.splats, frame.views, frame.entries
+    );
+    println!("{:24} {:>14} {:14.3}", "host, ms", "", frame.host.as_secs_f64() * 1e3);
+    println!(
+        "{:24} {:>10} {:>11} {:>10} {:>12} {:>10} {:>18}",
+        "ms a frame", "memory", "arithmetic", "stages", "submissions", "in all", "frames/s, 1 step"
+    );
+    for device in &DEVICES {
+        let estimate = frame.estimate(device);
+        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+        let [of_frame, of_step] = frame_and_step_ms(frame, dry_run, device);
+        println!(
+            "{:24} {:10.3} {:11.3} {:10.3} {:12.3} {:10.3} {:18.1}",
+            device.name,
+            ms(estimate.memory),
+            ms(estimate.arithmetic),
+            ms(estimate.stages),
+            ms(estimate.submissions),
+            of_frame,
+            1e3 / (of_frame + of_step)
+        );
+    }
 }
 
 /// A named count of the first step, and its mean over the later half of the steps.
@@ -103,7 +156,7 @@ fn longest_ms(dry_run: &DryRun) -> [f64; 2] {
     })
 }
 
-fn as_json(dry_run: &DryRun) -> Value {
+fn as_json(dry_run: &DryRun, frame: Option<&SplatsDryRun>) -> Value {
     let rows = rows(dry_run).map(|(name, first, later)| (name.to_owned(), json!({ "first": first, "later": later })));
     let devices = DEVICES.iter().map(|device| {
         let estimate = dry_run.estimate(device);
@@ -121,7 +174,23 @@ fn as_json(dry_run: &DryRun) -> Value {
     let kernels = kernels.into_iter().map(|(kernel, dispatches, bytes)| {
         (kernel.name().to_owned(), json!({ "dispatches": dispatches, "bytes": bytes }))
     });
+    let content_frame = frame.map(|frame| {
+        let devices = DEVICES.iter().map(|device| {
+            let [of_frame, of_step] = frame_and_step_ms(frame, dry_run, device);
+            let parts =
+                json!({ "with_host_ms": of_frame, "frames_per_second_with_a_step": 1e3 / (of_frame + of_step) });
+            (device.name.to_owned(), parts)
+        });
+        json!({
+            "splats": frame.splats,
+            "views": frame.views,
+            "splats_in_tiles": frame.entries,
+            "host_ms": frame.host.as_secs_f64() * 1e3,
+            "modelled": Value::Object(devices.collect()),
+        })
+    });
     json!({
+        "content_frame": content_frame,
         "step": Value::Object(rows.into_iter().collect()),
         "longest_dispatch_ms": longest_ms(dry_run)[0],
         "longest_submission_ms": longest_ms(dry_run)[1],

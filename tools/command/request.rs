@@ -11,7 +11,7 @@ use eyebox::low_level::engine::Engine;
 use eyebox::low_level::optics::{Color, Display, Geometry};
 use eyebox::low_level::plan::Storage;
 use eyebox::low_level::produce::{GivenSettings, SceneJob, SequenceRequest, TilesRequest, is_larger_than_memory};
-use eyebox::low_level::scene::{self, LightField};
+use eyebox::low_level::scene::{self, LightField, MovingSplats};
 use eyebox::low_level::solve::{Joint, Levels, Method, Optimizer, Settings};
 use eyebox::low_level::tiled::MemoryLimit;
 use eyebox::low_level::{memory, reason};
@@ -154,6 +154,12 @@ impl<'a> SolveRequest<'a> {
             _ => common::depths(self.scene, &field, display)?,
         };
         Ok((field, depth))
+    }
+
+    /// Reads splats for a camera that moves.
+    pub fn moving_splats(&self, source: &str) -> Result<MovingSplats, Failure> {
+        let reading = self.scene.options.reading(self.display.focal_length);
+        Ok(MovingSplats::new(source, &reading.request(&self.display, &self.colors, None, self.force))?)
     }
 
     /// Returns the settings for a display that quality and deadline do not change.

@@ -94,7 +94,15 @@ impl Estimate {
     }
 }
 
+/// Float32 operations per second in the data sheet of the H200.
+const H200_FLOAT_RATE: f64 = 67e12;
+
 impl DeviceModel {
+    /// Returns the float32 operations per second in the data sheet of the device.
+    pub fn float_rate(&self) -> f64 {
+        H200_FLOAT_RATE * DEVICES[0].value_s / self.value_s
+    }
+
     /// Estimates the time of these recordings on this device, with `value_bytes` bytes per value of a wave. Each
     /// recording starts with the cache contents that the one before it left. The result is the mean over all but the
     /// first, whose cache is empty.
@@ -257,5 +265,7 @@ mod tests {
         seen.push(work(&[(1, 1_000_000_000, false)]));
         seen.push(Entry::Mark(Kernel::Photograph as usize));
         assert_eq!(device.estimate(&[&seen], 4).arithmetic, Duration::ZERO);
+        // The RTX 4090 has 82.6e12 operations per second.
+        assert!((DEVICES[1].float_rate() / 82.6e12 - 1.0).abs() < 0.01);
     }
 }

@@ -6,6 +6,7 @@ use crate::splats::camera::Camera;
 use crate::splats::cloud::Cloud;
 use crate::splats::format::read;
 use crate::splats::path::CameraPath;
+use crate::splats::picture::tiled;
 use crate::splats::project::{Ordered, args_of, next_id, order};
 use crate::{Request, SceneError, StoredSplats};
 use eyebox_base::memory;
@@ -99,6 +100,13 @@ impl MovingSplats {
             Args { by: displaced.by, moved: displaced.moved, ..camera }
         };
         (order, places.iter().map(one).collect())
+    }
+
+    /// Returns the number of pairs of a splat and a tile of a picture that it touches, in all views from these places.
+    pub fn entries(&self, camera: &Camera, places: &[(f64, f64)]) -> u64 {
+        let splats = Ordered::of(&self.cloud, camera, self.size);
+        let of = |place: &(f64, f64)| tiled(&splats, &self.placed.displaced(*place)).entries.len() as u64;
+        places.par_iter().map(of).sum()
     }
 }
 

@@ -31,6 +31,7 @@
 //! | [`FarField`] | reads the tiles around the predicted pupil ahead |
 //! | `application` | takes frames from other processes |
 //! | [`SplatWalk`] | draws splats for a camera that moves, and for the tracked pupil |
+//! | [`SplatsDryRun`] | estimates the time of a content frame of splats on known devices |
 //! | `showing` | counts the scenes of all of them |
 //! | `moments` | estimates, from frames and samples, the motion during the light of a set |
 //! | `latency` | measures every set that was shown, from the sample to the light |
@@ -97,6 +98,7 @@ pub use content::far_field::FarField;
 pub use content::moving::{MovingSequence, SceneLoader};
 pub use content::near_eye::darkness;
 pub use content::scenes::{Due, FrameFreshness, Newest, SceneFrame, Scenes};
+pub use content::splats_dry_run::SplatsDryRun;
 pub use content::walk::{SplatWalk, WalkHandle};
 #[cfg(target_os = "linux")]
 pub use eyebox_live_input::Kind as LiveKind;

@@ -169,6 +169,20 @@ fn a_bench_records_steps_and_runs_none() {
             "{dry}"
         );
     }
+    // Only splats have a content frame, because their camera can move.
+    let dry: Value = serde_json::from_str(&run("--json")).unwrap();
+    assert!(dry["content_frame"].is_null(), "{dry}");
+    let splats = "bench builtin:still-life-splats --size 64x96 --color green --pupils 2 --steps 2 --views 3 --dry-run";
+    let dry = done(at, &format!("{splats} --json").split(' ').collect::<Vec<_>>());
+    let frame = serde_json::from_str::<Value>(&dry).unwrap()["content_frame"].take();
+    assert!(frame["views"] == 9 && frame["splats"].as_u64().is_some_and(|n| n > 2000), "{frame}");
+    assert!(frame["splats_in_tiles"].as_u64() > frame["splats"].as_u64(), "{frame}");
+    for device in ["H200", "RTX 4090", "Radeon 780M"] {
+        let rate = frame["modelled"][device]["frames_per_second_with_a_step"].as_f64();
+        assert!(rate.is_some_and(|rate| rate > 0.0 && rate < 1e5), "{frame}");
+    }
+    let said = done(at, &splats.split(' ').collect::<Vec<_>>());
+    assert_eq!(said.lines().filter(|line| line.starts_with("RTX 4090")).count(), 2, "{said}");
     let said = run("--set storage=fp16");
     for device in ["H200", "RTX 4090", "Radeon 780M"] {
         assert!(said.lines().any(|line| line.starts_with(device) && line.numbers().len() > 4), "{device}: {said}");

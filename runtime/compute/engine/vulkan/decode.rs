@@ -137,6 +137,11 @@ impl ViewDecoder {
         &self.gpu.shared
     }
 
+    /// Returns the number of colors that are used.
+    pub fn colors(&self) -> usize {
+        self.channels.len()
+    }
+
     /// Uploads samples, padded to whole words of 4 bytes.
     ///
     /// # Errors
@@ -199,6 +204,12 @@ impl ViewDecoder {
         }
     }
 
+    /// Returns the bytes of samples that are read for a color of this number of views.
+    fn samples_read(&self, views: &StoredViews, count: usize) -> u64 {
+        let colors = if views.planar { 1 } else { self.stored };
+        views.sample_bytes() * (count * self.pixels() * colors) as u64
+    }
+
     /// Draws views of splats in three colors from these cameras, on a grid, as the samples. The splats are drawn in
     /// this order of their indices.
     ///
@@ -257,6 +268,8 @@ impl ViewDecoder {
             let buffers = [self.samples.all(), self.curve.all(), to, to];
             let args = self.args(views, *channel);
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), [parts, count as u32, 1])?;
+            let read = self.samples_read(views, count);
+            self.gpu.recorder.moved(|| vec![self.samples.all().reads(read), to.writes(step)]);
         }
         self.gpu.recorder.submit("decode_views")?;
         let mut words = vec![0u32; size as usize / 4];
@@ -360,6 +373,8 @@ impl ViewDecoder {
             let buffers = [self.samples.all(), self.curve.all(), to, sums.all()];
             let groups = [self.parts(), piece.views.len() as u32, 1];
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), groups)?;
+            let read = self.samples_read(views, piece.views.len());
+            self.gpu.recorder.moved(|| vec![self.samples.all().reads(read), to.writes(to.size)]);
         }
         Ok(())
     }
@@ -378,6 +393,8 @@ impl ViewDecoder {
             let buffers = [range(finer, from), self.tables.all(), range(level, to)];
             let groups = [(args.sizes.height * args.sizes.width).div_ceil(2 * WIDTH).min(65_535), both.len() as u32, 1];
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), groups)?;
+            let [from, _, to] = buffers;
+            self.gpu.recorder.moved(|| vec![from.reads(from.size), to.writes(to.size)]);
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Draws views of splats on the device of the engines, where they stay.
 
-use crate::engine::vulkan::DeviceSplats;
+use crate::engine::EngineError;
+use crate::engine::vulkan::{DeviceSplats, ViewsLight};
 use crate::gpu::Gpu;
 use crate::optics::{Color, Display};
 use crate::scene::{MovingSplats, SplatCamera};
@@ -36,7 +37,7 @@ impl SplatsOnDevice {
         if self.views.has_failed {
             return None;
         }
-        let places: Vec<(f64, f64)> = near.places().into_iter().map(|[x, y]| (x, y)).collect();
+        let places = near.pairs();
         if places.len() > self.most {
             match Self::new(&self.gpu, display, colors, places.len()) {
                 Ok(larger) => (self.views, self.most) = (larger.views, larger.most),
@@ -62,5 +63,15 @@ impl SplatsOnDevice {
                 None
             }
         }
+    }
+
+    /// Records the same on a device that only records.
+    pub fn record(&mut self, splats: &MovingSplats, camera: &SplatCamera, near: &NearViews) -> Result<(), EngineError> {
+        let (order, cameras) = splats.cameras(camera, &near.pairs());
+        let drawn = self.views.decoder.draw(&mut self.splats, (splats, &order), &cameras, [near.views as usize; 2])?;
+        // Nothing was drawn, so the light is arbitrary.
+        drop(self.views.decoder.measure(&drawn)?);
+        let light = ViewsLight { brightest: 1.0, mean: 0.2, middle: [0.2, 0.1, 0.05] };
+        self.views.decoder.decode(&drawn, &vec![light; self.views.decoder.colors()]).map(drop)
     }
 }

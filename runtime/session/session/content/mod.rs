@@ -12,4 +12,5 @@ pub(crate) mod near_eye;
 pub(crate) mod scenes;
 mod shared_camera;
 pub(crate) mod shifted;
+pub(crate) mod splats_dry_run;
 pub(crate) mod walk;

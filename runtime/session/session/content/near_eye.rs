@@ -50,6 +50,13 @@ impl NearViews {
     }
 }
 
+impl NearViews {
+    /// Returns the places as pairs.
+    pub fn pairs(&self) -> Vec<(f64, f64)> {
+        self.places().into_iter().map(|[x, y]| (x, y)).collect()
+    }
+}
+
 /// One exposure for each color, set by the first frame. It only rises, and only if the light would not suffice. Clones
 /// are the same exposures, so that both eyes see the same brightness.
 #[derive(Debug, Clone, Default)]

@@ -329,8 +329,7 @@ impl Drawer {
             let grid = ViewGrid { rows: grid[0], columns: grid[1], cell: near.pitch };
             return live_colors(views, &self.exposures, of, (grid, center));
         }
-        let places: Vec<(f64, f64)> = near.places().into_iter().map(|[x, y]| (x, y)).collect();
-        let planes = self.splats.views(&asked.shot.camera, &self.colors, &places);
+        let planes = self.splats.views(&asked.shot.camera, &self.colors, &near.pairs());
         let name = self.splats.name().to_owned();
         let field = light_field(name, &self.display, &self.colors, (grid, near.pitch), planes);
         self.exposures.colors(&field, &self.display, center)
