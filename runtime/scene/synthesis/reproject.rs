@@ -27,6 +27,7 @@ pub(crate) struct Relief {
 }
 
 /// The piece of surface of one pixel.
+#[derive(Clone, Copy)]
 struct Piece {
     x: f32,
     y: f32,
@@ -60,23 +61,33 @@ pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [u
     let mut front = Padded::new(planes, &sharp, height, width, pad);
     let fringe = front.unmix(tear);
     let hidden = front.behind(((high - low) * reach).ceil() as usize + 2, tear);
-    let mut pieces = Vec::with_capacity(front.disparity.len() + fringe.len());
-    pieces.extend(fringe);
-    front.cut(&front.disparity, |_| true, &front.color, tear, &mut pieces);
+    let mut pieces = fringe;
+    pieces.par_extend(front.cut(&front.disparity, |_| true, &front.color, tear));
     // The far layer is the picture where nothing is in front, and its continuation behind content in front.
     let far: Vec<f32> = hidden.iter().zip(&front.disparity).map(|(h, &d)| h.map_or(d, |(d, _)| d)).collect();
     let colors: Vec<[f32; C]> = hidden.iter().zip(&front.color).map(|(h, &c)| h.map_or(c, |(_, c)| c)).collect();
-    front.cut(&far, |i| hidden[i].is_some(), &colors, tear, &mut pieces);
-    // The sort is stable, so pieces of one depth stay in reading order.
-    pieces.sort_by(|a, b| b.disparity.total_cmp(&a.disparity));
-    Relief { height, width, pieces }
+    pieces.par_extend(front.cut(&far, |i| hidden[i].is_some(), &colors, tear));
+    Relief { height, width, pieces: from_near_to_far(&pieces) }
+}
+
+/// Sorts pieces from near to far. Pieces of one depth stay in reading order.
+fn from_near_to_far(pieces: &[Piece]) -> Vec<Piece> {
+    // The order of the bits is that of `f32::total_cmp`. Numbers are shorter than pieces, and so they sort faster.
+    let key = |disparity: f32| {
+        let bits = disparity.to_bits();
+        if bits >> 31 == 0 { !(bits | 1 << 31) } else { bits }
+    };
+    let number = |(i, piece): (usize, &Piece)| u64::from(key(piece.disparity)) << 32 | i as u64;
+    let mut order: Vec<u64> = pieces.par_iter().enumerate().map(number).collect();
+    order.par_sort_unstable();
+    order.par_iter().map(|number| pieces[*number as u32 as usize]).collect()
 }
 
 /// Sharpens edges of a map, which are often one or two pixels wide. Values in between take the closer side.
 fn snap(values: &[f32], height: usize, width: usize, tear: f32) -> Vec<f32> {
     let mut out = values.to_vec();
-    for y in 0..height {
-        for x in 0..width {
+    out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, out)| {
+        for (x, out) in out.iter_mut().enumerate() {
             let here = values[y * width + x];
             let (mut low, mut high) = (here, here);
             for j in y.saturating_sub(1)..(y + 2).min(height) {
@@ -86,10 +97,10 @@ fn snap(values: &[f32], height: usize, width: usize, tear: f32) -> Vec<f32> {
                 }
             }
             if high - low > tear {
-                out[y * width + x] = if high - here < here - low { high } else { low };
+                *out = if high - here < here - low { high } else { low };
             }
         }
-    }
+    });
     out
 }
 
@@ -102,21 +113,15 @@ impl Padded {
         };
         let (tall, wide) = (height + 2 * pad, width + 2 * pad);
         let columns: Vec<usize> = (0..wide).map(|i| mirror(i, width)).collect();
-        let mut padded = Self {
+        let place = |p: usize| mirror(p / wide, height) * width + columns[p % wide];
+        let pixels = (0..tall * wide).into_par_iter().map(place);
+        Self {
             height: tall,
             width: wide,
             pad,
-            disparity: vec![0.0; tall * wide],
-            color: vec![[0.0; C]; tall * wide],
-        };
-        for j in 0..tall {
-            let row = mirror(j, height) * width;
-            for (i, &column) in columns.iter().enumerate() {
-                padded.disparity[j * wide + i] = disparity[row + column];
-                padded.color[j * wide + i] = std::array::from_fn(|k| planes[k][row + column]);
-            }
+            disparity: pixels.clone().map(|p| disparity[p]).collect(),
+            color: pixels.map(|p| std::array::from_fn(|k| planes[k][p])).collect(),
         }
-        padded
     }
 
     /// Removes the near side's color from pixels on the far rim of a tear, where pictures are smooth and maps are not.
@@ -183,10 +188,12 @@ impl Padded {
             let (dx, dy) = (p as i64 % w - i64::from(rim) % w, p as i64 / w - i64::from(rim) / w);
             dx * dx + dy * dy
         };
+        // All other pixels are farther from every rim.
+        let close = near_any(&rim, self.width, reach);
         let reach = (reach * reach) as i64;
         for sweep in 0..4 {
-            for step in 0..rim.len() {
-                let p = if sweep % 2 == 0 { step } else { rim.len() - 1 - step };
+            for step in 0..close.len() {
+                let p = close[if sweep % 2 == 0 { step } else { close.len() - 1 - step }] as usize;
                 let (x, y) = (p as i64 % w, p as i64 / w);
                 for (dx, dy) in AROUND {
                     let Some(q) = at(x + dx, y + dy) else { continue };
@@ -239,33 +246,60 @@ impl Padded {
     fn cut(
         &self,
         disparity: &[f32],
-        wanted: impl Fn(usize) -> bool,
+        wanted: impl Fn(usize) -> bool + Sync + Send,
         color: &[[f32; C]],
         tear: f32,
-        pieces: &mut Vec<Piece>,
-    ) {
+    ) -> impl ParallelIterator<Item = Piece> {
         let (h, w) = (self.height, self.width);
-        for y in 0..h {
-            for x in 0..w {
-                let p = y * w + x;
-                if !wanted(p) {
-                    continue;
-                }
-                let here = disparity[p];
-                let edge = |exists: bool, q: usize| {
-                    if exists && (disparity[q] - here).abs() <= tear { 0.5 * (disparity[q] + here) } else { here }
-                };
-                let edges = [
-                    edge(x > 0, p.wrapping_sub(1)),
-                    edge(x + 1 < w, p + 1),
-                    edge(y > 0, p.wrapping_sub(w)),
-                    edge(y + 1 < h, p + w),
-                ];
-                let [x, y] = [x, y].map(|v| v as f32 - self.pad as f32);
-                pieces.push(Piece { x, y, disparity: here, edges, opacity: 1.0, color: color[p] });
+        let piece = move |p: usize| {
+            let (x, y, here) = (p % w, p / w, disparity[p]);
+            let edge = |exists: bool, q: usize| {
+                if exists && (disparity[q] - here).abs() <= tear { 0.5 * (disparity[q] + here) } else { here }
+            };
+            let edges = [
+                edge(x > 0, p.wrapping_sub(1)),
+                edge(x + 1 < w, p + 1),
+                edge(y > 0, p.wrapping_sub(w)),
+                edge(y + 1 < h, p + w),
+            ];
+            let [x, y] = [x, y].map(|v| v as f32 - self.pad as f32);
+            Piece { x, y, disparity: here, edges, opacity: 1.0, color: color[p] }
+        };
+        (0..h * w).into_par_iter().filter(move |p| wanted(*p)).map(piece)
+    }
+}
+
+/// Returns the pixels within `reach` rows and columns of any marked one, in reading order.
+fn near_any(marked: &[bool], width: usize, reach: usize) -> Vec<u32> {
+    let spread = |line: &mut dyn Iterator<Item = bool>, length: usize| {
+        // Distance to the last marked one, from both sides.
+        let mut near = vec![false; length];
+        let marked: Vec<bool> = line.collect();
+        for forward in [true, false] {
+            let mut since = usize::MAX;
+            for step in 0..length {
+                let at = if forward { step } else { length - 1 - step };
+                since = if marked[at] { 0 } else { since.saturating_add(1) };
+                near[at] |= since <= reach;
             }
         }
-    }
+        near
+    };
+    let rows: Vec<bool> =
+        marked.par_chunks(width.max(1)).flat_map_iter(|row| spread(&mut row.iter().copied(), row.len())).collect();
+    let height = marked.len() / width.max(1);
+    let columns: Vec<Vec<bool>> =
+        (0..width).into_par_iter().map(|x| spread(&mut (0..height).map(|y| rows[y * width + x]), height)).collect();
+    (0..marked.len()).filter(|p| columns[p % width][p / width]).map(|p| p as u32).collect()
+}
+
+/// What pieces left at a pixel of a view.
+#[derive(Clone, Copy, Default)]
+struct Pixel {
+    color: [f32; C],
+    covered: f32,
+    /// Disparity, in proportion to the coverage.
+    depth: f32,
 }
 
 impl Relief {
@@ -277,9 +311,7 @@ impl Relief {
     /// Returns the picture from `u` columns and `v` rows of views from the center, as one plane per color.
     pub fn view(&self, u: f32, v: f32) -> Vec<Vec<f32>> {
         let (h, w) = (self.height, self.width);
-        let mut color = vec![[0.0f32; C]; h * w];
-        let mut covered = vec![0.0f32; h * w];
-        let mut depth = vec![0.0f32; h * w];
+        let mut pixels = vec![Pixel::default(); h * w];
         for piece in &self.pieces {
             let left = (piece.x - u * piece.edges[0]).max(0.0);
             let right = (piece.x + 1.0 - u * piece.edges[1]).min(w as f32);
@@ -290,41 +322,44 @@ impl Relief {
             }
             for j in top as usize..(bottom.ceil() as usize).min(h) {
                 let tall = bottom.min(j as f32 + 1.0) - top.max(j as f32);
-                for i in left as usize..(right.ceil() as usize).min(w) {
-                    let p = j * w + i;
-                    let free = 1.0 - covered[p];
+                let row = &mut pixels[j * w..(j + 1) * w];
+                for (i, pixel) in row.iter_mut().enumerate().take(right.ceil() as usize).skip(left as usize) {
+                    let free = 1.0 - pixel.covered;
                     if free <= 0.0 {
                         continue;
                     }
                     // The factor 1.01 is needed because pieces do not tile exactly where a surface bends both ways.
                     let area = tall * (right.min(i as f32 + 1.0) - left.max(i as f32)) * piece.opacity;
                     let share = (area * 1.01).min(free);
-                    covered[p] += share;
-                    depth[p] += share * piece.disparity;
-                    color[p].iter_mut().zip(piece.color).for_each(|(c, k)| *c += share * k);
+                    pixel.covered += share;
+                    pixel.depth += share * piece.disparity;
+                    pixel.color.iter_mut().zip(piece.color).for_each(|(c, k)| *c += share * k);
                 }
             }
         }
-        self.close(&mut color, &covered, &depth, u, v);
+        let color = self.closed(&pixels, u, v);
         (0..C).map(|k| color.iter().map(|c| c[k].max(0.0)).collect()).collect()
     }
 
-    /// Fills pixels that no piece covers with the farther of the two sides along the direction of the parallax.
-    fn close(&self, color: &mut [[f32; C]], covered: &[f32], depth: &[f32], u: f32, v: f32) {
+    /// Returns the colors. Pixels that no piece covers have that of the farther of the two sides along the direction of
+    /// the parallax.
+    fn closed(&self, pixels: &[Pixel], u: f32, v: f32) -> Vec<[f32; C]> {
         let length = (u * u + v * v).sqrt().max(1e-6);
         let (du, dv) = if u * u + v * v > 0.0 { (u / length, v / length) } else { (1.0, 0.0) };
-        let known: Vec<[f32; C]> = color.iter().zip(covered).map(|(c, &a)| c.map(|k| k / a.max(1e-6))).collect();
-        for p in 0..color.len() {
-            if covered[p] > 0.5 {
-                color[p] = known[p];
-                continue;
+        let known = |pixel: &Pixel| pixel.color.map(|k| k / pixel.covered.max(1e-6));
+        let far = |q: usize| (pixels[q].covered > 0.5).then(|| pixels[q].depth / pixels[q].covered);
+        let closed = |(p, pixel): (usize, &Pixel)| {
+            if pixel.covered > 0.5 {
+                return known(pixel);
             }
-            let far = |q: usize| (covered[q] > 0.5).then(|| depth[q] / covered[q]);
+            let mut color = pixel.color;
             if let Some(q) = farther_side([self.height, self.width], p, [du, dv], far) {
-                let rest = 1.0 - covered[p];
-                color[p].iter_mut().zip(known[q]).for_each(|(c, k)| *c += rest * k);
+                let rest = 1.0 - pixel.covered;
+                color.iter_mut().zip(known(&pixels[q])).for_each(|(c, k)| *c += rest * k);
             }
-        }
+            color
+        };
+        pixels.par_iter().enumerate().map(closed).collect()
     }
 }
 
@@ -348,5 +383,47 @@ pub(crate) fn farther_side(
     match (search(1.0), search(-1.0)) {
         (Some(a), Some(b)) => Some(if a.1 <= b.1 { a.0 } else { b.0 }),
         (a, b) => a.or(b).map(|(q, _)| q),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_near_a_marked_one_are_found() {
+        let (height, width) = (13, 17);
+        let marked: Vec<bool> = (0..height * width).map(|i| (i * 7919) % 61 == 3).collect();
+        for reach in [0, 1, 4, 40] {
+            let near = |p: usize| {
+                (0..marked.len()).any(|q| {
+                    let apart = (p / width).abs_diff(q / width).max((p % width).abs_diff(q % width));
+                    marked[q] && apart <= reach
+                })
+            };
+            let wanted: Vec<u32> = (0..marked.len()).filter(|p| near(*p)).map(|p| p as u32).collect();
+            assert_eq!(near_any(&marked, width, reach), wanted, "{reach}");
+        }
+        assert!(near_any(&[false; 12], 4, 9).is_empty() && near_any(&[], 0, 1).is_empty());
+    }
+
+    /// Numbers of all signs, with equal ones in reading order.
+    #[test]
+    fn pieces_come_from_near_to_far() {
+        let disparities = [0.5, -0.0, 2.0, -3.0, 0.0, 2.0, -0.25, f32::INFINITY];
+        let piece = |(i, disparity): (usize, &f32)| Piece {
+            x: i as f32,
+            y: 0.0,
+            disparity: *disparity,
+            edges: [0.0; 4],
+            opacity: 1.0,
+            color: [0.0; C],
+        };
+        let pieces: Vec<Piece> = disparities.iter().enumerate().map(piece).collect();
+        let mut wanted = pieces.clone();
+        wanted.sort_by(|a, b| b.disparity.total_cmp(&a.disparity));
+        let places = |pieces: &[Piece]| pieces.iter().map(|piece| piece.x).collect::<Vec<_>>();
+        assert_eq!(places(&from_near_to_far(&pieces)), places(&wanted));
+        assert_eq!(places(&wanted), [7.0, 2.0, 5.0, 0.0, 4.0, 1.0, 6.0, 3.0]);
     }
 }
