@@ -50,7 +50,7 @@ EYEBOX_POSING_LIMITS="maxComputeSharedMemorySize=16384 maxComputeWorkGroupInvoca
     maxComputeWorkGroupCount[0]=2048 maxComputeWorkGroupCount[1]=64 maxComputeWorkGroupCount[2]=64
     maxMemoryAllocationSize=134217728 windowHeap=33554432" \
     tools/posing.sh cargo test --release --workspace --test vulkan -- --include-ignored --skip every_subgroup_size \
-    posing:: kernels:: shared:: views:: flight:: fused:: steps::
+    posing:: kernels:: shared:: splats:: views:: flight:: fused:: steps::
 
 # Newer layers track accesses of shaders only on request, and their texts differ. Their drivers are newer, too.
 for suite in trixie sid; do

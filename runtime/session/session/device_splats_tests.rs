@@ -73,6 +73,30 @@ fn views_of_splats_stay_on_the_device() {
         [&there, &here].iter().for_each(|walk| walk.handle().step([0.05, 0.0, 0.02]));
     }
     drop(there);
+    silent(gpu);
+}
+
+/// The device is lost while it draws. The CPU draws the same views, and all later ones.
+#[test]
+fn the_cpu_draws_when_the_device_is_lost() {
+    let gpu = Gpu::open(&watched()).expect("a device");
+    let display = Display { height: 40, width: 56, ..Display::preset("small").expect("a preset") };
+    let request = Request::new(&display, &COLORS);
+    let splats = MovingSplats::new("builtin:still-life-splats", &request).expect("splats");
+    let mut walk = SplatWalk::new(splats, &display, &COLORS, None);
+    walk.draw_on(&gpu).expect("room");
+    let is_there = |frame: SceneFrame| frame.colors[0].problem.pyramid.on_device().is_some();
+    assert!(is_there(frame(&mut walk, &due(100, true))));
+    walk.device().expect("it draws").views.decoder.pretend_lost_after(2);
+    for step in 2..4 {
+        walk.handle().step([0.05, 0.0, 0.02]);
+        assert!(!is_there(frame(&mut walk, &due(100 * step, true))), "step {step}");
+    }
+    drop(walk);
+    silent(gpu);
+}
+
+fn silent(gpu: Gpu) {
     let messages = gpu.messages();
     drop(gpu);
     assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());

@@ -137,6 +137,12 @@ impl ViewDecoder {
         &self.gpu.shared
     }
 
+    /// Loses the device after this number of submissions, in tests of what follows.
+    #[cfg(any(test, feature = "test-hooks"))]
+    pub fn pretend_lost_after(&mut self, submissions: u64) {
+        self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
+    }
+
     /// Returns the number of colors that are used.
     pub fn colors(&self) -> usize {
         self.channels.len()

@@ -11,7 +11,7 @@ use crate::session::content::near_eye::NearViews;
 /// Splats and their views on a device, until the device fails.
 pub(crate) struct SplatsOnDevice {
     splats: DeviceSplats,
-    views: DecodedViews,
+    pub views: DecodedViews,
     /// The most views that fit.
     most: usize,
     gpu: Gpu,

@@ -172,6 +172,15 @@ impl SplatWalk {
         Ok(())
     }
 
+    /// Returns the device that draws, before the first request in real time.
+    #[cfg(test)]
+    pub(crate) fn device(&mut self) -> Option<&mut SplatsOnDevice> {
+        match &mut self.drawing {
+            Drawing::Here(drawer) => drawer.device.as_mut(),
+            Drawing::Thread { .. } => None,
+        }
+    }
+
     /// [Draws](Self::draw_on) on the device of these engines, if they have one. Returns the reason in words if the CPU
     /// draws instead of a device.
     ///
