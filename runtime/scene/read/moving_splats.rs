@@ -7,7 +7,7 @@ use crate::splats::cloud::Cloud;
 use crate::splats::format::read;
 use crate::splats::path::CameraPath;
 use crate::splats::picture::tiled;
-use crate::splats::project::{Ordered, args_of, next_id, order};
+use crate::splats::project::{Displaced, Ordered, args_of, may_be_seen, next_id, order};
 use crate::{Request, SceneError, StoredSplats};
 use eyebox_base::memory;
 use eyebox_kernels::project_splats::Args;
@@ -89,17 +89,20 @@ impl MovingSplats {
         by_color(views, colors.len())
     }
 
-    /// Returns the indices of the splats in front of a camera, with the nearest first, and the arguments of the kernel
-    /// `project_splats` for views from these places (x, y) of the pupil plane in meters.
+    /// Returns the indices of the splats that may be in a picture of a camera, with the nearest first, and the arguments
+    /// of the kernel `project_splats` for views from these places (x, y) of the pupil plane in meters.
     pub fn cameras(&self, camera: &Camera, places: &[(f64, f64)]) -> (Vec<u32>, Vec<Args>) {
         let seen: Vec<[f32; 3]> = self.cloud.places.par_iter().map(|place| camera.seen(*place)).collect();
-        let order = order(&seen);
-        let camera = Args { count: order.len() as u32, ..args_of(&self.cloud, camera, self.size) };
-        let one = |place: &(f64, f64)| {
-            let displaced = self.placed.displaced(*place);
-            Args { by: displaced.by, moved: displaced.moved, ..camera }
+        let all: Vec<_> = places.iter().map(|place| self.placed.displaced(*place)).collect();
+        let farthest = |of: fn(&Displaced) -> [f32; 2]| {
+            [0, 1].map(|i| all.iter().fold(0.0, |far: f32, displaced| far.max(of(displaced)[i].abs())))
         };
-        (order, places.iter().map(one).collect())
+        let reach = [farthest(|displaced| displaced.by), farthest(|displaced| displaced.moved)];
+        let args = args_of(&self.cloud, camera, self.size);
+        let order = order(&seen, |at| may_be_seen(&args, reach, seen[at], &self.cloud.spreads[at]));
+        let args = Args { count: order.len() as u32, ..args };
+        let one = |displaced: Displaced| Args { by: displaced.by, moved: displaced.moved, ..args };
+        (order, all.into_iter().map(one).collect())
     }
 
     /// Returns the number of pairs of a splat and a tile of a picture that it touches, in all views from these places.

@@ -3,7 +3,7 @@
 use crate::light_field::drawer::StoredSplats;
 use crate::splats::camera::Camera;
 use crate::splats::cloud::Cloud;
-use eyebox_kernels::draw_splats::{Args, Splat};
+use eyebox_kernels::draw_splats::{Args, FAINTEST, Splat};
 use eyebox_kernels::project_splats::{self as kernel, ANTIALIASED, ORDERED, turned};
 use eyebox_kernels::splat_colors::{MOST, count};
 use half::slice::HalfFloatSliceExt;
@@ -64,7 +64,7 @@ impl Ordered {
         let axes = axes_of(camera);
         cloud.places.par_iter_mut().for_each(|place| *place = camera.seen(*place));
         cloud.spreads.par_iter_mut().for_each(|spread| *spread = turned(&axes, spread));
-        let order = order(&cloud.places);
+        let order = order(&cloud.places, |_| true);
         // A value after the other is ordered, so that few of them are in memory twice.
         cloud.places = picked(&cloud.places, &order, 1);
         cloud.spreads = picked(&cloud.spreads, &order, 1);
@@ -78,7 +78,7 @@ impl Ordered {
     pub fn of(all: &Cloud, camera: &Camera, size: [usize; 2]) -> Self {
         let axes = axes_of(camera);
         let places: Vec<[f32; 3]> = all.places.par_iter().map(|place| camera.seen(*place)).collect();
-        let order = order(&places);
+        let order = order(&places, |_| true);
         let cloud = Cloud {
             places: picked(&places, &order, 1),
             spreads: order.par_iter().map(|i| turned(&axes, &all.spreads[*i as usize])).collect(),
@@ -169,15 +169,38 @@ fn axes_of(camera: &Camera) -> [[f32; 3]; 3] {
     camera.axes.map(|axis| axis.map(|v| v as f32))
 }
 
-/// Returns the indices of the places that are far enough in front of the camera, with the nearest first.
-pub(crate) fn order(places: &[[f32; 3]]) -> Vec<u32> {
+/// Returns the indices of the places that are far enough in front of the camera and that `wanted` selects, with the
+/// nearest first.
+pub(crate) fn order(places: &[[f32; 3]], wanted: impl Fn(usize) -> bool + Sync) -> Vec<u32> {
     let distance = |i: &u32| places[*i as usize][2];
-    let mut order: Vec<u32> = (0..places.len() as u32).filter(|i| distance(i) > 0.0).collect();
-    order.par_sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let median = order.get(order.len() / 2).map_or(0.0, distance);
+    let mut in_front: Vec<f32> = places.par_iter().map(|place| place[2]).filter(|z| *z > 0.0).collect();
+    let middle = in_front.len() / 2;
+    let median = if in_front.is_empty() { 0.0 } else { *in_front.select_nth_unstable_by(middle, f32::total_cmp).1 };
     let nearest = NEAREST[0].min(NEAREST[1] * median);
-    order.drain(..order.partition_point(|i| distance(i) < nearest));
+    let seen = |i: &u32| distance(i) > 0.0 && distance(i) >= nearest && wanted(*i as usize);
+    let mut order: Vec<u32> = (0..places.len() as u32).into_par_iter().filter(seen).collect();
+    order.par_sort_by(|a, b| distance(a).total_cmp(&distance(b)));
     order
+}
+
+/// Returns true if a splat may be in the picture of a camera that is displaced by at most `by` units and `moved` pixels
+/// to each side. `place` is its center in the axes of the camera, and `spread` its covariance in any axes.
+pub(crate) fn may_be_seen(
+    camera: &kernel::Args,
+    [by, moved]: [[f32; 2]; 2],
+    place: [f32; 3],
+    spread: &[f32; 6],
+) -> bool {
+    // The trace is at least the variance along any direction.
+    let (scale, trace) = (camera.focal / place[2], spread[0] + spread[3] + spread[5]);
+    [camera.width, camera.height].into_iter().enumerate().all(|(i, n)| {
+        let half = n as f32 / 2.0;
+        let slope = kernel::BEYOND * half / camera.focal;
+        let variance = scale * scale * trace * (1.0 + slope * slope) + kernel::PIXEL[0];
+        let far = (2.0 * (1.0 / FAINTEST).ln() * variance).sqrt() + scale.abs() * by[i] + moved[i] + 2.0;
+        // Written so that a number that is not finite may be seen.
+        !((scale * place[i]).abs() > half + far * 1.001)
+    })
 }
 
 /// Returns the entries of `order`, which have `each` values.
@@ -188,4 +211,37 @@ fn picked<T: Copy + Default + Send + Sync>(values: &[T], order: &[u32], each: us
         pairs.for_each(|(found, i)| found.copy_from_slice(&values[*i as usize * each..][..each]));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No splat that the kernel projects is left out, and most of those outside are.
+    #[test]
+    fn splats_that_may_be_seen_hold_those_that_are() {
+        let mut noise = fastrand::Rng::with_seed(4);
+        let mut signed = || 2.0 * noise.f32() - 1.0;
+        let (by, moved) = ([0.2, 0.1], [9.0, 4.0]);
+        let (mut seen, mut left_out) = (0, 0);
+        for i in 0..40_000 {
+            let kind = ORDERED | if i % 2 == 0 { ANTIALIASED } else { 0 };
+            let camera = kernel::Args { focal: 90.0, height: 80, width: 120, kind, ..kernel::Args::default() };
+            let place = [4.0 * signed(), 4.0 * signed(), 2.6 + 2.5 * signed()];
+            let size = 0.3 * signed().powi(4);
+            let rows = [0; 3].map(|_| [0; 3].map(|_| size * signed()));
+            let dot = |a: usize, b: usize| (0..3).map(|k| rows[a][k] * rows[b][k]).sum::<f32>();
+            let spread = [dot(0, 0), dot(0, 1), dot(0, 2), dot(1, 1), dot(1, 2), dot(2, 2)];
+            let gaussian = kernel::Gaussian { place, spread, opacity: 1.0, color: [0.5; 3] };
+            let may = may_be_seen(&camera, [by, moved], place, &spread);
+            left_out += usize::from(!may);
+            for (x, y) in [(0.0, 0.0), (1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
+                let view = kernel::Args { by: [x * by[0], y * by[1]], moved: [x * moved[0], y * moved[1]], ..camera };
+                let is = kernel::project(&view, &gaussian, || &[]).is_some();
+                assert!(may || !is, "{i}: {gaussian:?}");
+                seen += usize::from(is);
+            }
+        }
+        assert!(seen > 20_000 && left_out > 12_000, "{seen} {left_out}");
+    }
 }
