@@ -53,7 +53,7 @@ pub fn run(args: &Bench) -> Result<(), Failure> {
     request.choose_terms(engine.as_mut())?;
     engine.time_kernels(true);
     let begun = Instant::now();
-    let (field, depth) = request.load(&request.display)?;
+    let (field, depth) = request.load(&request.display, engine.as_ref())?;
     let (settings, chosen) = request.settings(engine.as_ref())?;
     let (settings, display) = (Settings { depth, ..settings }, &request.display);
     let job = ColorJob { field: &field, color, display, base: settings.clone(), levels: Levels::of(display) };

@@ -152,11 +152,6 @@ pub fn maps_of(args: &SceneArgs) -> Result<Vec<PathBuf>, Failure> {
     Ok(scene::depth_maps(std::slice::from_ref(&args.scene), &args.options.depth_map)?)
 }
 
-/// Loads the scene and fits it to the display.
-pub fn scene(args: &SceneArgs, display: &Display, colors: &[Color]) -> Result<LightField, Failure> {
-    scene_by(args, display, colors, None)
-}
-
 /// Loads the scene and fits it to the display. The device of the engine draws the views of splats.
 pub fn scene_on(
     args: &SceneArgs,

@@ -18,7 +18,7 @@ impl SolveRequest<'_> {
             return Ok(Vec::new());
         }
         let small = ModelWorth::display(&self.display);
-        let (field, depth) = self.load(&small)?;
+        let (field, depth) = self.load(&small, engine)?;
         let base = Settings { depth, ..self.base(&small)? };
         let mut all = Vec::new();
         for color in self.colors.iter().filter(|color| field.colors.contains(color)) {

@@ -146,9 +146,10 @@ impl<'a> SolveRequest<'a> {
         Ok(job)
     }
 
-    /// Loads the scene for a display and returns it with its depth range in meters.
-    pub fn load(&self, display: &Display) -> Result<(LightField, [f64; 2]), Failure> {
-        let field = common::scene(self.scene, display, &self.colors)?;
+    /// Loads the scene for a display and returns it with its depth range in meters. The device of the engine draws the
+    /// views of splats.
+    pub fn load(&self, display: &Display, engine: &dyn Engine) -> Result<(LightField, [f64; 2]), Failure> {
+        let field = common::scene_on(self.scene, display, &self.colors, engine)?;
         let depth = match self.given.get("depth")? {
             Some(depth) if self.scene.options.depth.is_none() => depth,
             _ => common::depths(self.scene, &field, display)?,

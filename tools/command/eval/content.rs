@@ -80,16 +80,30 @@ impl ContentArgs {
     }
 
     /// Loads the scenes that content jumps to, for the display of the subject.
-    fn slides(&self, subject: &Steered, options: &SceneOptions) -> Result<Vec<Vec<LiveColor>>, Failure> {
+    fn slides(
+        &self,
+        subject: &Steered,
+        options: &SceneOptions,
+        engines: &Engines,
+    ) -> Result<Vec<Vec<LiveColor>>, Failure> {
+        if self.jumps_to.is_empty() {
+            return Ok(Vec::new());
+        }
+        let engine = engines.open()?;
         let display = subject.hologram.made_for()?;
         let one = |scene: &String| {
-            let field = common::scene(&SceneArgs::new(scene, options), &display, &subject.colors)?;
+            let field = common::scene_on(&SceneArgs::new(scene, options), &display, &subject.colors, engine.as_ref())?;
             Ok(LiveColor::for_scene(&subject.parts, &field, &display)?)
         };
         self.jumps_to.iter().map(one).collect()
     }
 
-    fn settings(&self, subject: &Steered, options: &SceneOptions) -> Result<ContentSettings, Failure> {
+    fn settings(
+        &self,
+        subject: &Steered,
+        options: &SceneOptions,
+        engines: &Engines,
+    ) -> Result<ContentSettings, Failure> {
         let of = |name: &ContentName| match name {
             ContentName::Still => StudiedContent::Still,
             ContentName::Moving => StudiedContent::Moving,
@@ -105,7 +119,7 @@ impl ContentArgs {
         let start_tables =
             if wanted { start_tables(&subject.parts, &mut crate::show::tracked::fitting())? } else { Vec::new() };
         Ok(ContentSettings {
-            slides: self.slides(subject, options)?,
+            slides: self.slides(subject, options, engines)?,
             start,
             start_tables,
             contents: self.content.iter().map(of).collect(),
@@ -128,7 +142,7 @@ pub fn run(
     (title, mut about, own): (&str, Value, &mut ManagedDir),
 ) -> Result<(), Failure> {
     progress::catch_interrupt();
-    let settings = args.settings(subject, options)?;
+    let settings = args.settings(subject, options, engines)?;
     let bar = JobBar::new(quiet);
     let mut open = || engines.open();
     let mut observe = |share| bar.show("content", share);

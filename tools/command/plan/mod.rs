@@ -33,7 +33,7 @@ pub fn run(args: &Solve) -> Result<(), Failure> {
     let worth = request.worth(engine.as_mut())?;
     request.keep_terms(&worth);
     let program = common::memory_kib("VmRSS").map_or(PROGRAM, |kib| kib << 10);
-    let (field, _) = request.load(&request.display)?;
+    let (field, _) = request.load(&request.display, engine.as_ref())?;
     let loading = common::memory_kib("VmHWM").map_or(0, |kib| kib << 10);
     let (settings, chosen) = request.settings(engine.as_ref())?;
     let plan = request.job(settings)?.plan(&field)?;

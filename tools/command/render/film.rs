@@ -104,7 +104,7 @@ impl<'a> Reel<'a> {
             tell_unfinished(path)?;
             Frames::One(Some(reel.content(opening.hologram(path)?, path)?))
         } else if args.content == Some(RenderedContent::Target) {
-            Frames::One(Some(target(args)?))
+            Frames::One(Some(target(args, engines)?))
         } else {
             let (hologram, field, mut display) = solved(&args.what, &args.how, engines)?;
             display.picture = Default::default();
@@ -153,9 +153,10 @@ impl<'a> Reel<'a> {
 }
 
 /// Opens a scene of which only the target image is filmed, so that nothing is solved. Its hologram is never looked at.
-fn target(args: &Render) -> Result<Content, Failure> {
+fn target(args: &Render, engines: &Engines) -> Result<Content, Failure> {
     let (display, colors) = target_display(args)?;
-    let field = common::scene(&SceneArgs::new(&args.what, &args.how.options), &display, &colors)?;
+    let scene = SceneArgs::new(&args.what, &args.how.options);
+    let field = common::scene_on(&scene, &display, &colors, engines.open()?.as_ref())?;
     let dark = |color: &Color| -> Result<ColorHologram, Failure> {
         let wavelength = display.optics(*color)?.wavelength;
         Ok(ColorHologram { color: Some(*color), wavelength, exposure: 1.0, efficiency: 1.0, phases: Vec::new() })
