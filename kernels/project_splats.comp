@@ -66,14 +66,15 @@ vec3 color(uint at, vec3 from, uint degree) {
 void spread_of(uint at, out float spread[6]) {
     for (uint i = 0; i < 6; ++i) spread[i] = word(at + 3 + i);
     if ((kind & SPLAT_ORDERED) != 0) return;
-    float whole[9] = { spread[0], spread[1], spread[2], spread[1], spread[3], spread[4], spread[2], spread[4], spread[5] };
+    // It is symmetric, so the order of rows and columns does not matter.
+    mat3 whole = mat3(spread[0], spread[1], spread[2], spread[1], spread[3], spread[4], spread[2], spread[4], spread[5]);
     uint entry = 0;
     for (uint a = 0; a < 3; ++a) {
         for (uint b = a; b < 3; ++b) {
             precise float sum = 0.0;
             for (uint i = 0; i < 3; ++i) {
                 precise float row = 0.0;
-                for (uint j = 0; j < 3; ++j) row += axes[3 * a + i] * whole[3 * i + j] * axes[3 * b + j];
+                for (uint j = 0; j < 3; ++j) row += axes[3 * a + i] * whole[i][j] * axes[3 * b + j];
                 sum += row;
             }
             spread[entry++] = sum;
