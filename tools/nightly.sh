@@ -58,8 +58,9 @@ for suite in trixie sid; do
     stage "the validation layer and the driver of Debian $suite"
     newer="$root/tools/newer.sh $suite"
     export CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=$newer
-    cargo test --release --workspace --lib -- a_hazard_is_heard a_kernel_runs_is_timed
-    cargo test --release --workspace --test vulkan -- kernels:: fused:: flight:: shared:: --skip every_subgroup_size
+    cargo test --release --workspace --lib -- a_hazard_is_heard a_kernel_runs_is_timed splats_tests device_views_tests
+    cargo test --release --workspace --test vulkan -- kernels:: fused:: flight:: shared:: splats:: views:: \
+        --skip every_subgroup_size
     unset CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER
 done
 

@@ -193,6 +193,11 @@ impl ViewDecoder {
         (self.pixels() as u32).div_ceil(2 * WIDTH * WORDS).clamp(1, PARTS)
     }
 
+    /// Returns the bytes of the sums of a color of this number of views.
+    fn sums_bytes(&self, count: usize) -> u64 {
+        (4 * SUMS as u64 * u64::from(self.parts()) * count as u64).next_multiple_of(256)
+    }
+
     fn args(&self, views: &StoredViews, channel: usize) -> decode_views::Args {
         let (channels, channel, first) = match views.planar {
             true => (1, 0, (channel * views.count()) as u32),
@@ -259,7 +264,7 @@ impl ViewDecoder {
                 self.samples.size
             )));
         }
-        let step = (4 * SUMS as u64 * u64::from(parts) * count as u64).next_multiple_of(256);
+        let step = self.sums_bytes(count);
         let size = step * self.channels.len() as u64;
         if self.sums.as_ref().is_none_or(|sums| sums.size < size) {
             self.sums = Some(self.gpu.block(size, "sums of light")?);
@@ -338,8 +343,8 @@ impl ViewDecoder {
         let scales: Vec<f32> = lights.iter().map(|l| if l.brightest > 0.0 { l.brightest } else { 1.0 }).collect();
         self.gpu.recorder.begin(0)?;
         self.gpu.recorder.barrier();
-        for ((room, channel), scale) in rooms.iter().zip(&self.channels.clone()).zip(&scales) {
-            self.record_decoding(views, room, *channel, *scale)?;
+        for (color, (room, scale)) in rooms.iter().zip(&scales).enumerate() {
+            self.record_decoding(views, room, color, *scale)?;
         }
         for at in 0..self.halvings.len() {
             self.gpu.recorder.barrier();
@@ -365,18 +370,23 @@ impl ViewDecoder {
         &mut self,
         views: &StoredViews,
         room: &Views,
-        channel: usize,
+        color: usize,
         scale: f32,
     ) -> Result<(), EngineError> {
         let (Some(level), Some(sums)) = (room.levels.first(), &self.sums) else { return Ok(()) };
         let pipeline = self.gpu.pipeline(&spirv::DECODE_VIEWS, 4, &[])?;
-        for piece in &level.pieces {
-            let all = self.args(views, channel);
+        let step = self.sums_bytes(views.count());
+        let of_color = sums.range(color as u64 * step, step);
+        for (at, piece) in level.pieces.iter().enumerate() {
+            // All pieces of a color write the same sums, which nobody reads any more.
+            if at > 0 {
+                self.gpu.recorder.barrier();
+            }
+            let all = self.args(views, self.channels[color]);
             let (first, stride) = (all.first + piece.views.start as u32, level.stride as u32);
             let args = decode_views::Args { first, stride, scale, ..all };
-            // These sums are not read any more.
             let to = level.range(&room.blocks, piece, &piece.views);
-            let buffers = [self.samples.all(), self.curve.all(), to, sums.all()];
+            let buffers = [self.samples.all(), self.curve.all(), to, of_color];
             let groups = [self.parts(), piece.views.len() as u32, 1];
             self.gpu.recorder.dispatch(pipeline, &buffers, bytemuck::bytes_of(&args), groups)?;
             let read = self.samples_read(views, piece.views.len());

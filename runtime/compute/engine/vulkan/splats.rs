@@ -156,8 +156,9 @@ impl DeviceSplats {
                     moves.push(pictures.to.writes(4 * planes * pixels));
                     moves
                 });
+                // The pictures are in one range, and the newest validation layer takes it as a whole.
+                gpu.recorder.barrier();
             }
-            gpu.recorder.barrier();
         }
         Ok(())
     }
