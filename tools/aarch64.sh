@@ -62,7 +62,7 @@ if [[ ${1:-} == test ]]; then
     library --package eyebox-scene
     library --package eyebox-compute -- engine::cpu plan::
     library --package eyebox-tracking
-    library --package eyebox-solve -- encode:: encoded:: evaluate:: hologram:: reconstruction:: solve::tests
+    library --package eyebox-solve --features image-formats -- encode:: encoded:: evaluate:: hologram:: reconstruction:: solve::tests
     work=$(mktemp -d)
     trap 'rm -rf "$work"' EXIT
     program=$built/$target/debug/eyebox
