@@ -5,7 +5,7 @@
 use eyebox::low_level::engine::cpu::CpuEngine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
 use eyebox::low_level::engine::{Buffer, Engine, EngineError, Kernel, Memory, Purpose, Shape, Storage};
-use eyebox::low_level::gpu::{Gpu, Options};
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::optics::Prescription;
 use eyebox::low_level::plan::{EyeTables, ModelTables};
 use eyebox_kernels::compare::{AMPLITUDE, INTENSITY, PROJECTION};
@@ -261,12 +261,19 @@ fn compiled_pipelines_are_kept_where_they_are_wanted() {
         let case = Case::new(7, 13, 0, 0.0, 1);
         case.load(&mut engine, Purpose::Project);
         engine.run(&case.step(Purpose::Project, PROJECTION, 1.0, usize::MAX)).expect("a step");
+        let (kind, driver) = (engine.gpu().report().kind, engine.gpu().report().driver.clone());
         assert_silent(engine);
         let files = std::fs::read_dir(&folder).expect("a folder").map(|f| f.expect("a file").path());
         // Another file in the folder stores the time of the device's test.
         let files: Vec<_> = files.filter(|f| f.extension().is_some_and(|e| e == "bin")).collect();
+        // The software device of newer Mesas gives nothing to store.
+        let major = driver.split_once("Mesa ").and_then(|(_, version)| version.split('.').next()?.parse().ok());
+        if kind == DeviceKind::Cpu && major.is_some_and(|major: u32| major >= 26) {
+            assert!(files.is_empty(), "{files:?}");
+            return None;
+        }
         assert_eq!(files.len(), 1, "{files:?}");
-        std::fs::metadata(&files[0]).and_then(|m| m.modified()).expect("a time")
+        Some(std::fs::metadata(&files[0]).and_then(|m| m.modified()).expect("a time"))
     };
     // The second start has nothing to add, so it leaves the file unchanged.
     assert_eq!(run(), run());
