@@ -3,7 +3,7 @@
 #include "constants.glsl"
 
 // Draws one tile of a picture of splats, nearest first. An invocation draws pixels of one column. All of them find the
-// splats of the tile among those that are marked in its bin, and read them in batches. The arithmetic has the order of
+// splats of the tile among the marked splats of its bin, and read them in batches. The arithmetic has the order of
 // draw_splats.rs.
 
 const uint ROWS = TILE_THREADS / SPLAT_SIDE;
@@ -16,7 +16,7 @@ layout(std430, binding = 0) readonly buffer Splats { uint splats[]; };
 layout(std430, binding = 1) readonly buffer Marks { uint marks[]; };
 layout(std430, binding = 2) writeonly buffer Picture { float picture[]; };
 
-// `across` and `words` are those of the marks. Planes of the picture are `stride` values apart. If `light` is not 0,
+// `across` and `words` belong to the marks. Planes of the picture are `stride` values apart. If `light` is not 0,
 // there are three, in linear light up to 1.
 layout(push_constant) uniform Args { uint height, width, across, words, first, stride, light; };
 

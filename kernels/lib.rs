@@ -9,7 +9,9 @@
 //! This crate imports nothing from the runtime. The macro [`kernels!`] lists the kernels of a step. [`encode`] and
 //! [`pixels`] are not in the list, because they belong to a display. Neither are [`decode_views`] and [`halve_views`],
 //! which work on the views that an application gives. [`pupil_light`] and [`table_start`] run once, at the beginning of
-//! a solve. [`project_splats`], [`mark_splats`] and [`draw_splats`] draw the views of scenes of splats.
+//! a solve.
+//!
+//! Views of splats have three kernels. These are [`project_splats`], [`mark_splats`] and [`draw_splats`].
 
 pub mod adam;
 pub mod apply_factor;

@@ -16,13 +16,13 @@ pub const TOGETHER: u32 = 4;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Args {
-    /// Number of splats.
+    /// Number of splats in the order.
     pub count: u32,
     /// Bins along a row.
     pub across: u32,
-    /// Number of bins.
+    /// Number of bins in the picture.
     pub bins: u32,
-    /// Words of a bin.
+    /// Number of words of each bin.
     pub words: u32,
 }
 

@@ -7,6 +7,57 @@ use crate::{
 };
 use std::fmt::Write;
 
+/// The constants that are numbers with a fraction.
+const FLOATS: &[(&str, f32)] = &[
+    ("DECODE_BRIGHTEST", decode_views::BRIGHTEST),
+    ("SPLAT_FAINTEST", draw_splats::FAINTEST),
+    ("SPLAT_OPAQUE", draw_splats::OPAQUE),
+    ("SPLAT_CLOSED", draw_splats::CLOSED),
+    ("SPLAT_PIXEL", project_splats::PIXEL[0]),
+    ("SPLAT_PIXEL_ANTIALIASED", project_splats::PIXEL[1]),
+    ("SPLAT_LEAST", project_splats::LEAST),
+    ("SPLAT_BEYOND", project_splats::BEYOND),
+    ("SPLAT_C1", splat_colors::C1),
+    ("SPLAT_C2_0", splat_colors::C2[0]),
+    ("SPLAT_C2_1", splat_colors::C2[1]),
+    ("SPLAT_C2_2", splat_colors::C2[2]),
+    ("SPLAT_C2_3", splat_colors::C2[3]),
+    ("SPLAT_C2_4", splat_colors::C2[4]),
+    ("SPLAT_C3_0", splat_colors::C3[0]),
+    ("SPLAT_C3_1", splat_colors::C3[1]),
+    ("SPLAT_C3_2", splat_colors::C3[2]),
+    ("SPLAT_C3_3", splat_colors::C3[3]),
+    ("SPLAT_C3_4", splat_colors::C3[4]),
+    ("SPLAT_C3_5", splat_colors::C3[5]),
+    ("SPLAT_C3_6", splat_colors::C3[6]),
+    ("SPLAT_ROUND", draw_splats::ROUND),
+    ("SPLAT_EXP_1", draw_splats::EXP[0]),
+    ("SPLAT_EXP_2", draw_splats::EXP[1]),
+    ("SPLAT_EXP_3", draw_splats::EXP[2]),
+    ("SPLAT_EXP_4", draw_splats::EXP[3]),
+    ("SPLAT_EXP_5", draw_splats::EXP[4]),
+    ("SPLAT_EXP_6", draw_splats::EXP[5]),
+    ("LOG2_E", std::f32::consts::LOG2_E),
+    ("ENCODE_PARTS", encode::PARTS),
+    ("ANGLE_UNIT", binary_angle::UNIT),
+    ("ANGLE_PART", binary_angle::PART),
+    ("HALF_PI_1", trig::HALF_PI[0]),
+    ("HALF_PI_2", trig::HALF_PI[1]),
+    ("HALF_PI_3", trig::HALF_PI[2]),
+    ("TWO_OVER_PI", std::f32::consts::FRAC_2_PI),
+    ("SIN_3", trig::SIN[0]),
+    ("SIN_5", trig::SIN[1]),
+    ("SIN_7", trig::SIN[2]),
+    ("COS_4", trig::COS[0]),
+    ("COS_6", trig::COS[1]),
+    ("COS_8", trig::COS[2]),
+    ("TURN", std::f32::consts::TAU),
+    ("TURN_1", trig::TURN[0]),
+    ("TURN_2", trig::TURN[1]),
+    ("PER_TURN", trig::PER_TURN),
+    ("SMALLEST", f32::MIN_POSITIVE),
+];
+
 /// Returns the text of `kernels/constants.glsl`.
 pub fn glsl() -> String {
     let integers = [
@@ -58,59 +109,10 @@ pub fn glsl() -> String {
         ("ENCODE_PART", encode::PART[0] as u32),
         ("ENCODE_PART_128TH", encode::PART[1] as u32),
     ];
-    let floats = [
-        ("DECODE_BRIGHTEST", decode_views::BRIGHTEST),
-        ("SPLAT_FAINTEST", draw_splats::FAINTEST),
-        ("SPLAT_OPAQUE", draw_splats::OPAQUE),
-        ("SPLAT_CLOSED", draw_splats::CLOSED),
-        ("SPLAT_PIXEL", project_splats::PIXEL[0]),
-        ("SPLAT_PIXEL_ANTIALIASED", project_splats::PIXEL[1]),
-        ("SPLAT_LEAST", project_splats::LEAST),
-        ("SPLAT_BEYOND", project_splats::BEYOND),
-        ("SPLAT_C1", splat_colors::C1),
-        ("SPLAT_C2_0", splat_colors::C2[0]),
-        ("SPLAT_C2_1", splat_colors::C2[1]),
-        ("SPLAT_C2_2", splat_colors::C2[2]),
-        ("SPLAT_C2_3", splat_colors::C2[3]),
-        ("SPLAT_C2_4", splat_colors::C2[4]),
-        ("SPLAT_C3_0", splat_colors::C3[0]),
-        ("SPLAT_C3_1", splat_colors::C3[1]),
-        ("SPLAT_C3_2", splat_colors::C3[2]),
-        ("SPLAT_C3_3", splat_colors::C3[3]),
-        ("SPLAT_C3_4", splat_colors::C3[4]),
-        ("SPLAT_C3_5", splat_colors::C3[5]),
-        ("SPLAT_C3_6", splat_colors::C3[6]),
-        ("SPLAT_ROUND", draw_splats::ROUND),
-        ("SPLAT_EXP_1", draw_splats::EXP[0]),
-        ("SPLAT_EXP_2", draw_splats::EXP[1]),
-        ("SPLAT_EXP_3", draw_splats::EXP[2]),
-        ("SPLAT_EXP_4", draw_splats::EXP[3]),
-        ("SPLAT_EXP_5", draw_splats::EXP[4]),
-        ("SPLAT_EXP_6", draw_splats::EXP[5]),
-        ("LOG2_E", std::f32::consts::LOG2_E),
-        ("ENCODE_PARTS", encode::PARTS),
-        ("ANGLE_UNIT", binary_angle::UNIT),
-        ("ANGLE_PART", binary_angle::PART),
-        ("HALF_PI_1", trig::HALF_PI[0]),
-        ("HALF_PI_2", trig::HALF_PI[1]),
-        ("HALF_PI_3", trig::HALF_PI[2]),
-        ("TWO_OVER_PI", std::f32::consts::FRAC_2_PI),
-        ("SIN_3", trig::SIN[0]),
-        ("SIN_5", trig::SIN[1]),
-        ("SIN_7", trig::SIN[2]),
-        ("COS_4", trig::COS[0]),
-        ("COS_6", trig::COS[1]),
-        ("COS_8", trig::COS[2]),
-        ("TURN", std::f32::consts::TAU),
-        ("TURN_1", trig::TURN[0]),
-        ("TURN_2", trig::TURN[1]),
-        ("PER_TURN", trig::PER_TURN),
-        ("SMALLEST", f32::MIN_POSITIVE),
-    ];
     let mut text =
         "// Written by `cargo run -p eyebox-spirv-tool -- build` from shared.rs: change nothing here.\n".to_owned();
     let integers = integers.map(|(name, value)| (name, format!("{value}")));
-    let floats = floats.map(|(name, value)| (name, format!("({value:?})")));
+    let floats = FLOATS.iter().map(|(name, value)| (*name, format!("({value:?})")));
     for (name, value) in integers.into_iter().chain(floats) {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "#define {name} {value}");

@@ -48,7 +48,7 @@ fn content_frame(request: &SolveRequest<'_>, gpu: &Gpu) -> Result<Option<SplatsD
     match SplatsDryRun::of(&splats, &request.display, &request.colors, gpu)? {
         Ok(frame) => Ok(Some(frame)),
         Err(reason) => {
-            tracing::info!("no content frame is recorded: {reason}");
+            tracing::info!("no content frame is recorded, because {reason}");
             Ok(None)
         }
     }

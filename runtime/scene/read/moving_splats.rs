@@ -89,8 +89,8 @@ impl MovingSplats {
         by_color(views, colors.len())
     }
 
-    /// Returns the indices of the splats that may be in a picture of a camera, with the nearest first, and the arguments
-    /// of the kernel `project_splats` for views from these places (x, y) of the pupil plane in meters.
+    /// Returns the indices of the splats that may be in a picture of a camera, with the nearest first. The other value is
+    /// the arguments of the kernel `project_splats` for views from these places (x, y) of the pupil plane in meters.
     pub fn cameras(&self, camera: &Camera, places: &[(f64, f64)]) -> (Vec<u32>, Vec<Args>) {
         let seen: Vec<[f32; 3]> = self.cloud.places.par_iter().map(|place| camera.seen(*place)).collect();
         let all: Vec<_> = places.iter().map(|place| self.placed.displaced(*place)).collect();

@@ -183,8 +183,8 @@ pub(crate) fn order(places: &[[f32; 3]], wanted: impl Fn(usize) -> bool + Sync) 
     order
 }
 
-/// Returns true if a splat may be in the picture of a camera that is displaced by at most `by` units and `moved` pixels
-/// to each side. `place` is its center in the axes of the camera, and `spread` its covariance in any axes.
+/// Returns true if a splat may be in a picture of a camera. The camera is displaced by at most `by` units and `moved`
+/// pixels to each side. `place` is the center in the axes of the camera, and `spread` the covariance in any axes.
 pub(crate) fn may_be_seen(
     camera: &kernel::Args,
     [by, moved]: [[f32; 2]; 2],
@@ -198,8 +198,9 @@ pub(crate) fn may_be_seen(
         let slope = kernel::BEYOND * half / camera.focal;
         let variance = scale * scale * trace * (1.0 + slope * slope) + kernel::PIXEL[0];
         let far = (2.0 * (1.0 / FAINTEST).ln() * variance).sqrt() + scale.abs() * by[i] + moved[i] + 2.0;
-        // Written so that a number that is not finite may be seen.
-        !((scale * place[i]).abs() > half + far * 1.001)
+        let (off, most) = ((scale * place[i]).abs(), half + far * 1.001);
+        // A number that is not finite may be seen.
+        off <= most || off.is_nan() || most.is_nan()
     })
 }
 

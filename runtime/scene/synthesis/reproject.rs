@@ -72,7 +72,7 @@ pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], [height, width]: [u
 
 /// Sorts pieces from near to far. Pieces of one depth stay in reading order.
 fn from_near_to_far(pieces: &[Piece]) -> Vec<Piece> {
-    // The order of the bits is that of `f32::total_cmp`. Numbers are shorter than pieces, and so they sort faster.
+    // The bits have the order of `f32::total_cmp`. Numbers are shorter than pieces, and so they sort faster.
     let key = |disparity: f32| {
         let bits = disparity.to_bits();
         if bits >> 31 == 0 { !(bits | 1 << 31) } else { bits }
@@ -293,7 +293,7 @@ fn near_any(marked: &[bool], width: usize, reach: usize) -> Vec<u32> {
     (0..marked.len()).filter(|p| columns[p % width][p / width]).map(|p| p as u32).collect()
 }
 
-/// What pieces left at a pixel of a view.
+/// The light and the coverage of a pixel of a view by the pieces until now.
 #[derive(Clone, Copy, Default)]
 struct Pixel {
     color: [f32; C],
@@ -341,8 +341,8 @@ impl Relief {
         (0..C).map(|k| color.iter().map(|c| c[k].max(0.0)).collect()).collect()
     }
 
-    /// Returns the colors. Pixels that no piece covers have that of the farther of the two sides along the direction of
-    /// the parallax.
+    /// Returns the colors. Pixels that no piece covers take the farther one of the two sides along the direction of the
+    /// parallax.
     fn closed(&self, pixels: &[Pixel], u: f32, v: f32) -> Vec<[f32; C]> {
         let length = (u * u + v * v).sqrt().max(1e-6);
         let (du, dv) = if u * u + v * v > 0.0 { (u / length, v / length) } else { (1.0, 0.0) };

@@ -1,4 +1,4 @@
-//! Compares views of splats that stay on the device with those of the CPU.
+//! Compares views of splats that stay on the device with views of the CPU.
 
 use crate::gpu::Gpu;
 use crate::gpu::test_options::watched;

@@ -95,7 +95,7 @@ impl Placed {
 /// Lets the device of the engines draw, if they have one.
 fn drawn_by(walk: &mut SplatWalk, stage: &Stage) -> Result<(), Failure> {
     if let Some(reason) = walk.draw_with(stage.engines.backend())? {
-        tracing::info!("the CPU draws views: {reason}");
+        tracing::info!("the CPU draws views because {reason}");
     }
     Ok(())
 }

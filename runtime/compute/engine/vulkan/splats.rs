@@ -1,7 +1,7 @@
 //! Draws pictures of splats on the device.
 //!
 //! The kernels are `project_splats`, `mark_splats` and `draw_splats`, which are not part of lists. The splats of a scene
-//! are stored on the device once. For each picture the device projects them, marks those that touch each bin of the
+//! are stored on the device once. For each picture the device projects them, marks the splats in each bin of the
 //! picture, and draws its tiles.
 
 use super::super::EngineError;

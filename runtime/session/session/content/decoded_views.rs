@@ -27,7 +27,7 @@ pub(crate) struct ColorViews {
 
 impl DecodedViews {
     /// Creates a decoder for frames of at most `views` views of a display's picture. Samples have `stored` colors, and
-    /// `channels` holds those of the display's colors. Returns the reason in words if views of this display have to
+    /// `channels` holds the indices of the display's colors. Returns the reason in words if views of this display have to
     /// pass through the host.
     pub fn new(
         gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! Draws views of splats on the device of the engines, where they stay.
+//! Draws views of splats on the device of the engines. The views stay there.
 
 use crate::engine::EngineError;
 use crate::engine::vulkan::{DeviceSplats, ViewsLight};
@@ -69,7 +69,7 @@ impl SplatsOnDevice {
     pub fn record(&mut self, splats: &MovingSplats, camera: &SplatCamera, near: &NearViews) -> Result<(), EngineError> {
         let (order, cameras) = splats.cameras(camera, &near.pairs());
         let drawn = self.views.decoder.draw(&mut self.splats, (splats, &order), &cameras, [near.views as usize; 2])?;
-        // Nothing was drawn, so the light is arbitrary.
+        // The light is arbitrary, because the device drew nothing.
         drop(self.views.decoder.measure(&drawn)?);
         let light = ViewsLight { brightest: 1.0, mean: 0.2, middle: [0.2, 0.1, 0.05] };
         self.views.decoder.decode(&drawn, &vec![light; self.views.decoder.colors()]).map(drop)
