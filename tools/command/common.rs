@@ -255,7 +255,6 @@ impl Engines {
     }
 
     /// Returns the backend that opens them, which decodes the views of live content.
-    #[cfg(target_os = "linux")]
     pub fn backend(&self) -> &Backend {
         &self.backend
     }
