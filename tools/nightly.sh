@@ -42,6 +42,7 @@ done
 
 stage "tests of the Vulkan engine on a device that poses as a discrete GPU"
 tools/posing.sh cargo test --release --workspace --test vulkan -- --include-ignored
+tools/posing.sh cargo test --release --workspace --lib -- splats_tests
 
 # These are the least limits that eyebox accepts, fewer workgroups than every GPU has, and a small window of its memory.
 # A pass of a transform has a workgroup along y for each butterfly of a line, at most 120 in these tests.

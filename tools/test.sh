@@ -64,7 +64,7 @@ fi
 # lists. Long tests of large sizes are left to tools/nightly.sh, which runs all of tests/vulkan there.
 stage "tests of the Vulkan engine on a device that poses as a discrete GPU"
 tools/posing.sh cargo test --workspace --test vulkan -- --include-ignored \
-    posing:: kernels:: shared:: views:: source:: steps::both_engines \
+    posing:: kernels:: shared:: splats:: views:: source:: steps::both_engines \
     --skip with_halves --skip every_method --skip every_subgroup_size --skip large --skip window_forward --skip window_inverse
 
 stage "the Python package"
