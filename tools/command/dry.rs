@@ -6,11 +6,12 @@ use crate::request::SolveRequest;
 use crate::talk::print_report;
 use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::optics::PupilDistribution;
-use eyebox::low_level::plan::{DEVICES, DeviceModel};
+use eyebox::low_level::plan::{DEVICES, DeviceModel, Estimate};
 use eyebox::low_level::scene;
 use eyebox::low_level::session::SplatsDryRun;
 use eyebox::low_level::solve::{DryRun, Problem, RefineSettings, Settings};
 use serde_json::{Value, json};
+use std::time::Duration;
 
 /// Standard deviation of the place of an eye, meters.
 const SPREAD: f64 = 0.3e-3;
@@ -59,7 +60,7 @@ fn content_frame(request: &SolveRequest<'_>, gpu: &Gpu) -> Result<Option<SplatsD
 fn frame_and_step_ms(frame: &SplatsDryRun, dry_run: &DryRun, device: &DeviceModel) -> [f64; 2] {
     let [frame, step] =
         [frame.estimate(device).total().max(frame.host), dry_run.estimate(device).total().max(dry_run.host)];
-    [frame, step].map(|time| time.as_secs_f64() * 1e3)
+    [frame, step].map(ms)
 }
 
 fn print_frame(frame: &SplatsDryRun, dry_run: &DryRun) {
@@ -73,20 +74,20 @@ fn print_frame(frame: &SplatsDryRun, dry_run: &DryRun) {
         "ms a frame", "memory", "arithmetic", "stages", "submissions", "in all", "frames/s, 1 step"
     );
     for device in &DEVICES {
-        let estimate = frame.estimate(device);
-        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         let [of_frame, of_step] = frame_and_step_ms(frame, dry_run, device);
-        println!(
-            "{:24} {:10.3} {:11.3} {:10.3} {:12.3} {:10.3} {:18.1}",
-            device.name,
-            ms(estimate.memory),
-            ms(estimate.arithmetic),
-            ms(estimate.stages),
-            ms(estimate.submissions),
-            of_frame,
-            1e3 / (of_frame + of_step)
-        );
+        println!("{} {:18.1}", parts_of(device, &frame.estimate(device), of_frame), 1e3 / (of_frame + of_step));
     }
+}
+
+/// Returns the parts of an estimate and the time in all, ms.
+fn parts_of(device: &DeviceModel, estimate: &Estimate, in_all: f64) -> String {
+    let [memory, arithmetic] = [estimate.memory, estimate.arithmetic].map(ms);
+    let [stages, submissions] = [estimate.stages, estimate.submissions].map(ms);
+    format!("{:24} {memory:10.3} {arithmetic:11.3} {stages:10.3} {submissions:12.3} {in_all:10.3}", device.name)
+}
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }
 
 /// A named count of the first step, and its mean over the later half of the steps.
@@ -134,16 +135,7 @@ fn print(dry_run: &DryRun) {
     );
     for device in &DEVICES {
         let estimate = dry_run.estimate(device);
-        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
-        println!(
-            "{:24} {:10.3} {:11.3} {:10.3} {:12.3} {:10.3}",
-            device.name,
-            ms(estimate.memory),
-            ms(estimate.arithmetic),
-            ms(estimate.stages),
-            ms(estimate.submissions),
-            ms(estimate.total().max(dry_run.host))
-        );
+        println!("{}", parts_of(device, &estimate, ms(estimate.total().max(dry_run.host))));
     }
 }
 
@@ -160,7 +152,6 @@ fn as_json(dry_run: &DryRun, frame: Option<&SplatsDryRun>) -> Value {
     let rows = rows(dry_run).map(|(name, first, later)| (name.to_owned(), json!({ "first": first, "later": later })));
     let devices = DEVICES.iter().map(|device| {
         let estimate = dry_run.estimate(device);
-        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
         let parts = json!({
             "memory_ms": ms(estimate.memory),
             "arithmetic_ms": ms(estimate.arithmetic),

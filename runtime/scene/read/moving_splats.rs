@@ -3,17 +3,16 @@
 use crate::light_field::field::by_color;
 use crate::read::splats::{Placed, SplatViews, format_of};
 use crate::splats::camera::Camera;
-use crate::splats::cloud::Cloud;
+use crate::splats::cloud::{Cloud, NumberedCloud};
 use crate::splats::format::read;
 use crate::splats::path::CameraPath;
 use crate::splats::picture::tiled;
-use crate::splats::project::{Displaced, Ordered, args_of, may_be_seen, next_id, order};
+use crate::splats::project::{Displaced, Ordered, args_of, may_be_seen, order};
 use crate::{Request, SceneError, StoredSplats};
 use eyebox_base::memory;
 use eyebox_kernels::project_splats::Args;
 use eyebox_optics::Color;
 use rayon::prelude::*;
-use std::ops::Range;
 
 /// Splats in front of a display, seen by a camera that moves.
 ///
@@ -22,11 +21,10 @@ use std::ops::Range;
 pub struct MovingSplats {
     name: String,
     read_as: String,
-    cloud: Cloud,
+    cloud: NumberedCloud,
     start: Camera,
     placed: Placed,
     size: [usize; 2],
-    id: u64,
 }
 
 impl MovingSplats {
@@ -48,7 +46,7 @@ impl MovingSplats {
         let views = SplatViews::of_cloud(source, (format, &options), &request, cloud.clone(), |views| views / 2.0)?;
         let SplatViews { name, read_as, placed, .. } = views;
         let (height, width) = request.display.picture_size();
-        Ok(Self { name, read_as, cloud, start, placed, size: [height, width], id: next_id() })
+        Ok(Self { name, read_as, cloud: NumberedCloud::new(cloud), start, placed, size: [height, width] })
     }
 
     /// Returns the name of the scene.
@@ -59,6 +57,11 @@ impl MovingSplats {
     /// Describes the splats and their first camera in words.
     pub fn read_as(&self) -> &str {
         &self.read_as
+    }
+
+    /// Returns the splats for a device, in the axes of the scene.
+    pub fn stored(&self) -> &dyn StoredSplats {
+        &self.cloud
     }
 
     /// Returns the farthest and the nearest depth in meters, as the first camera sees them.
@@ -110,19 +113,5 @@ impl MovingSplats {
         let splats = Ordered::of(&self.cloud, camera, self.size);
         let of = |place: &(f64, f64)| tiled(&splats, &self.placed.displaced(*place)).entries.len() as u64;
         places.par_iter().map(of).sum()
-    }
-}
-
-impl StoredSplats for MovingSplats {
-    fn id(&self) -> u64 {
-        self.id
-    }
-
-    fn count(&self) -> usize {
-        self.cloud.len()
-    }
-
-    fn words(&self, range: Range<usize>) -> Vec<u32> {
-        self.cloud.words(range)
     }
 }

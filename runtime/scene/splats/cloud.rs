@@ -1,12 +1,14 @@
 //! Holds the splats of a scene, which are Gaussians in space with a color for each direction.
 
+use crate::light_field::drawer::StoredSplats;
 use eyebox_base::error::Reason;
 use eyebox_base::reason;
 use eyebox_kernels::project_splats::{Gaussian, stored_words};
 use eyebox_kernels::splat_colors as harmonics;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use std::ops::Range;
+use std::ops::{Deref, Range};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The largest share of splats with values that are not finite. Training leaves a few of them.
 const DAMAGED: f64 = 0.01;
@@ -30,6 +32,45 @@ pub(crate) struct Cloud {
     pub rest: Vec<f16>,
     /// True if the splats were trained with antialiasing (Yu et al. 2024).
     pub antialiased: bool,
+}
+
+/// Splats with a number that no others of this process have. They do not change.
+pub(crate) struct NumberedCloud {
+    cloud: Cloud,
+    id: u64,
+}
+
+impl NumberedCloud {
+    /// Gives splats the next number.
+    pub fn new(cloud: Cloud) -> Self {
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        Self { cloud, id: NEXT.fetch_add(1, Ordering::Relaxed) }
+    }
+}
+
+impl Deref for NumberedCloud {
+    type Target = Cloud;
+
+    fn deref(&self) -> &Cloud {
+        &self.cloud
+    }
+}
+
+impl StoredSplats for NumberedCloud {
+    fn id(&self) -> u64 {
+        self.id
+    }
+
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    /// Returns the words that the kernel `project_splats` reads.
+    fn words(&self, range: Range<usize>) -> Vec<u32> {
+        let mut words = Vec::with_capacity(range.len() * stored_words(self.degree));
+        range.for_each(|at| self.gaussian(at).store(self.rest_of(at).reinterpret_cast(), &mut words));
+        words
+    }
 }
 
 impl Cloud {
@@ -66,13 +107,6 @@ impl Cloud {
             opacity: self.opacities[at],
             color: self.colors[at],
         }
-    }
-
-    /// Returns the words of splats that the kernel `project_splats` reads.
-    pub fn words(&self, range: Range<usize>) -> Vec<u32> {
-        let mut words = Vec::with_capacity(range.len() * stored_words(self.degree));
-        range.for_each(|at| self.gaussian(at).store(self.rest_of(at).reinterpret_cast(), &mut words));
-        words
     }
 
     /// Returns the harmonics of a degree above 0 of one splat.

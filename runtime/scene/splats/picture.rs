@@ -42,7 +42,7 @@ pub(crate) fn tiled(splats: &Ordered, view: &Displaced) -> TiledSplats {
 pub(crate) fn draw(splats: &Ordered, view: &Displaced, drawer: Option<&Arc<dyn SplatDrawer>>) -> Vec<f32> {
     let args = splats.args();
     let mut picture = vec![0.0; VALUES * (args.height * args.width) as usize];
-    if !drawer.is_some_and(|drawer| drawer.draw(splats, &splats.camera(view), &mut picture)) {
+    if !drawer.is_some_and(|drawer| drawer.draw(splats.stored(), &splats.camera(view), &mut picture)) {
         let tiled = tiled(splats, view);
         draw_splats(&args, &tiled.splats, &tiled.first, &tiled.entries, &mut picture);
     }

@@ -2,14 +2,12 @@
 
 use crate::light_field::drawer::StoredSplats;
 use crate::splats::camera::Camera;
-use crate::splats::cloud::Cloud;
+use crate::splats::cloud::{Cloud, NumberedCloud};
 use eyebox_kernels::draw_splats::{Args, FAINTEST, Splat};
 use eyebox_kernels::project_splats::{self as kernel, ANTIALIASED, ORDERED, turned};
 use eyebox_kernels::splat_colors::{MOST, count};
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
-use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The nearest distance that is drawn, in units of the scene, and as a share of the median distance. The first is that
 /// of 3D Gaussian splatting.
@@ -29,17 +27,9 @@ pub(crate) struct Displaced {
 /// Splats in the axes of a camera, with the nearest first. All views have this order, because their cameras are in a
 /// plane parallel to the picture.
 pub(crate) struct Ordered {
-    cloud: Cloud,
+    cloud: NumberedCloud,
     /// The camera that is not displaced.
     camera: kernel::Args,
-    /// A number that no other splats have.
-    id: u64,
-}
-
-/// Returns a number for splats that no others of this process have.
-pub(crate) fn next_id() -> u64 {
-    static NEXT: AtomicU64 = AtomicU64::new(1);
-    NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
 /// Returns the arguments of the kernel for a camera that is not displaced, whose picture has `height` x `width` pixels.
@@ -94,7 +84,12 @@ impl Ordered {
     fn framed(cloud: Cloud, camera: &Camera, size: [usize; 2]) -> Self {
         let args = args_of(&cloud, camera, size);
         let camera = kernel::Args { count: cloud.len() as u32, kind: args.kind | ORDERED, ..args };
-        Self { cloud, camera, id: next_id() }
+        Self { cloud: NumberedCloud::new(cloud), camera }
+    }
+
+    /// Returns the splats for a device.
+    pub fn stored(&self) -> &dyn StoredSplats {
+        &self.cloud
     }
 
     /// Returns the size of the pictures.
@@ -148,20 +143,6 @@ impl Ordered {
             }
             rest
         })
-    }
-}
-
-impl StoredSplats for Ordered {
-    fn id(&self) -> u64 {
-        self.id
-    }
-
-    fn count(&self) -> usize {
-        self.cloud.len()
-    }
-
-    fn words(&self, range: Range<usize>) -> Vec<u32> {
-        self.cloud.words(range)
     }
 }
 

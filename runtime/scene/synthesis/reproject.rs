@@ -271,25 +271,22 @@ impl Padded {
 
 /// Returns the pixels within `reach` rows and columns of any marked one, in reading order.
 fn near_any(marked: &[bool], width: usize, reach: usize) -> Vec<u32> {
-    let spread = |line: &mut dyn Iterator<Item = bool>, length: usize| {
-        // Distance to the last marked one, from both sides.
-        let mut near = vec![false; length];
-        let marked: Vec<bool> = line.collect();
+    let spread = |line: Vec<bool>| {
+        let mut near = vec![false; line.len()];
         for forward in [true, false] {
+            // Distance to the last marked one on this side.
             let mut since = usize::MAX;
-            for step in 0..length {
-                let at = if forward { step } else { length - 1 - step };
-                since = if marked[at] { 0 } else { since.saturating_add(1) };
+            for step in 0..line.len() {
+                let at = if forward { step } else { line.len() - 1 - step };
+                since = if line[at] { 0 } else { since.saturating_add(1) };
                 near[at] |= since <= reach;
             }
         }
         near
     };
-    let rows: Vec<bool> =
-        marked.par_chunks(width.max(1)).flat_map_iter(|row| spread(&mut row.iter().copied(), row.len())).collect();
-    let height = marked.len() / width.max(1);
-    let columns: Vec<Vec<bool>> =
-        (0..width).into_par_iter().map(|x| spread(&mut (0..height).map(|y| rows[y * width + x]), height)).collect();
+    let rows: Vec<bool> = marked.par_chunks(width.max(1)).flat_map_iter(|row| spread(row.to_vec())).collect();
+    let column = |x: usize| spread(rows.iter().skip(x).step_by(width).copied().collect());
+    let columns: Vec<Vec<bool>> = (0..width).into_par_iter().map(column).collect();
     (0..marked.len()).filter(|p| columns[p % width][p / width]).map(|p| p as u32).collect()
 }
 

@@ -54,14 +54,14 @@ impl DecodedViews {
         Ok(Self { decoder, newest: None, has_failed: false })
     }
 
-    /// Measures the light of samples that are on the device. Returns `None` if the device fails.
-    pub fn measured(&mut self, stored: &StoredViews, there: Result<(), EngineError>) -> Option<Result<(), NoLight>> {
-        match there.and_then(|()| self.decoder.measure(stored)) {
-            Ok(Ok(lights)) => {
-                self.newest = Some((*stored, lights));
+    /// Measures the light of views whose samples are on the device. Returns `None` if the device fails.
+    pub fn measured(&mut self, there: Result<StoredViews, EngineError>) -> Option<Result<(), NoLight>> {
+        match there.and_then(|stored| Ok((stored, self.decoder.measure(&stored)?))) {
+            Ok((stored, Ok(lights))) => {
+                self.newest = Some((stored, lights));
                 Some(Ok(()))
             }
-            Ok(Err(no_light)) => Some(Err(no_light)),
+            Ok((_, Err(no_light))) => Some(Err(no_light)),
             Err(error) => {
                 self.fails(&error.to_string());
                 None

@@ -49,14 +49,8 @@ impl SplatsOnDevice {
         }
         let (order, cameras) = splats.cameras(camera, &places);
         let grid = [near.views as usize; 2];
-        let drawn = match self.views.decoder.draw(&mut self.splats, (splats, &order), &cameras, grid) {
-            Ok(drawn) => drawn,
-            Err(error) => {
-                self.views.fails(&error.to_string());
-                return None;
-            }
-        };
-        match self.views.measured(&drawn, Ok(()))? {
+        let drawn = self.views.decoder.draw(&mut self.splats, (splats.stored(), &order), &cameras, grid);
+        match self.views.measured(drawn)? {
             Ok(()) => self.views.newest().ok(),
             Err(no_light) => {
                 self.views.fails(&format!("a pixel of a view of splats has the value {}", no_light.found));
@@ -68,7 +62,8 @@ impl SplatsOnDevice {
     /// Records the same on a device that only records.
     pub fn record(&mut self, splats: &MovingSplats, camera: &SplatCamera, near: &NearViews) -> Result<(), EngineError> {
         let (order, cameras) = splats.cameras(camera, &near.pairs());
-        let drawn = self.views.decoder.draw(&mut self.splats, (splats, &order), &cameras, [near.views as usize; 2])?;
+        let (stored, grid) = (splats.stored(), [near.views as usize; 2]);
+        let drawn = self.views.decoder.draw(&mut self.splats, (stored, &order), &cameras, grid)?;
         // The light is arbitrary, because the device drew nothing.
         drop(self.views.decoder.measure(&drawn)?);
         let light = ViewsLight { brightest: 1.0, mean: 0.2, middle: [0.2, 0.1, 0.05] };

@@ -41,8 +41,8 @@ impl DeviceViews {
     }
 
     /// Measures the light of samples that are on the device. Returns `None` if the device fails.
-    fn judged(&mut self, stored: &StoredViews, there: Result<(), EngineError>) -> Option<Result<(), FrameFault>> {
-        let light = self.decoded.measured(stored, there)?;
+    fn judged(&mut self, there: Result<StoredViews, EngineError>) -> Option<Result<(), FrameFault>> {
+        let light = self.decoded.measured(there)?;
         Some(light.map_err(|NoLight { channel, index, found }| FrameFault::Value {
             channel,
             index,
@@ -68,7 +68,7 @@ impl ViewTaker for DeviceViews {
     fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>> {
         let stored = stored(info).filter(|_| !self.decoded.has_failed)?;
         let uploaded = self.decoded.decoder.upload(samples);
-        self.judged(&stored, uploaded)
+        self.judged(uploaded.map(|()| stored))
     }
 
     fn device(&self) -> Option<DeviceIds> {
@@ -98,7 +98,7 @@ impl ViewTaker for DeviceViews {
         };
         // The last word may extend beyond the samples, but not beyond the slot.
         let copied = self.decoded.decoder.copy(memory, stride * slot as u64, bytes.next_multiple_of(4));
-        self.judged(&stored, copied).unwrap_or(Err(FrameFault::Device))
+        self.judged(copied.map(|()| stored)).unwrap_or(Err(FrameFault::Device))
     }
 
     fn unshare(&mut self) {

@@ -48,9 +48,7 @@ impl NearViews {
         };
         (0..self.views * self.views).map(|i| [at(i % self.views, 0), at(i / self.views, 1)]).collect()
     }
-}
 
-impl NearViews {
     /// Returns the places as pairs.
     pub fn pairs(&self) -> Vec<(f64, f64)> {
         self.places().into_iter().map(|[x, y]| (x, y)).collect()
