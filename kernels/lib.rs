@@ -11,7 +11,8 @@
 //! which work on the views that an application gives. [`pupil_light`] and [`table_start`] run once, at the beginning of
 //! a solve.
 //!
-//! Views of splats have three kernels. These are [`project_splats`], [`mark_splats`] and [`draw_splats`].
+//! Views of splats have three kernels. These are [`project_splats`], [`mark_splats`] and [`draw_splats`]. Module
+//! [`relief`] lists the kernels of views of pictures with depths.
 
 pub mod adam;
 pub mod apply_factor;
@@ -58,6 +59,16 @@ pub mod pupil_light;
 pub mod quantise;
 pub mod regression;
 pub mod relay;
+pub mod relief;
+pub mod relief_close;
+pub mod relief_decode;
+pub mod relief_draw;
+pub mod relief_fill;
+pub mod relief_jump;
+pub mod relief_ranges;
+pub mod relief_sharpen;
+pub mod relief_soften;
+pub mod relief_unmix;
 pub mod resample;
 pub mod scattered;
 pub mod shared;

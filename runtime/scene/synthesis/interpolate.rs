@@ -10,7 +10,7 @@ use crate::depth::central::{scratch, view_disparities};
 use crate::depth::map::between;
 use crate::depth::sweep::Compared;
 use crate::synthesis::rays::{MOST_STEPS, NONE, RayDirection, Rays};
-use crate::synthesis::reproject::farther_side;
+use eyebox_kernels::relief_close::farther_side;
 use crate::{LightField, ViewGrid};
 use eyebox_optics::Display;
 use rayon::prelude::*;
