@@ -20,6 +20,7 @@ pub fn relief_fill(args: &Args, front: &[f32], nearest: &[u32], filled: &mut [f3
             (*depth, behind[0], behind[1], behind[2]) = (ABSENT, 0.0, 0.0, 0.0);
             return;
         };
+        let (i, j) = (i64::from(i), i64::from(j));
         let (x, y) = args.place(p);
         let rim = args.at(x + i, y + j).unwrap_or(p);
         let level = disparity[rim];

@@ -13,42 +13,74 @@ pub const HERE: u32 = 0;
 pub const NOWHERE: u32 = 0x8000_8000;
 
 /// Returns the columns and rows to a rim, which are two words of 16 bits.
-pub(crate) fn offset(stored: u32) -> Option<(i64, i64)> {
-    let part = |bits: u32| i64::from(bits as u16 as i16);
+pub(crate) fn offset(stored: u32) -> Option<(i32, i32)> {
+    let part = |bits: u32| i32::from(bits as u16 as i16);
     (stored != NOWHERE).then(|| (part(stored), part(stored >> 16)))
 }
 
-fn stored((x, y): (i64, i64)) -> u32 {
+fn stored((x, y): (i32, i32)) -> u32 {
     u32::from(x as i16 as u16) | u32::from(y as i16 as u16) << 16
+}
+
+/// A result of a pixel, with its squared distance.
+#[derive(Clone, Copy)]
+struct Best {
+    stored: u32,
+    length: i32,
+}
+
+impl Best {
+    fn of(stored: u32) -> Self {
+        Self { stored, length: offset(stored).map_or(i32::MAX, |(x, y)| x * x + y * y) }
+    }
 }
 
 /// Writes `to` (2, plane), the offsets to both rims, from the ones at `step` rows or columns.
 pub fn relief_jump(args: &Args, step: u32, front: &[f32], from: &[u32], to: &mut [u32]) {
-    let plane = args.plane as usize;
-    let (reach, step) = (i64::from(args.reach), i64::from(step));
+    let (plane, [tall, wide]) = (args.plane as usize, args.size().map(|n| n as i32));
+    let reach = args.reach as i32;
+    let around = AROUND.map(|(dx, dy)| (step as i32 * dx as i32, step as i32 * dy as i32));
     let (any, own) = to.split_at_mut(plane);
-    any.par_iter_mut().zip(own).take(args.pixels()).enumerate().for_each(|(p, (any, own))| {
-        let (x, y) = args.place(p);
-        (*any, *own) = (from[p], from[plane + p]);
-        let length = |stored: u32| offset(stored).map_or(i64::MAX, |(x, y)| x * x + y * y);
-        let (mut any_length, mut own_length) = (length(*any), length(*own));
-        for (dx, dy) in AROUND {
-            let Some(q) = args.at(x + step * dx, y + step * dy) else { continue };
-            for candidate in [from[q], from[plane + q]] {
-                let Some((i, j)) = offset(candidate) else { continue };
-                let (i, j) = (i + step * dx, j + step * dy);
-                let length = i * i + j * j;
-                if length > reach * reach {
+    let rows = any.par_chunks_mut(wide as usize).zip(own.par_chunks_mut(wide as usize)).take(tall as usize);
+    rows.enumerate().for_each(|(y, (to_any, to_own))| {
+        let y = y as i32;
+        for x in 0..wide {
+            let at = |x: i32, y: i32| y as usize * wide as usize + x as usize;
+            let p = at(x, y);
+            let (mut any, mut own) = (Best::of(from[p]), Best::of(from[plane + p]));
+            for (dx, dy) in around {
+                if x + dx < 0 || x + dx >= wide || y + dy < 0 || y + dy >= tall {
                     continue;
                 }
-                if length < any_length {
-                    (*any, any_length) = (stored((i, j)), length);
-                }
-                let is_farther = args.at(x + i, y + j).is_some_and(|rim| front[rim] < front[p] - args.tear);
-                if is_farther && length < own_length {
-                    (*own, own_length) = (stored((i, j)), length);
+                let q = at(x + dx, y + dy);
+                let both = [from[q], from[plane + q]];
+                // Many pixels have the same rim twice.
+                let count = if both[0] == both[1] { 1 } else { 2 };
+                for candidate in &both[..count] {
+                    let Some((i, j)) = offset(*candidate) else { continue };
+                    let (i, j) = (i + dx, j + dy);
+                    // The products of larger numbers would not fit.
+                    if i.abs() > reach || j.abs() > reach {
+                        continue;
+                    }
+                    let length = i * i + j * j;
+                    if length > reach * reach || length >= any.length.max(own.length) {
+                        continue;
+                    }
+                    let found = Best { stored: stored((i, j)), length };
+                    // Most neighbors have the same rim.
+                    if found.stored == any.stored || found.stored == own.stored {
+                        continue;
+                    }
+                    if length < any.length {
+                        any = found;
+                    }
+                    if length < own.length && front[at(x + i, y + j)] < front[p] - args.tear {
+                        own = found;
+                    }
                 }
             }
+            (to_any[x as usize], to_own[x as usize]) = (any.stored, own.stored);
         }
     });
 }
@@ -89,7 +121,7 @@ mod tests {
             let nearest = rims.iter().map(distance).min().unwrap();
             match offset(found[plane + p]) {
                 Some((i, j)) => {
-                    assert!(near(p) && is_rim(args.at(x + i, y + j).unwrap()));
+                    assert!(near(p) && is_rim(args.at(x + i64::from(i), y + i64::from(j)).unwrap()));
                     let length = ((i * i + j * j) as f64).sqrt();
                     assert!(length < (nearest as f64).sqrt() + 1.0, "{length} {nearest}");
                 }

@@ -22,26 +22,25 @@ pub fn relief_unmix(
     fringe: &mut [f32],
     nearest: &mut [u32],
 ) {
-    let source = Mirrored { args, colors, disparity };
     let plane = args.plane as usize;
     let (depths, pure) = front.split_at_mut(plane);
+    let source = Mirrored::new(args, colors, disparity, depths);
     let (levels, rest) = fringe.split_at_mut(plane);
     let (shares, near) = rest.split_at_mut(plane);
     let (any, own) = nearest.split_at_mut(plane);
-    let surface = depths.par_iter_mut().zip(pure.par_chunks_exact_mut(COLORS));
+    let surface = pure.par_chunks_exact_mut(COLORS);
     let mixed = levels.par_iter_mut().zip(shares).zip(near.par_chunks_exact_mut(COLORS));
     let rims = any.par_iter_mut().zip(own);
     surface.zip(mixed).zip(rims).take(args.pixels()).enumerate().for_each(|(p, ((surface, mixed), rims))| {
         let (x, y) = args.place(p);
-        let here = source.disparity(p);
-        let rises = |&(dx, dy): &(i64, i64)| args.at(x + dx, y + dy).filter(|&q| source.disparity(q) > here + args.tear);
+        let nearest = source.disparity[p] + args.tear;
+        let rises = |&(dx, dy): &(i64, i64)| args.at(x + dx, y + dy).filter(|&q| source.disparity[q] > nearest);
         let rise = AROUND.iter().find_map(|d| Some((*d, rises(d)?)));
         let found = rise.and_then(|(along, near)| source.fringe(p, along, near));
         let ((level, share), color) = mixed;
         (*level, *share) = found.map_or((ABSENT, 0.0), |found| (found.level, found.share));
         color.copy_from_slice(&found.map_or([0.0; COLORS], |found| found.front));
-        *surface.0 = here;
-        surface.1.copy_from_slice(&found.map_or_else(|| source.color(p), |found| found.back));
+        surface.copy_from_slice(&found.map_or_else(|| source.color(p), |found| found.back));
         (*rims.0, *rims.1) = (if rise.is_some() { HERE } else { NOWHERE }, NOWHERE);
     });
 }
@@ -50,7 +49,11 @@ pub fn relief_unmix(
 struct Mirrored<'a> {
     args: &'a Args,
     colors: &'a [f32],
+    /// The disparities of the continued picture.
     disparity: &'a [f32],
+    /// The columns and rows of the picture itself.
+    columns: Vec<usize>,
+    rows: Vec<usize>,
 }
 
 /// The near part of a pixel.
@@ -63,31 +66,33 @@ struct Fringe {
     back: [f32; COLORS],
 }
 
-impl Mirrored<'_> {
-    /// Returns the pixel of the picture itself.
-    fn source(&self, pixel: usize) -> usize {
-        let (x, y) = self.args.place(pixel);
-        let mirror = |at: i64, length: u32| {
-            let (length, period) = (i64::from(length), 2 * i64::from(length));
-            let at = (at - i64::from(self.args.pad)).rem_euclid(period);
-            if at < length { at } else { period - 1 - at }
+impl<'a> Mirrored<'a> {
+    /// Continues a picture, and writes its disparities.
+    fn new(args: &'a Args, colors: &'a [f32], disparity: &[f32], depths: &'a mut [f32]) -> Self {
+        let mirror = |at: usize, length: u32| {
+            let period = 2 * i64::from(length);
+            let at = (at as i64 - i64::from(args.pad)).rem_euclid(period);
+            at.min(period - 1 - at) as usize
         };
-        (mirror(y, self.args.height) * i64::from(self.args.width) + mirror(x, self.args.width)) as usize
-    }
-
-    fn disparity(&self, pixel: usize) -> f32 {
-        self.disparity[self.source(pixel)]
+        let [tall, wide] = args.size();
+        let columns: Vec<usize> = (0..wide).map(|x| mirror(x, args.width)).collect();
+        let rows: Vec<usize> = (0..tall).map(|y| mirror(y, args.height) * args.width as usize).collect();
+        depths.par_chunks_mut(wide).zip(&rows).for_each(|(line, row)| {
+            line.iter_mut().zip(&columns).for_each(|(to, column)| *to = disparity[row + column]);
+        });
+        Self { args, colors, disparity: depths, columns, rows }
     }
 
     fn color(&self, pixel: usize) -> [f32; COLORS] {
-        color(self.colors, self.source(pixel))
+        let wide = self.columns.len();
+        color(self.colors, self.rows[pixel / wide] + self.columns[pixel % wide])
     }
 
     /// Returns the near part of a pixel whose neighbor `near`, in this direction, is on the near side of a tear.
     fn fringe(&self, p: usize, (dx, dy): (i64, i64), near: usize) -> Option<Fringe> {
         let (args, (x, y)) = (self.args, self.args.place(p));
-        let (here, level) = (self.disparity(p), self.disparity(near));
-        let alike = |q: &usize, depth: f32| (self.disparity(*q) - depth).abs() <= args.tear;
+        let (here, level) = (self.disparity[p], self.disparity[near]);
+        let alike = |q: &usize, depth: f32| (self.disparity[*q] - depth).abs() <= args.tear;
         // Pure colors are one pixel further in, and two pixels further out.
         let front = self.color(args.at(x + 2 * dx, y + 2 * dy).filter(|q| alike(q, level)).unwrap_or(near));
         let clean = |k: i64| args.at(x - k * dx, y - k * dy).filter(|q| alike(q, here));
