@@ -19,25 +19,13 @@ layout(push_constant) uniform Args {
 shared vec4 parts[WIDTH];
 shared uint wrong[WIDTH];
 
-// Avoids `unpackHalf2x16`, which may flush subnormal halves to zero. `bits` has 16 bits.
-float half_value(uint bits) {
-    uint exponent = (bits >> 10) & 31u, fraction = bits & 1023u;
-    uint sign = (bits >> 15) << 31;
-    if (exponent == 0) return uintBitsToFloat(floatBitsToUint(float(fraction) / 16777216.0) | sign);
-    return uintBitsToFloat((exponent == 31 ? 0x7f800000u : (exponent + 112u) << 23) | fraction << 13 | sign);
-}
+#define SAMPLE_WORD(i) samples[i]
+#define CURVE(i) curve[i]
+#include "samples.glsl"
 
 // Returns the bits of a pixel's light.
 uint light(uint view, uint pixel) {
-    uint at = ((first + view) * pixels + pixel) * channels + channel;
-    if (sample_kind == DECODE_F32) return samples[at];
-    if (sample_kind == DECODE_U8) {
-        uint value = (samples[at >> 2] >> (8 * (at & 3u))) & 255u;
-        return floatBitsToUint(coded != 0 ? curve[value * 257u] : float(value) / 255.0);
-    }
-    uint value = (samples[at >> 1] >> (16 * (at & 1u))) & 0xffffu;
-    if (sample_kind == DECODE_F16) return floatBitsToUint(half_value(value));
-    return floatBitsToUint(coded != 0 ? curve[value] : float(value) / 65535.0);
+    return light_of_sample(((first + view) * pixels + pixel) * channels + channel, sample_kind, coded);
 }
 
 void main() {
@@ -50,11 +38,9 @@ void main() {
         for (uint i = 0; i < 2; ++i) {
             uint pixel = 2 * word + i;
             if (pixel >= pixels) break;
-            // Compares bits, because a device may compare a NaN in any way. Negative zero counts as zero.
             uint bits = light(view, pixel);
-            bool is_light = bits <= floatBitsToUint(DECODE_BRIGHTEST) || bits == 0x80000000u;
-            if (!is_light) bad = min(bad, pixel);
-            float value = is_light ? abs(uintBitsToFloat(bits)) : 0.0;
+            if (!is_light(bits)) bad = min(bad, pixel);
+            float value = is_light(bits) ? abs(uintBitsToFloat(bits)) : 0.0;
             float square = value * value;
             sum += vec4(value, square, square * value, 0.0);
             sum.w = max(sum.w, value);

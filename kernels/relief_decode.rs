@@ -7,10 +7,12 @@ use bytemuck::{Pod, Zeroable};
 /// The largest magnitude of a depth in dioptres.
 pub const DEEPEST: f32 = 100.0;
 /// Words of the state of a frame, which are the first sample without valid light, the first pixel without valid depth,
-/// and the smallest and largest disparity before and after sharpening, as [`ordered`] bits.
-pub const STATE: usize = 6;
+/// and the smallest and the largest disparity as [`ordered`] bits.
+pub const STATE: usize = 4;
 /// The state before a frame is read.
-pub const START: [u32; STATE] = [u32::MAX, u32::MAX, u32::MAX, 0, u32::MAX, 0];
+pub const START: [u32; STATE] = [u32::MAX, u32::MAX, u32::MAX, 0];
+/// Stored instead of a sample or pixel if all are valid.
+pub const ALL_VALID: u32 = u32::MAX;
 
 /// Layout of a frame. The colors (row, column, color) come first.
 #[repr(C)]

@@ -3,7 +3,8 @@
 
 use crate::{
     BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, draw_splats, encode, energy,
-    equalise_eyebox, exposure, fft_plan, mark_splats, photograph, project_splats, splat_colors, table_start, trig,
+    equalise_eyebox, exposure, fft_plan, mark_splats, photograph, project_splats, relief, relief_close, relief_decode,
+    relief_draw, relief_jump, relief_ranges, splat_colors, table_start, trig,
 };
 use std::fmt::Write;
 
@@ -37,6 +38,11 @@ const FLOATS: &[(&str, f32)] = &[
     ("SPLAT_EXP_4", draw_splats::EXP[3]),
     ("SPLAT_EXP_5", draw_splats::EXP[4]),
     ("SPLAT_EXP_6", draw_splats::EXP[5]),
+    ("RELIEF_ABSENT", relief::ABSENT),
+    ("RELIEF_DEEPEST", relief_decode::DEEPEST),
+    ("RELIEF_KNOWN", relief_close::KNOWN),
+    ("RELIEF_LARGER", relief_draw::LARGER),
+    ("RELIEF_NEAR", relief_draw::NEAR),
     ("LOG2_E", std::f32::consts::LOG2_E),
     ("ENCODE_PARTS", encode::PARTS),
     ("ANGLE_UNIT", binary_angle::UNIT),
@@ -79,6 +85,9 @@ pub fn glsl() -> String {
         ("SPLAT_DEGREE", project_splats::DEGREE),
         ("SPLAT_ANTIALIASED", project_splats::ANTIALIASED),
         ("SPLAT_ORDERED", project_splats::ORDERED),
+        ("RELIEF_NOWHERE", relief_jump::NOWHERE),
+        ("RELIEF_PIECES", relief_draw::PIECES),
+        ("RELIEF_SIDE", relief_ranges::SIDE),
         ("COMPARE_PROJECTION", compare::PROJECTION),
         ("COMPARE_INTENSITY", compare::INTENSITY),
         ("COMPARE_SHARE", compare::SHARE as u32),
@@ -111,7 +120,9 @@ pub fn glsl() -> String {
     ];
     let mut text =
         "// Written by `cargo run -p eyebox-spirv-tool -- build` from shared.rs: change nothing here.\n".to_owned();
-    let integers = integers.map(|(name, value)| (name, format!("{value}")));
+    // Larger numbers have no sign in GLSL.
+    let suffix = |value: u32| if i32::try_from(value).is_ok() { "" } else { "u" };
+    let integers = integers.map(|(name, value)| (name, format!("{value}{}", suffix(value))));
     let floats = FLOATS.iter().map(|(name, value)| (*name, format!("({value:?})")));
     for (name, value) in integers.into_iter().chain(floats) {
         // Writing to a string cannot fail.

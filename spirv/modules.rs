@@ -51,6 +51,15 @@ modules! {
     PUPIL_LIGHT = "pupil_light";
     QUANTISE = "quantise";
     RELAY = "relay";
+    RELIEF_CLOSE = "relief_close";
+    RELIEF_DECODE = "relief_decode";
+    RELIEF_DRAW = "relief_draw";
+    RELIEF_FILL = "relief_fill";
+    RELIEF_JUMP = "relief_jump";
+    RELIEF_RANGES = "relief_ranges";
+    RELIEF_SHARPEN = "relief_sharpen";
+    RELIEF_SOFTEN = "relief_soften";
+    RELIEF_UNMIX = "relief_unmix";
     RESAMPLE = "resample";
     SUBPIXELS = "subpixels", SUBPIXELS_HALF = "subpixels_half";
     TABLE_START = "table_start";

@@ -27,7 +27,7 @@ pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], size: [usize; 2], r
         std::mem::swap(&mut sharp, &mut before);
         relief_sharpen(&sharpening, &before, &mut sharp);
     }
-    let ends = sharp.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], &v| [a.min(v), b.max(v)]);
+    let ends = disparity.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], &v| [a.min(v), b.max(v)]);
     let args = Args::new(size, ends, reach);
     let mut colors = vec![0.0; COLORS * height * width];
     colors.par_chunks_exact_mut(COLORS).enumerate().for_each(|(p, color)| {

@@ -42,11 +42,7 @@ impl StoredViews {
     }
 
     fn sample_bytes(&self) -> u64 {
-        match self.sample {
-            decode_views::U8 => 1,
-            decode_views::F32 => 4,
-            _ => 2,
-        }
+        sample_bytes(self.sample)
     }
 }
 
@@ -77,17 +73,17 @@ pub struct ViewDecoder {
     // Fields are dropped in this order, the device last.
     /// Memory of earlier views, which is reused when nobody uses it any more.
     made: Vec<Arc<Views>>,
-    samples: Block,
-    curve: Block,
+    pub(super) samples: Block,
+    pub(super) curve: Block,
     tables: Block,
     sums: Option<Block>,
     /// Arguments of each level but the first, from the level before.
     halvings: Vec<halve_views::Args>,
-    sizes: Vec<(usize, usize)>,
+    pub(super) sizes: Vec<(usize, usize)>,
     /// Number of colors of a sample, and the colors that are used.
-    stored: usize,
-    channels: Vec<usize>,
-    gpu: Commands,
+    pub(super) stored: usize,
+    pub(super) channels: Vec<usize>,
+    pub(super) gpu: Commands,
 }
 
 impl ViewDecoder {
@@ -170,22 +166,10 @@ impl ViewDecoder {
     /// [`EngineError`] if they exceed the shared memory or this decoder, or the device is lost.
     #[cfg(target_os = "linux")]
     pub fn copy(&mut self, from: &SharedMemory, at: u64, bytes: u64) -> Result<(), EngineError> {
-        let ends = at.checked_add(bytes).is_some_and(|end| end <= from.block.size);
-        if !ends || bytes > self.samples.size || !(at | bytes).is_multiple_of(4) || !from.block.is_on(&self.gpu.device)
-        {
-            return Err(EngineError::mismatch(format!(
-                "{bytes} bytes of views at {at}, but only {} are shared",
-                from.block.size
-            )));
-        }
-        self.gpu.recorder.begin(0)?;
-        self.gpu.recorder.take_over(&from.block);
-        self.gpu.recorder.copy(&from.block, &self.samples, [(at, 0, bytes)]);
-        self.gpu.recorder.hand_back(&from.block);
-        self.gpu.recorder.submit("views of an application")
+        take(&mut self.gpu, from, (at, bytes), &self.samples)
     }
 
-    fn pixels(&self) -> usize {
+    pub(super) fn pixels(&self) -> usize {
         self.sizes.first().map_or(0, |(height, width)| height * width)
     }
 
@@ -310,14 +294,7 @@ impl ViewDecoder {
             true => channel * views.count() * self.pixels() + index,
             false => index * self.stored + channel,
         };
-        let at = views.sample_bytes() * sample as u64;
-        let mut word = [0; 4];
-        self.gpu.fetch(&self.samples, &mut word, [(at / 4 * 4, 0, 4)])?;
-        let half = [word[at as usize % 4], word[(at as usize + 1) % 4]];
-        let found = match views.sample {
-            decode_views::F32 => f32::from_le_bytes(word),
-            _ => half::value(u16::from_le_bytes(half)),
-        };
+        let found = value(&mut self.gpu, &self.samples, views.sample, sample as u64)?;
         Ok(NoLight { channel, index, found })
     }
 
@@ -429,6 +406,49 @@ impl ViewDecoder {
         views[middle * values..][..values].copy_from_slice(&view[..values]);
         Ok(views)
     }
+}
+
+/// Returns the bytes of a sample of this type.
+fn sample_bytes(sample: u32) -> u64 {
+    match sample {
+        decode_views::U8 => 1,
+        decode_views::F32 => 4,
+        _ => 2,
+    }
+}
+
+/// Reads a sample of floats.
+pub(super) fn value(gpu: &mut Commands, samples: &Block, sample: u32, index: u64) -> Result<f32, EngineError> {
+    let at = sample_bytes(sample) * index;
+    let mut word = [0; 4];
+    gpu.fetch(samples, &mut word, [(at / 4 * 4, 0, 4)])?;
+    let half = [word[at as usize % 4], word[(at as usize + 1) % 4]];
+    Ok(match sample {
+        decode_views::F32 => f32::from_le_bytes(word),
+        _ => half::value(u16::from_le_bytes(half)),
+    })
+}
+
+/// Copies (place, length) in bytes from memory of another process. Both are multiples of 4.
+#[cfg(target_os = "linux")]
+pub(super) fn take(
+    gpu: &mut Commands,
+    from: &SharedMemory,
+    (at, bytes): (u64, u64),
+    to: &Block,
+) -> Result<(), EngineError> {
+    let ends = at.checked_add(bytes).is_some_and(|end| end <= from.block.size);
+    if !ends || bytes > to.size || !(at | bytes).is_multiple_of(4) || !from.block.is_on(&gpu.device) {
+        return Err(EngineError::mismatch(format!(
+            "{bytes} bytes of a frame at {at}, but only {} are shared",
+            from.block.size
+        )));
+    }
+    gpu.recorder.begin(0)?;
+    gpu.recorder.take_over(&from.block);
+    gpu.recorder.copy(&from.block, to, [(at, 0, bytes)]);
+    gpu.recorder.hand_back(&from.block);
+    gpu.recorder.submit("a frame of an application")
 }
 
 /// Returns the light of `count` views from the sums of their parts, in order.

@@ -9,8 +9,8 @@
 //! shared memory only.
 //!
 //! Module `engine` runs lists of kernels, and `self_test` tests a device at first use. Module `encode` makes video
-//! frames of phases, `decode` makes views from an application's samples, `splats` draws pictures of splats, and `fft`
-//! plans and records transforms.
+//! frames of phases, `decode` makes views from an application's samples, `splats` and `relief` draw views of splats
+//! and of pictures with depths, and `fft` plans and records transforms.
 
 #![allow(unsafe_code)]
 
@@ -30,6 +30,9 @@ mod prepare;
 #[cfg(any(test, feature = "test-hooks"))]
 mod pretend;
 mod record;
+mod relief;
+#[cfg(test)]
+mod relief_tests;
 mod self_test;
 mod splats;
 #[cfg(test)]
@@ -45,5 +48,6 @@ pub use engine::VulkanEngine;
 pub use fft::{Timed, Transforms};
 #[cfg(any(test, feature = "test-hooks"))]
 pub use pretend::LesserDevice;
+pub use relief::{DeviceRelief, StoredDepths};
 pub(super) use self_test::check as self_test;
 pub use splats::{DeviceSplats, VulkanSplats};

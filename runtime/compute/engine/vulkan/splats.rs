@@ -178,7 +178,7 @@ fn of_stored(gaussians: &Block, stored: u64, camera: &Args) -> u64 {
 }
 
 /// Makes a block of at least `size` bytes.
-fn make_room<'a>(
+pub(super) fn make_room<'a>(
     gpu: &Commands,
     block: &'a mut Option<Block>,
     size: u64,
