@@ -123,7 +123,7 @@ pub struct FrameInfo {
     /// The position of the middle view, or of the camera, in the pupil plane as x, y in mm.
     pub center_mm: [f64; 2],
     /// True if the samples are in the slot of the same number in the device's memory that the display shares. Otherwise
-    /// they follow the header. Only views may be on the device.
+    /// they follow the header. Layers are never on the device.
     pub on_device: bool,
 }
 

@@ -1,4 +1,5 @@
-//! Defines the interface for views that bypass the host's memory, and the device memory that a display shares.
+//! Defines the interface for views, and color and depth, that bypass the host's memory, and the device memory that a
+//! display shares.
 
 use crate::layout::{halves, pair};
 use crate::{FrameFault, FrameInfo};
@@ -65,11 +66,11 @@ impl DeviceMemory {
     }
 }
 
-/// Decodes views outside the host's memory, such as on a device.
+/// Decodes views, or color and depth, outside the host's memory, such as on a device.
 pub trait ViewTaker {
-    /// Takes the samples of views, which were copied and are padded to a multiple of 4 bytes. The implementation checks
-    /// their values, and `info` is checked already. Returns `None` if it does not take them after all. Then the host
-    /// decodes them.
+    /// Takes the samples of views, or of color and depth, which were copied and are padded to a multiple of 4 bytes.
+    /// Depth follows the colors at the next multiple of 64 bytes. The implementation checks their values, and `info` is
+    /// checked already. Returns `None` if it does not take them. Then the host decodes them.
     fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>>;
 
     /// Returns the device whose memory an application may write into, if there is one. If the device disappears, an
@@ -84,8 +85,9 @@ pub trait ViewTaker {
         None
     }
 
-    /// Takes the samples of views in this slot of the device's memory, and copies them before it returns. The
-    /// implementation checks their values, and `info` is checked already. `bytes` is their length.
+    /// Takes the samples of views, or of color and depth, in this slot of the device's memory, and copies them before
+    /// it returns. Their layout is the same as in the region. The implementation checks their values, and `info` is
+    /// checked already. `bytes` is their length.
     ///
     /// # Errors
     /// Returns [`FrameFault`] if a value is no light or the device failed.
@@ -97,7 +99,7 @@ pub trait ViewTaker {
     fn unshare(&mut self) {}
 }
 
-/// A taker that accepts no views.
+/// A taker that accepts no frames.
 pub(crate) struct Nobody;
 
 impl ViewTaker for Nobody {

@@ -62,12 +62,13 @@ impl Frame {
         self.light.get(channel * length..(channel + 1) * length).unwrap_or(&[])
     }
 
-    /// Returns true if a [`ViewTaker`] has the light, so that it is not here.
+    /// Returns true if a [`ViewTaker`] has the light and the distances, so that they are not here.
     pub fn is_taken(&self) -> bool {
         self.is_taken
     }
 
-    /// Returns the distance of each pixel in dioptres, as (row, column). Empty unless the content is color and depth.
+    /// Returns the distance of each pixel in dioptres, as (row, column). Empty unless the content is color and depth
+    /// that no [`ViewTaker`] has.
     pub fn dioptres(&self) -> &[f32] {
         &self.dioptres
     }
@@ -238,7 +239,7 @@ impl Display {
         self.latest_with(frame, &mut Nobody, &mut || {})
     }
 
-    /// Works as [`latest`](Self::latest), but sends the samples of views to `taker`.
+    /// Works as [`latest`](Self::latest), but offers the samples of views, and of color and depth, to `taker`.
     pub fn latest_to(&mut self, frame: &mut Frame, taker: &mut dyn ViewTaker) -> Latest {
         self.latest_with(frame, taker, &mut || {})
     }
@@ -424,9 +425,9 @@ impl Display {
         let colors = self.offer.channels();
         let channels = colors + usize::from(matches!(info.content, Content::Layers(_)));
         let [bytes, depth] = self.offer.bytes(&info.content, info.sample);
-        let is_views = !info.on_device && matches!(info.content, Content::Views { .. });
+        let is_offered = !info.on_device && !matches!(info.content, Content::Layers(_));
         let taken =
-            is_views.then(|| taker.take(&self.raw[..bytes.next_multiple_of(4)], &info)).flatten().transpose()?;
+            is_offered.then(|| taker.take(&self.raw[..bytes.next_multiple_of(4)], &info)).flatten().transpose()?;
         frame.is_taken = info.on_device || taken.is_some();
         (frame.number, frame.info, frame.channels) = (number, info, channels);
         if frame.is_taken {

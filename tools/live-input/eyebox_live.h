@@ -55,8 +55,8 @@ typedef struct {
     int64_t content_time_ns;
     double pitch_mm, center_x_mm, center_y_mm;
     float dioptres[64];
-    /* If 1, the samples are in the display's device memory, at slot * slot_stride (see eyebox_live_share). Only views may
-     * be there. */
+    /* If 1, the samples are in the display's device memory, at slot * slot_stride (see eyebox_live_share). Layers are
+     * never there. */
     uint32_t on_device;
 } eyebox_live_frame;
 
@@ -284,7 +284,7 @@ static inline uint64_t eyebox_live_bytes(const eyebox_live *live, const eyebox_l
 static inline void *eyebox_live_begin(eyebox_live *live, const eyebox_live_frame *frame) {
     uint32_t views = frame->kind == EYEBOX_LIVE_VIEWS, layers = frame->kind == EYEBOX_LIVE_LAYERS ? frame->layers : 0;
     uint32_t shape[2] = {views ? frame->view_rows : 1, views ? frame->view_columns : 1};
-    if ((frame->kind != 1 && frame->kind != 2 && frame->kind != 4) || !(frame->kind & live->kinds) || frame->sample - 1 > 3 || shape[0] - 1 > 63 || shape[1] - 1 > 63 || layers > 64 || frame->on_device > (uint32_t)(live->shares && views) || eyebox_live_bytes(live, frame, NULL) > live->room) {
+    if ((frame->kind != 1 && frame->kind != 2 && frame->kind != 4) || !(frame->kind & live->kinds) || frame->sample - 1 > 3 || shape[0] - 1 > 63 || shape[1] - 1 > 63 || layers > 64 || frame->on_device > (uint32_t)(live->shares && frame->kind != EYEBOX_LIVE_LAYERS) || eyebox_live_bytes(live, frame, NULL) > live->room) {
         eyebox_live_failed(live, "the display takes no frame of this kind, sample and size", "");
         return NULL;
     }

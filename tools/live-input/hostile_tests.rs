@@ -123,6 +123,7 @@ fn a_million_fuzzed_headers() {
         match layout::read_header(&words, &offer, i % 2 == 1) {
             Ok(info) => {
                 taken += 1;
+                assert!(!info.on_device || (i % 2 == 1 && !matches!(info.content, Content::Layers(_))));
                 assert!(offer.bytes(&info.content, info.sample)[0] <= offer.slot_bytes());
                 let again = layout::read_header(&layout::header_words(&offer, &info, words[1]), &offer, true);
                 assert_eq!(again, Ok(info));

@@ -203,7 +203,7 @@ pub(crate) fn read_header(words: &Header, offer: &Offer, shared: bool) -> Result
     let most = if kind == Kind::Views { offer.views } else { [1, 1] };
     let [view_rows, view_columns] = halves(words[7]);
     let grid = [number("rows of views", view_rows, 1, most[0])?, number("columns of views", view_columns, 1, most[1])?];
-    let most_place = u32::from(shared && kind == Kind::Views);
+    let most_place = u32::from(shared && kind != Kind::Layers);
     let on_device = number("the place of the samples", halves(words[11])[1], 0, most_place)? == 1;
     let least_layers = u32::from(kind == Kind::Layers);
     let layers = number("layers", halves(words[11])[0], least_layers, least_layers * offer.layers)?;

@@ -4,8 +4,8 @@
 use crate::device::{self, DeviceMemory, WORDS};
 use crate::region::Region;
 use crate::{
-    Application, Content, DeviceIds, Display, Frame, FrameFault, FrameInfo, Kind, Latest, LiveError, Offer, Sample,
-    Transfer, ViewTaker, layout,
+    Application, Content, DeviceIds, Dioptres, Display, Frame, FrameFault, FrameInfo, Kind, Latest, LiveError, Offer,
+    Sample, Transfer, ViewTaker, layout,
 };
 use rustix::fs::MemfdFlags;
 use std::os::fd::OwnedFd;
@@ -31,6 +31,8 @@ fn offer() -> Offer {
 /// A device that decodes nothing.
 #[derive(Default)]
 struct Device {
+    /// True if it takes color and depth that came through the region.
+    takes_depth: bool,
     /// The shared memory, with the words of all slots.
     memory: Option<Region>,
     stride: u64,
@@ -44,8 +46,13 @@ struct Device {
 }
 
 impl ViewTaker for Device {
-    fn take(&mut self, _samples: &[u8], _info: &FrameInfo) -> Option<Result<(), FrameFault>> {
-        None
+    fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>> {
+        assert!(!info.on_device && !matches!(info.content, Content::Layers(_)));
+        (self.takes_depth && info.content == Content::ColorAndDepth).then(|| {
+            // The samples have no slot.
+            self.taken = Some((usize::MAX, samples.to_vec()));
+            Ok(())
+        })
     }
 
     fn device(&self) -> Option<DeviceIds> {
@@ -143,11 +150,63 @@ fn views(on_device: bool) -> FrameInfo {
 
 /// Leaves a frame of one value on the device.
 fn give(application: &mut Application, memory: &DeviceMemory, there: &Region, value: u8) -> usize {
-    let slot = application.begin(&views(true)).unwrap();
+    put(application, memory, there, &views(true), &[value; 84])
+}
+
+/// Leaves these samples on the device.
+fn put(
+    application: &mut Application,
+    memory: &DeviceMemory,
+    there: &Region,
+    info: &FrameInfo,
+    samples: &[u8],
+) -> usize {
+    let slot = application.begin(info).unwrap();
     let index = slot.index();
-    there.store_bytes(index * memory.slot_stride as usize / 8, &[value; 84]);
+    there.store_bytes(index * memory.slot_stride as usize / 8, samples);
     slot.publish();
     index
+}
+
+/// Describes color and depth of 42 pixels of one color. In float32, the depth begins at byte 192.
+fn depth(sample: Sample, on_device: bool) -> FrameInfo {
+    FrameInfo { on_device, ..FrameInfo::new(Content::ColorAndDepth, sample, Transfer::Linear) }
+}
+
+/// Color and depth have the layout of the region, on the device and in the region, and layers are never on the device.
+#[test]
+fn color_and_depth_come_by_the_device_too() {
+    let mut bench = Bench::new("depth", Device::default());
+    let (mut application, memory, there) = bench.sharing();
+    for (sample, from, all) in [(Sample::U8, 64, 232), (Sample::F16, 128, 296), (Sample::F32, 192, 360)] {
+        let mut samples = vec![3; all];
+        samples[from..].fill(5);
+        let slot = put(&mut application, &memory, &there, &depth(sample, true), &samples);
+        assert_eq!(bench.latest(), Latest::New);
+        assert_eq!(bench.device.taken.take(), Some((slot, samples)));
+        let frame = &bench.frame;
+        assert!(frame.is_taken() && frame.channel(0).is_empty() && frame.dioptres().is_empty());
+        assert_eq!(*frame.info(), depth(sample, true));
+    }
+    // The same content comes through the region, first decoded by the host and then by the device.
+    let dioptres: Vec<f32> = (0..42).map(|i| i as f32 / 8.0).collect();
+    application.send(&depth(Sample::U8, false), &[51; 42], &dioptres).unwrap();
+    assert_eq!((bench.latest(), bench.device.taken.take()), (Latest::New, None));
+    assert!(!bench.frame.is_taken() && bench.frame.channel(0) == [0.2; 42] && bench.frame.dioptres() == dioptres);
+    bench.device.takes_depth = true;
+    application.send(&depth(Sample::U8, false), &[51; 42], &dioptres).unwrap();
+    assert_eq!(bench.latest(), Latest::New);
+    let (_, samples) = bench.device.taken.take().unwrap();
+    assert!(samples.len() == 232 && samples[..42] == [51; 42]);
+    let stored: Vec<f32> = samples[64..].chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+    assert!(bench.frame.is_taken() && bench.frame.dioptres().is_empty() && stored == dioptres);
+    let layers = Content::Layers(Dioptres::new(&[0.5]));
+    let layers = FrameInfo { content: layers, ..depth(Sample::U8, true) };
+    let fault = application.begin(&layers).map(drop).unwrap_err();
+    assert!(fault.to_string().ends_with("the place of the samples 1, but it must be 0"), "{fault}");
+    let layers = FrameInfo { on_device: false, ..layers };
+    application.send(&layers, &[9; 84], &[]).unwrap();
+    assert_eq!((bench.latest(), bench.frame.is_taken()), (Latest::New, false));
 }
 
 #[test]
