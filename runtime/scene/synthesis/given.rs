@@ -21,12 +21,15 @@ pub struct Places<'a> {
 
 impl Places<'_> {
     /// Returns the largest distance along an axis in meters.
-    fn reach(&self) -> f64 {
+    pub fn reach(&self) -> f64 {
         self.places.iter().flatten().fold(0.0, |far, v| v.abs().max(far))
     }
 
-    /// Refuses depths (meters) that displace content by more than a share of the picture, in words.
-    fn check(&self, depths: impl Iterator<Item = f64>) -> Result<(), Reason> {
+    /// Checks depths in meters.
+    ///
+    /// # Errors
+    /// The reason in words, for depths that displace content by more than a quarter of the picture.
+    pub fn check(&self, depths: impl Iterator<Item = f64>) -> Result<(), Reason> {
         let deepest = depths.fold(0.0, |far: f64, z| z.abs().max(far));
         let moved = deepest * self.per_metre * self.reach();
         let most = (MOST * self.size[0].min(self.size[1]) as f64).max(2.0);

@@ -139,6 +139,11 @@ impl ViewDecoder {
         self.gpu.recorder.fail_after(submissions, ash::vk::Result::ERROR_DEVICE_LOST);
     }
 
+    /// Returns the number of colors of a sample.
+    pub fn stored_colors(&self) -> usize {
+        self.stored
+    }
+
     /// Returns the number of colors that are used.
     pub fn colors(&self) -> usize {
         self.channels.len()

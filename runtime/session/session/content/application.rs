@@ -1,5 +1,5 @@
 //! Receives content from an application in another process through shared memory (docs/live-input.md). This module
-//! sends requests to the application and makes views of its answers.
+//! sends requests to the application and makes views of its answers, on the host or on the device of the engines.
 
 use crate::engine::Backend;
 use crate::gpu::Gpu;
@@ -149,10 +149,28 @@ impl LiveInput {
         let pixels = height * width;
         let metres = |mm: f64| mm * 1e-3;
         let camera = info.center_mm.map(metres);
-        if let (Content::Views { grid, pitch_mm }, true) = (info.content, self.frame.is_taken()) {
-            let [rows, columns] = grid.map(|n| n as usize);
-            let views = ViewGrid { rows, columns, cell: metres(pitch_mm) };
-            return self.device_scene(views, camera, info.content_time_ns, due);
+        // These are the views that are wanted now, because frames of other kinds need no request for views.
+        let near = NearViews::of(due, self.display.eyebox_min(), self.ring.offer().views[0]);
+        let places: Vec<[f64; 2]> = near.places().into_iter().map(|[x, y]| [x - camera[0], y - camera[1]]).collect();
+        let focal_length = self.display.focal_length;
+        let per_metre = 1.0 / (focal_length * self.display.picture_pixel());
+        let from = Places { places: &places, per_metre, size: [height, width] };
+        let NearViews { views, pitch, center } = near;
+        if self.frame.is_taken() {
+            let (grid, center) = match info.content {
+                Content::Views { grid: [rows, columns], pitch_mm } => {
+                    let [rows, columns] = [rows, columns].map(|n| n as usize);
+                    (ViewGrid { rows, columns, cell: metres(pitch_mm) }, camera)
+                }
+                _ => {
+                    let drawn = self.device.as_mut().map_or(Ok(()), |device| device.draw(&from, views as usize));
+                    if let Err(reason) = drawn {
+                        return Ok(Err(format!("the application's frame is refused: {reason}")));
+                    }
+                    (ViewGrid { rows: views as usize, columns: views as usize, cell: pitch }, center)
+                }
+            };
+            return self.device_scene(grid, center, info.content_time_ns, due);
         }
         let (grid, pitch, center, planes) = match info.content {
             Content::Views { grid, pitch_mm } => {
@@ -162,14 +180,6 @@ impl LiveInput {
                 (grid, metres(pitch_mm), camera, planes)
             }
             content => {
-                // These are the views that are wanted now, because frames of these kinds need no request for views.
-                let near = NearViews::of(due, self.display.eyebox_min(), self.ring.offer().views[0]);
-                let NearViews { views, pitch, center } = near;
-                let from_camera = |[x, y]: [f64; 2]| [x - camera[0], y - camera[1]];
-                let places: Vec<[f64; 2]> = near.places().into_iter().map(from_camera).collect();
-                let focal_length = self.display.focal_length;
-                let per_metre = 1.0 / (focal_length * self.display.picture_pixel());
-                let from = Places { places: &places, per_metre, size: [height, width] };
                 // The conversion from dioptres to depth follows OPTICS 8.
                 let depth = |dioptres: f32| f64::from(dioptres) * focal_length * focal_length;
                 let made = match content {

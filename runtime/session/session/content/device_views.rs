@@ -1,9 +1,11 @@
-//! Decodes the views of an application on the device of the engines. The host sees only sums of their light.
+//! Decodes the views of an application, or makes them of its pictures with depths, on the device of the engines. The
+//! host sees only sums of their light.
 
 use crate::engine::EngineError;
-use crate::engine::vulkan::{NoLight, StoredViews};
+use crate::engine::vulkan::{DeviceRelief, NoLight, StoredDepths, StoredViews};
 use crate::gpu::{self, Gpu, SharedMemory};
 use crate::optics::{Color, Display};
+use crate::scene::Places;
 use crate::session::content::decoded_views::{ColorViews, DecodedViews};
 use eyebox_kernels::decode_views;
 use eyebox_live_input::{Content, DeviceIds, DeviceMemory, FrameFault, FrameInfo, Offer, Sample, Transfer, ViewTaker};
@@ -12,10 +14,28 @@ use std::os::fd::OwnedFd;
 /// Decodes views on a device until the device fails.
 pub(crate) struct DeviceViews {
     decoded: DecodedViews,
+    depths: Depths,
     /// The memory into which the connected application writes, and the bytes from one of its slots to the next.
     shared: Option<(SharedMemory, u64)>,
     /// The identity of the device, if it shares memory.
     ids: Option<DeviceIds>,
+}
+
+/// The newest picture with depths of an application.
+struct Depths {
+    relief: DeviceRelief,
+    /// Samples of the colors of a picture.
+    samples: u64,
+    /// Pixels by which content at one dioptre moves per millimeter of the pupil plane.
+    per_dioptre: f64,
+    /// The smallest and the largest of these displacements.
+    ends: [f32; 2],
+}
+
+/// A frame as an application stored it.
+enum Given {
+    Views(StoredViews),
+    Depths(StoredDepths),
 }
 
 impl DeviceViews {
@@ -32,7 +52,11 @@ impl DeviceViews {
         let decoded = DecodedViews::new(gpu, display, colors, (offer.channels(), channels), views)?;
         let gpu::DeviceIds { device, driver } = gpu.ids();
         let ids = gpu.shares_memory().then_some(DeviceIds { device, driver });
-        Ok(Self { decoded, ids, shared: None })
+        let samples = u64::from(offer.size[0]) * u64::from(offer.size[1]) * offer.channels() as u64;
+        // The conversion from dioptres to depth follows OPTICS 8.
+        let per_dioptre = display.focal_length / display.picture_pixel() * 1e-3;
+        let depths = Depths { relief: DeviceRelief::default(), samples, per_dioptre, ends: [0.0; 2] };
+        Ok(Self { decoded, depths, ids, shared: None })
     }
 
     /// Returns the views that were taken last, color by color.
@@ -40,35 +64,78 @@ impl DeviceViews {
         self.decoded.newest()
     }
 
-    /// Measures the light of samples that are on the device. Returns `None` if the device fails.
-    fn judged(&mut self, there: Result<StoredViews, EngineError>) -> Option<Result<(), FrameFault>> {
-        let light = self.decoded.measured(there)?;
-        Some(light.map_err(|NoLight { channel, index, found }| FrameFault::Value {
-            channel,
-            index,
-            found,
-            must: "0 to 65504",
+    /// Draws views of the newest picture with depths from these places, on a grid of `views` rows and columns. They become
+    /// the newest views.
+    ///
+    /// # Errors
+    /// The reason in words, if the depths displace content too far or the device fails.
+    pub fn draw(&mut self, from: &Places<'_>, views: usize) -> Result<(), String> {
+        let Depths { relief, ends, .. } = &mut self.depths;
+        // Disparities are per millimeter of the pupil plane.
+        from.check(ends.iter().map(|end| f64::from(*end) * 1e3 / from.per_metre))
+            .map_err(|reason| reason.to_string())?;
+        let places: Vec<[f32; 2]> = from.places.iter().map(|place| place.map(|v| (v * 1e3) as f32)).collect();
+        let reach = (from.reach() * 1e3) as f32;
+        let drawn = self.decoded.decoder.draw_depths(relief, (&places, reach), [views; 2]);
+        match self.decoded.measured(drawn) {
+            Some(Ok(())) => Ok(()),
+            Some(Err(no_light)) => Err(format!("a pixel of a view has the value {}", no_light.found)),
+            None => Err("the device failed".into()),
+        }
+    }
+
+    /// Returns the storage format of a frame, or `None` if the device does not take its kind.
+    fn given(&self, info: &FrameInfo) -> Option<Given> {
+        let (sample, bytes) = match info.sample {
+            Sample::U8 => (decode_views::U8, 1),
+            Sample::U16 => (decode_views::U16, 2),
+            Sample::F16 => (decode_views::F16, 2),
+            Sample::F32 => (decode_views::F32, 4),
+        };
+        let coded = info.transfer == Transfer::Srgb;
+        match info.content {
+            Content::Views { grid, .. } => {
+                Some(Given::Views(StoredViews { grid: grid.map(|n| n as usize), sample, coded, planar: false }))
+            }
+            Content::ColorAndDepth => Some(Given::Depths(StoredDepths {
+                sample,
+                coded,
+                // The format of live input has the depths at the next multiple of 64 bytes.
+                depths: (self.depths.samples * bytes).next_multiple_of(64),
+                per_dioptre: self.depths.per_dioptre as f32,
+            })),
+            Content::Layers(_) => None,
+        }
+    }
+
+    /// Checks a frame whose samples are on the device. Returns `None` if the device fails.
+    fn judged(&mut self, there: Result<Given, EngineError>) -> Option<Result<(), FrameFault>> {
+        let depths = &mut self.depths;
+        let light = match there {
+            Ok(Given::Views(stored)) => self.decoded.measured(Ok(stored))?,
+            Ok(Given::Depths(stored)) => match self.decoded.decoder.read_depths(&mut depths.relief, &stored) {
+                Ok(read) => read.map(|ends| depths.ends = ends),
+                Err(error) => self.decoded.measured(Err(error))?,
+            },
+            Err(error) => self.decoded.measured(Err(error))?,
+        };
+        let colors = self.decoded.decoder.stored_colors();
+        Some(light.map_err(|NoLight { channel, index, found }| {
+            let must = if channel < colors { "0 to 65504" } else { "-100 to 100 dioptres" };
+            FrameFault::Value { channel, index, found, must }
         }))
     }
 }
 
-/// Returns the storage format of the views of a frame, or `None` if it holds no views.
-fn stored(info: &FrameInfo) -> Option<StoredViews> {
-    let Content::Views { grid, .. } = info.content else { return None };
-    let sample = match info.sample {
-        Sample::U8 => decode_views::U8,
-        Sample::U16 => decode_views::U16,
-        Sample::F16 => decode_views::F16,
-        Sample::F32 => decode_views::F32,
-    };
-    Some(StoredViews { grid: grid.map(|n| n as usize), sample, coded: info.transfer == Transfer::Srgb, planar: false })
-}
-
 impl ViewTaker for DeviceViews {
     fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>> {
-        let stored = stored(info).filter(|_| !self.decoded.has_failed)?;
-        let uploaded = self.decoded.decoder.upload(samples);
-        self.judged(uploaded.map(|()| stored))
+        let given = self.given(info).filter(|_| !self.decoded.has_failed)?;
+        let decoder = &mut self.decoded.decoder;
+        let uploaded = match given {
+            Given::Views(_) => decoder.upload(samples),
+            Given::Depths(_) => decoder.upload_depths(&mut self.depths.relief, samples),
+        };
+        self.judged(uploaded.map(|()| given))
     }
 
     fn device(&self) -> Option<DeviceIds> {
@@ -93,12 +160,17 @@ impl ViewTaker for DeviceViews {
     }
 
     fn take_shared(&mut self, slot: usize, bytes: u64, info: &FrameInfo) -> Result<(), FrameFault> {
-        let (Some(stored), Some((memory, stride))) = (stored(info), &self.shared) else {
+        let (Some(given), Some((memory, stride))) = (self.given(info), &self.shared) else {
             return Err(FrameFault::Device);
         };
         // The last word may extend beyond the samples, but not beyond the slot.
-        let copied = self.decoded.decoder.copy(memory, stride * slot as u64, bytes.next_multiple_of(4));
-        self.judged(copied.map(|()| stored)).unwrap_or(Err(FrameFault::Device))
+        let (at, bytes) = (stride * slot as u64, bytes.next_multiple_of(4));
+        let decoder = &mut self.decoded.decoder;
+        let copied = match given {
+            Given::Views(_) => decoder.copy(memory, at, bytes),
+            Given::Depths(_) => decoder.copy_depths(&mut self.depths.relief, memory, at, bytes),
+        };
+        self.judged(copied.map(|()| given)).unwrap_or(Err(FrameFault::Device))
     }
 
     fn unshare(&mut self) {
