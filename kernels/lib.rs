@@ -65,7 +65,7 @@ pub mod relief_decode;
 pub mod relief_draw;
 pub mod relief_fill;
 pub mod relief_jump;
-pub mod relief_ranges;
+pub mod relief_levels;
 pub mod relief_sharpen;
 pub mod relief_soften;
 pub mod relief_unmix;

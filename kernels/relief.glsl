@@ -25,3 +25,7 @@ uint ordered(float value) {
 
 // Returns the columns and rows to a rim.
 ivec2 rim_offset(uint packed) { return ivec2(bitfieldExtract(int(packed), 0, 16), bitfieldExtract(int(packed), 16, 16)); }
+
+// Levels of disparity (see relief_levels.rs).
+#define RELIEF_LEVEL_ARGS float low, high, level_scale;
+#define LEVEL_OF(disparity) min(uint(max((high - (disparity)) * level_scale, 0.0)), RELIEF_LEVELS - 1)

@@ -10,7 +10,7 @@
 //! The kernels run in this order: [`relief_decode`](crate::relief_decode) reads a frame of an application,
 //! [`relief_sharpen`](crate::relief_sharpen) sharpens its disparities, [`relief_unmix`](crate::relief_unmix) separates
 //! mixed colors, [`relief_jump`](crate::relief_jump), [`relief_fill`](crate::relief_fill) and
-//! [`relief_soften`](crate::relief_soften) continue the far surface, [`relief_ranges`](crate::relief_ranges) and
+//! [`relief_soften`](crate::relief_soften) continue the far surface, [`relief_levels`](crate::relief_levels) and
 //! [`relief_draw`](crate::relief_draw) draw a view, and [`relief_close`](crate::relief_close) closes its gaps.
 
 use bytemuck::{Pod, Zeroable};

@@ -8,8 +8,8 @@ pub const LARGER: f32 = 1.01;
 /// The farthest columns or rows between a pixel and a piece that covers it, in the view. A piece covers one pixel, and
 /// its edges differ from its middle by half of a tear, which opens [`TEAR`](crate::relief::TEAR) pixels at most.
 pub const NEAR: f32 = 1.8;
-/// The most pieces of a pixel that the shader draws, which are the nearest ones. They cover the pixel several times,
-/// except if a map consists of noise.
+/// The most pieces of a pixel and a level of disparity that the shader draws, which are the nearest ones. They cover the
+/// pixel several times, except if a map consists of noise.
 pub const PIECES: u32 = 16;
 
 /// The piece of surface of one pixel.

@@ -4,7 +4,7 @@
 use crate::{
     BATCH, SUM_WIDTH, TILE, TILE_THREADS, WIDTH, binary_angle, compare, decode_views, draw_splats, encode, energy,
     equalise_eyebox, exposure, fft_plan, mark_splats, photograph, project_splats, relief, relief_close, relief_decode,
-    relief_draw, relief_jump, relief_ranges, splat_colors, table_start, trig,
+    relief_draw, relief_jump, relief_levels, splat_colors, table_start, trig,
 };
 use std::fmt::Write;
 
@@ -87,7 +87,8 @@ pub fn glsl() -> String {
         ("SPLAT_ORDERED", project_splats::ORDERED),
         ("RELIEF_NOWHERE", relief_jump::NOWHERE),
         ("RELIEF_PIECES", relief_draw::PIECES),
-        ("RELIEF_SIDE", relief_ranges::SIDE),
+        ("RELIEF_LEVELS", relief_levels::LEVELS),
+        ("RELIEF_SIDE", relief_levels::SIDE),
         ("COMPARE_PROJECTION", compare::PROJECTION),
         ("COMPARE_INTENSITY", compare::INTENSITY),
         ("COMPARE_SHARE", compare::SHARE as u32),

@@ -56,7 +56,7 @@ modules! {
     RELIEF_DRAW = "relief_draw";
     RELIEF_FILL = "relief_fill";
     RELIEF_JUMP = "relief_jump";
-    RELIEF_RANGES = "relief_ranges";
+    RELIEF_LEVELS = "relief_levels";
     RELIEF_SHARPEN = "relief_sharpen";
     RELIEF_SOFTEN = "relief_soften";
     RELIEF_UNMIX = "relief_unmix";

@@ -63,9 +63,13 @@ fn asked_for(refined: bool) -> Vec<Key> {
         DryRun::of_solve(&problem_of(&faulty), &settings, &gpu, 1).expect("a step");
     }
     let mut keys = gpu.device.pipelines_made();
-    // A content frame of splats has these, too.
+    // Content frames of splats and of pictures with depths have these, too.
     let of_splats = [("project_splats", 3), ("mark_splats", 2), ("draw_splats", 3)];
-    keys.extend(of_splats.map(|(name, bindings)| (name.to_owned(), bindings, Vec::new())));
+    let of_surfaces = [("relief_decode", 4), ("relief_sharpen", 2), ("relief_unmix", 5), ("relief_jump", 3)];
+    let of_views =
+        [("relief_fill", 3), ("relief_soften", 2), ("relief_levels", 4), ("relief_draw", 6), ("relief_close", 2)];
+    let of_content = of_splats.into_iter().chain(of_surfaces).chain(of_views);
+    keys.extend(of_content.map(|(name, bindings)| (name.to_owned(), bindings, Vec::new())));
     keys.sort();
     keys
 }

@@ -14,7 +14,7 @@ use crate::gpu::{Block, Commands, Range};
 use eyebox_kernels::relief::{Args, COLORS};
 use eyebox_kernels::relief_close::direction;
 use eyebox_kernels::relief_decode::{self, ALL_VALID, START, of_ordered};
-use eyebox_kernels::relief_ranges::{SIDE, VALUES as ENDS, blocks};
+use eyebox_kernels::relief_levels::{Levels, SIDE, WORDS, blocks};
 use eyebox_kernels::relief_sharpen::{self, TIMES};
 use eyebox_kernels::relief_unmix::VALUES as FRINGE;
 use eyebox_kernels::{WIDTH, decode_views};
@@ -50,7 +50,7 @@ pub struct DeviceRelief {
     fringe: Option<Block>,
     filled: Option<Block>,
     hidden: Option<Block>,
-    ranges: Option<Block>,
+    marks: Option<Block>,
     seen: Option<Block>,
     /// The smallest and the largest disparity of the picture.
     ends: Option<[f32; 2]>,
@@ -65,7 +65,7 @@ struct Blocks<'a> {
     fringe: &'a Block,
     filled: &'a Block,
     hidden: &'a Block,
-    ranges: &'a Block,
+    marks: &'a Block,
     seen: &'a Block,
 }
 
@@ -99,7 +99,7 @@ impl DeviceRelief {
             fringe: make_room(gpu, &mut self.fringe, FRINGE as u64 * plane, "fringes")?,
             filled: make_room(gpu, &mut self.filled, surface, "a continued surface")?,
             hidden: make_room(gpu, &mut self.hidden, surface, "a hidden surface")?,
-            ranges: make_room(gpu, &mut self.ranges, 4 * (ENDS * down * across) as u64, "ends of disparities")?,
+            marks: make_room(gpu, &mut self.marks, 4 * (WORDS * down * across) as u64, "levels of disparity")?,
             seen: make_room(gpu, &mut self.seen, SEEN * pixels * together, "coverage of views")?,
         })
     }
@@ -156,9 +156,10 @@ impl DeviceRelief {
         let args = Args::new(size, ends, reach);
         let pixels = args.height * args.width;
         let together = (TOGETHER / (SEEN * u64::from(pixels))).clamp(1, places.len().max(1) as u64);
+        let levels = Levels::new(ends, reach);
         let blocks = self.room(gpu, &args, together)?;
         blocks.sharpen(gpu, &args)?;
-        blocks.separate(gpu, &args, ends)?;
+        blocks.separate(gpu, &args, &levels)?;
         let drawing = gpu.pipeline(&spirv::RELIEF_DRAW, 6, &[])?;
         let closing = gpu.pipeline(&spirv::RELIEF_CLOSE, 2, &[])?;
         let tiles = [args.width.div_ceil(SIDE), args.height.div_ceil(SIDE), 1];
@@ -166,11 +167,12 @@ impl DeviceRelief {
             let place = |i: usize| [batch as u32 * together as u32 + i as u32, i as u32].map(|n| n * pixels);
             for (i, [u, v]) in places.iter().enumerate() {
                 let [first, first_seen] = place(i);
-                let [a, b, c, d] = [*u, *v, ends[0], ends[1]].map(f32::to_bits);
+                let [u, v] = [u, v].map(|v| v.to_bits());
                 let mut push: Vec<u32> = bytemuck::cast_slice(bytemuck::bytes_of(&args)).to_vec();
-                push.extend([a, b, c, d, views.colors, views.planes, first, views.stride, first_seen]);
-                let Blocks { front, fringe, hidden, ranges, seen, .. } = &blocks;
-                let buffers = [front.all(), fringe.all(), hidden.all(), ranges.all(), views.to, seen.all()];
+                push.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(&levels)));
+                push.extend([u, v, views.colors, views.planes, first, views.stride, first_seen]);
+                let Blocks { front, fringe, hidden, marks, seen, .. } = &blocks;
+                let buffers = [front.all(), fringe.all(), hidden.all(), marks.all(), views.to, seen.all()];
                 gpu.recorder.dispatch(drawing, &buffers, bytemuck::cast_slice(&push), tiles)?;
                 gpu.recorder.moved(|| {
                     let plane = 4 * u64::from(args.plane);
@@ -212,8 +214,8 @@ impl Blocks<'_> {
         Ok(())
     }
 
-    /// Records the separation of mixed colors, the hidden surface, and the ends of all blocks.
-    fn separate(&self, gpu: &mut Commands, args: &Args, ends: [f32; 2]) -> Result<(), EngineError> {
+    /// Records the separation of mixed colors, the hidden surface, and the levels of all blocks.
+    fn separate(&self, gpu: &mut Commands, args: &Args, levels: &Levels) -> Result<(), EngineError> {
         let sharp = self.sharp[(TIMES + 1) % 2];
         let (groups, plane) = (lines(args.pixels() as u32), 4 * u64::from(args.plane));
         let push = bytemuck::bytes_of(args);
@@ -230,7 +232,7 @@ impl Blocks<'_> {
         let [start, _] = self.nearest;
         run(&spirv::RELIEF_UNMIX, &[self.picture, sharp, self.front, self.fringe, start], push, groups, 15)?;
         let mut nearest = self.nearest;
-        for step in args.steps(ends) {
+        for step in args.steps([levels.low, levels.high]) {
             let push: Vec<u32> = bytemuck::cast_slice(push).iter().copied().chain([step]).collect();
             let [from, to] = nearest;
             run(&spirv::RELIEF_JUMP, &[self.front, from, to], bytemuck::cast_slice(&push), groups, 5)?;
@@ -239,8 +241,9 @@ impl Blocks<'_> {
         run(&spirv::RELIEF_FILL, &[self.front, nearest[0], self.filled], push, groups, 6)?;
         run(&spirv::RELIEF_SOFTEN, &[self.filled, self.hidden], push, groups, 8)?;
         let [down, across] = blocks(args).map(|n| n as u32);
-        let buffers = [self.front, self.fringe, self.hidden, self.ranges];
-        run(&spirv::RELIEF_RANGES, &buffers, push, lines(down * across), 3)
+        let buffers = [self.front, self.fringe, self.hidden, self.marks];
+        let push = [push, bytemuck::bytes_of(levels)].concat();
+        run(&spirv::RELIEF_LEVELS, &buffers, &push, lines(down * across), 3)
     }
 }
 
@@ -331,9 +334,9 @@ impl ViewDecoder {
 
 #[cfg(test)]
 impl DeviceRelief {
-    /// Returns the blocks of the surface in front, the fringes, the hidden surface, and the ends of blocks of pixels, as
-    /// they were drawn last.
+    /// Returns the blocks of the surface in front, the fringes, the hidden surface, and the levels of blocks, as they
+    /// were drawn last.
     pub(super) fn surfaces(&self) -> [&Block; 4] {
-        [&self.front, &self.fringe, &self.hidden, &self.ranges].map(|block| block.as_ref().expect("views were drawn"))
+        [&self.front, &self.fringe, &self.hidden, &self.marks].map(|block| block.as_ref().expect("views were drawn"))
     }
 }

@@ -12,7 +12,7 @@ use eyebox_kernels::relief_decode::{self, START, of_ordered, relief_decode};
 use eyebox_kernels::relief_draw::{pieces, relief_draw};
 use eyebox_kernels::relief_fill::relief_fill;
 use eyebox_kernels::relief_jump::{NOWHERE, relief_jump};
-use eyebox_kernels::relief_ranges::{VALUES as ENDS, blocks, relief_ranges};
+use eyebox_kernels::relief_levels::{Levels, WORDS, blocks, relief_levels};
 use eyebox_kernels::relief_sharpen::{self, relief_sharpen};
 use eyebox_kernels::relief_soften::relief_soften;
 use eyebox_kernels::relief_unmix::{VALUES as FRINGE, relief_unmix};
@@ -143,10 +143,10 @@ fn apart(one: &[f32], other: &[f32]) -> f64 {
     difference / other.iter().map(|v| power(*v)).sum::<f64>().max(1e-30)
 }
 
-/// Reads the blocks of a relief, the ends of blocks of pixels last.
+/// Reads the blocks of a relief, the levels last.
 fn fetched_surfaces(decoder: &mut ViewDecoder, room: &DeviceRelief, args: &Args) -> [Vec<f32>; 4] {
     let [down, across] = blocks(args);
-    let lengths = [args.values(), FRINGE * args.plane as usize, args.values(), ENDS * down * across];
+    let lengths = [args.values(), FRINGE * args.plane as usize, args.values(), WORDS * down * across];
     let [a, b, c, d] = room.surfaces();
     [(a, 0), (b, 1), (c, 2), (d, 3)].map(|(block, i)| {
         let mut found = vec![0.0f32; lengths[i]];
@@ -193,9 +193,10 @@ fn surfaces_and_views_are_those_of_the_twins() {
                 assert!(share < 2e-3, "{share} of a plane in {size:?}");
             }
         }
-        let mut ranges = vec![9.0; fetched[3].len()];
-        relief_ranges(&twin.args, &fetched[0], &fetched[1], &fetched[2], &mut ranges);
-        assert!(ranges == fetched[3], "ends of blocks in {size:?}");
+        let mut marks = vec![9; fetched[3].len()];
+        relief_levels(&twin.args, &Levels::new(ends, reach), &fetched[0], &fetched[1], &fetched[2], &mut marks);
+        let found: Vec<u32> = fetched[3].iter().map(|word| word.to_bits()).collect();
+        assert!(marks == found, "levels of blocks in {size:?}");
         let [front, fringe, hidden] = [&twin.front, &twin.fringe, &twin.hidden];
         let drawn = pieces(&twin.args, front, fringe, hidden);
         let mut found = vec![0.0f32; channels * count * pixels];

@@ -3,19 +3,17 @@
 #include "constants.glsl"
 #include "relief.glsl"
 
-// ranges = the ends of the disparities of each block, for the surface in front with its fringe, and for the hidden one.
+// marks = the levels of disparity of each block, for the surface in front with its fringe, and for the hidden one.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Front { float front[]; };
 layout(std430, binding = 1) readonly buffer Fringe { float fringe[]; };
 layout(std430, binding = 2) readonly buffer Hidden { float hidden[]; };
-layout(std430, binding = 3) writeonly buffer Ranges { vec4 ranges[]; };
+layout(std430, binding = 3) writeonly buffer Marks { uvec2 marks[]; };
 
-layout(push_constant) uniform Args { RELIEF_ARGS };
+layout(push_constant) uniform Args { RELIEF_ARGS RELIEF_LEVEL_ARGS };
 
-vec2 joined(vec2 ends, float value) {
-    return value > RELIEF_ABSENT ? vec2(min(ends.x, value), max(ends.y, value)) : ends;
-}
+uint bit_of(float value) { return value > RELIEF_ABSENT ? 1u << LEVEL_OF(value) : 0u; }
 
 void main() {
     ivec2 size = RELIEF_SIZE;
@@ -23,14 +21,13 @@ void main() {
     uint count = uint(blocks.x * blocks.y);
     for (uint block = gl_GlobalInvocationID.x; block < count; block += gl_NumWorkGroups.x * WIDTH) {
         ivec2 corner = RELIEF_SIDE * place_of(block, blocks), end = min(corner + RELIEF_SIDE, size);
-        vec2 seen = vec2(-RELIEF_ABSENT, RELIEF_ABSENT), behind = seen;
+        uvec2 words = uvec2(0);
         for (int y = corner.y; y < end.y; ++y) {
             for (int x = corner.x; x < end.x; ++x) {
                 uint p = pixel_of(ivec2(x, y), size);
-                seen = joined(joined(seen, front[p]), fringe[p]);
-                behind = joined(behind, hidden[p]);
+                words |= uvec2(bit_of(front[p]) | bit_of(fringe[p]), bit_of(hidden[p]));
             }
         }
-        ranges[block] = vec4(seen, behind);
+        marks[block] = words;
     }
 }
