@@ -101,8 +101,7 @@ impl Args {
     /// none without tears.
     pub fn steps(&self, [low, high]: [f32; 2]) -> impl Iterator<Item = u32> + use<> {
         let longest = (high - low > self.tear).then(|| self.reach.ilog2());
-        // The last one is repeated, because it corrects most of the pixels that got a rim which is not the nearest.
-        longest.into_iter().flat_map(|longest| (0..=longest).rev().map(|power| 1 << power).chain([1]))
+        longest.into_iter().flat_map(|longest| (0..=longest).rev().map(|power| 1 << power))
     }
 }
 
