@@ -12,7 +12,7 @@ layout(std430, binding = 1) readonly buffer Seen { vec2 seen[]; };
 layout(push_constant) uniform Args {
     uint height, width;
     float x, y;
-    uint colors, places, first, stride, first_seen;
+    uint colors, places, first, stride;
 };
 
 // Returns the nearest known pixel in a direction, or a negative number.
@@ -24,7 +24,7 @@ int search(uint p, vec2 by) {
         ivec2 place = ivec2(floor(at + 0.5));
         if (any(lessThan(place, ivec2(0))) || place.x >= int(width) || place.y >= int(height)) return -1;
         int q = place.y * int(width) + place.x;
-        if (seen[first_seen + uint(q)].x > RELIEF_KNOWN) return q;
+        if (seen[q].x > RELIEF_KNOWN) return q;
     }
     return -1;
 }
@@ -32,11 +32,11 @@ int search(uint p, vec2 by) {
 void main() {
     uint pixels = height * width;
     for (uint p = gl_GlobalInvocationID.x; p < pixels; p += gl_NumWorkGroups.x * WIDTH) {
-        float covered = seen[first_seen + p].x;
+        float covered = seen[p].x;
         if (covered > RELIEF_KNOWN) continue;
         int ahead = search(p, vec2(x, y)), behind = search(p, -vec2(x, y));
         int taken = ahead < 0 ? behind : ahead;
-        if (ahead >= 0 && behind >= 0 && seen[first_seen + uint(behind)].y < seen[first_seen + uint(ahead)].y) taken = behind;
+        if (ahead >= 0 && behind >= 0 && seen[behind].y < seen[ahead].y) taken = behind;
         if (taken < 0) continue;
         for (uint k = 0; k < colors; ++k) {
             uint plane = (places >> (8 * k) & 255u) * stride + first;

@@ -20,12 +20,11 @@ layout(std430, binding = 4) writeonly buffer Views { float views[]; };
 layout(std430, binding = 5) writeonly buffer Seen { vec2 seen[]; };
 
 // The view is (u, v) views from the center. `places` has the index of the plane of each of the first `colors` colors, in
-// 8 bits. The view begins at `first` in each plane of `stride` values, and at `first_seen` in `seen`, which gets the
-// coverage and the disparity.
+// 8 bits. The view begins at `first` in each plane of `stride` values. `seen` gets its coverage and its disparity.
 layout(push_constant) uniform Args {
     RELIEF_ARGS RELIEF_LEVEL_ARGS
     float u, v;
-    uint colors, places, first, stride, first_seen;
+    uint colors, places, first, stride;
 };
 
 shared uint seen_levels, hidden_levels;
@@ -183,5 +182,5 @@ void main() {
         uint place = (places >> (8 * k) & 255u) * stride + first + at;
         views[place] = max(known ? color[k] / max(covered, 1e-6) : color[k], 0.0);
     }
-    seen[first_seen + at] = vec2(covered, known ? depth / covered : 0.0);
+    seen[at] = vec2(covered, known ? depth / covered : 0.0);
 }

@@ -20,8 +20,6 @@ use eyebox_kernels::relief_unmix::VALUES as FRINGE;
 use eyebox_kernels::{WIDTH, decode_views};
 use eyebox_spirv as spirv;
 
-/// Bytes of the coverage of the views that are drawn together.
-const TOGETHER: u64 = 64 << 20;
 /// Bytes of the coverage and the disparity of a pixel.
 const SEEN: u64 = 8;
 
@@ -81,7 +79,7 @@ struct Views<'a> {
 
 impl DeviceRelief {
     /// Makes room for the surfaces of a picture.
-    fn room(&mut self, gpu: &Commands, args: &Args, together: u64) -> Result<Blocks<'_>, EngineError> {
+    fn room(&mut self, gpu: &Commands, args: &Args) -> Result<Blocks<'_>, EngineError> {
         let pixels = u64::from(args.height) * u64::from(args.width);
         let (surface, plane) = (4 * args.values() as u64, 4 * u64::from(args.plane));
         let [down, across] = blocks(args);
@@ -100,7 +98,7 @@ impl DeviceRelief {
             filled: make_room(gpu, &mut self.filled, surface, "a continued surface")?,
             hidden: make_room(gpu, &mut self.hidden, surface, "a hidden surface")?,
             marks: make_room(gpu, &mut self.marks, 4 * (WORDS * down * across) as u64, "levels of disparity")?,
-            seen: make_room(gpu, &mut self.seen, SEEN * pixels * together, "coverage of views")?,
+            seen: make_room(gpu, &mut self.seen, SEEN * pixels, "coverage of a view")?,
         })
     }
 
@@ -155,42 +153,16 @@ impl DeviceRelief {
         let Some(ends) = self.ends else { return Err(EngineError::mismatch("no picture with depths was read")) };
         let args = Args::new(size, ends, reach);
         let pixels = args.height * args.width;
-        let together = (TOGETHER / (SEEN * u64::from(pixels))).clamp(1, places.len().max(1) as u64);
         let levels = Levels::new(ends, reach);
-        let blocks = self.room(gpu, &args, together)?;
+        let blocks = self.room(gpu, &args)?;
         blocks.sharpen(gpu, &args)?;
         blocks.separate(gpu, &args, &levels)?;
-        let drawing = gpu.pipeline(&spirv::RELIEF_DRAW, 6, &[])?;
-        let closing = gpu.pipeline(&spirv::RELIEF_CLOSE, 2, &[])?;
-        let tiles = [args.width.div_ceil(SIDE), args.height.div_ceil(SIDE), 1];
-        for (batch, places) in places.chunks(together as usize).enumerate() {
-            let place = |i: usize| [batch as u32 * together as u32 + i as u32, i as u32].map(|n| n * pixels);
-            for (i, [u, v]) in places.iter().enumerate() {
-                let [first, first_seen] = place(i);
-                let [u, v] = [u, v].map(|v| v.to_bits());
-                let mut push: Vec<u32> = bytemuck::cast_slice(bytemuck::bytes_of(&args)).to_vec();
-                push.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(&levels)));
-                push.extend([u, v, views.colors, views.planes, first, views.stride, first_seen]);
-                let Blocks { front, fringe, hidden, marks, seen, .. } = &blocks;
-                let buffers = [front.all(), fringe.all(), hidden.all(), marks.all(), views.to, seen.all()];
-                gpu.recorder.dispatch(drawing, &buffers, bytemuck::cast_slice(&push), tiles)?;
-                gpu.recorder.moved(|| {
-                    let plane = 4 * u64::from(args.plane);
-                    let surfaces = [front, fringe, hidden].map(|block| block.all().reads(4 * plane));
-                    let written = u64::from(views.colors) * 4 * u64::from(pixels);
-                    let mut moves = surfaces.to_vec();
-                    moves.extend([views.to.writes(written), seen.all().writes(SEEN * u64::from(pixels))]);
-                    moves
-                });
-            }
+        for (view, place) in places.iter().enumerate() {
+            // The views are in one range, and the newest validation layer takes it as a whole. So each view waits for the
+            // one before.
+            blocks.draw(gpu, (&args, &levels), *place, (view as u32 * pixels, views))?;
             gpu.recorder.barrier();
-            for (i, along) in places.iter().enumerate() {
-                let ([first, first_seen], [x, y]) = (place(i), direction(*along).map(f32::to_bits));
-                let push = [args.height, args.width, x, y, views.colors, views.planes, first, views.stride, first_seen];
-                let buffers = [views.to, blocks.seen.all()];
-                gpu.recorder.dispatch(closing, &buffers, bytemuck::cast_slice(&push), lines(pixels))?;
-                gpu.recorder.moved(|| vec![blocks.seen.all().reads(SEEN * u64::from(pixels))]);
-            }
+            blocks.close(gpu, &args, *place, (view as u32 * pixels, views))?;
             gpu.recorder.barrier();
         }
         Ok(())
@@ -198,6 +170,53 @@ impl DeviceRelief {
 }
 
 impl Blocks<'_> {
+    /// Records the drawing of a view from a place. It begins at `first` in each plane.
+    fn draw(
+        &self,
+        gpu: &mut Commands,
+        (args, levels): (&Args, &Levels),
+        place: [f32; 2],
+        (first, views): (u32, &Views<'_>),
+    ) -> Result<(), EngineError> {
+        let pipeline = gpu.pipeline(&spirv::RELIEF_DRAW, 6, &[])?;
+        let tiles = [args.width.div_ceil(SIDE), args.height.div_ceil(SIDE), 1];
+        let [u, v] = place.map(f32::to_bits);
+        let mut push: Vec<u32> = bytemuck::cast_slice(bytemuck::bytes_of(args)).to_vec();
+        push.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(levels)));
+        push.extend([u, v, views.colors, views.planes, first, views.stride]);
+        let Blocks { front, fringe, hidden, marks, seen, .. } = self;
+        let buffers = [front.all(), fringe.all(), hidden.all(), marks.all(), views.to, seen.all()];
+        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), tiles)?;
+        gpu.recorder.moved(|| {
+            let (plane, pixels) = (u64::from(args.plane), u64::from(args.height * args.width));
+            // A pixel reads disparities and one color.
+            let read = [front, fringe, hidden].map(|block| block.all().reads(4 * plane));
+            let mut moves = read.to_vec();
+            moves.push(front.all().reads(4 * COLORS as u64 * plane));
+            moves.extend([views.to.writes(4 * u64::from(views.colors) * pixels), seen.all().writes(SEEN * pixels)]);
+            moves
+        });
+        Ok(())
+    }
+
+    /// Records the closing of the gaps of a view.
+    fn close(
+        &self,
+        gpu: &mut Commands,
+        args: &Args,
+        place: [f32; 2],
+        (first, views): (u32, &Views<'_>),
+    ) -> Result<(), EngineError> {
+        let pipeline = gpu.pipeline(&spirv::RELIEF_CLOSE, 2, &[])?;
+        let [x, y] = direction(place).map(f32::to_bits);
+        let push = [args.height, args.width, x, y, views.colors, views.planes, first, views.stride];
+        let buffers = [views.to, self.seen.all()];
+        let pixels = args.height * args.width;
+        gpu.recorder.dispatch(pipeline, &buffers, bytemuck::cast_slice(&push), lines(pixels))?;
+        gpu.recorder.moved(|| vec![self.seen.all().reads(SEEN * u64::from(pixels))]);
+        Ok(())
+    }
+
     /// Records the sharpening of the disparities.
     fn sharpen(&self, gpu: &mut Commands, args: &Args) -> Result<(), EngineError> {
         let pipeline = gpu.pipeline(&spirv::RELIEF_SHARPEN, 2, &[])?;
