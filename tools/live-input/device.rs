@@ -87,11 +87,12 @@ pub trait ViewTaker {
 
     /// Takes the samples of views, or of color and depth, in this slot of the device's memory, and copies them before
     /// it returns. Their layout is the same as in the region. The implementation checks their values, and `info` is
-    /// checked already. `bytes` is their length.
+    /// checked already. Returns false if the host has to decode them. Then it copied them to `samples`, which has their
+    /// length, padded to a multiple of 4 bytes.
     ///
     /// # Errors
     /// Returns [`FrameFault`] if a value is no light or the device failed.
-    fn take_shared(&mut self, _slot: usize, _bytes: u64, _info: &FrameInfo) -> Result<(), FrameFault> {
+    fn take_shared(&mut self, _slot: usize, _samples: &mut [u8], _info: &FrameInfo) -> Result<bool, FrameFault> {
         Err(FrameFault::Device)
     }
 

@@ -412,8 +412,8 @@ impl Display {
         }
         let bytes = self.offer.bytes(&info.content, info.sample)[0];
         if info.on_device {
-            taker.take_shared(slot, bytes as u64, &info)?;
-            return Ok((found, info));
+            let on_device = taker.take_shared(slot, &mut self.raw[..bytes.next_multiple_of(4)], &info)?;
+            return Ok((found, FrameInfo { on_device, ..info }));
         }
         region.load_bytes(start + SLOT_HEADER, &mut self.raw[..bytes]);
         Ok((found, info))

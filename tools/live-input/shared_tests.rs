@@ -33,6 +33,8 @@ fn offer() -> Offer {
 struct Device {
     /// True if it takes color and depth that came through the region.
     takes_depth: bool,
+    /// True if it leaves color and depth of its own memory to the host.
+    returns_depth: bool,
     /// The shared memory, with the words of all slots.
     memory: Option<Region>,
     stride: u64,
@@ -73,17 +75,20 @@ impl ViewTaker for Device {
         Some((DeviceMemory { ids: IDS, memory_bytes, buffer_bytes: bytes, slot_stride, memory_type, usage }, fd))
     }
 
-    fn take_shared(&mut self, slot: usize, bytes: u64, _info: &FrameInfo) -> Result<(), FrameFault> {
-        let mut copy = vec![0; bytes as usize];
-        self.memory.as_ref().unwrap().load_bytes(slot * self.stride as usize / 8, &mut copy);
+    fn take_shared(&mut self, slot: usize, samples: &mut [u8], info: &FrameInfo) -> Result<bool, FrameFault> {
+        self.memory.as_ref().unwrap().load_bytes(slot * self.stride as usize / 8, samples);
+        let copy = samples.to_vec();
         if !self.middle.is_empty() {
             self.middle.remove(0)();
         }
         if copy[0] == 255 {
             return Err(FrameFault::Value { channel: 0, index: 0, found: f32::NAN, must: "0 to 65504" });
         }
+        if self.returns_depth && info.content == Content::ColorAndDepth {
+            return Ok(false);
+        }
         self.taken = Some((slot, copy));
-        Ok(())
+        Ok(true)
     }
 
     fn unshare(&mut self) {
@@ -200,6 +205,18 @@ fn color_and_depth_come_by_the_device_too() {
     assert!(samples.len() == 232 && samples[..42] == [51; 42]);
     let stored: Vec<f32> = samples[64..].chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
     assert!(bench.frame.is_taken() && bench.frame.dioptres().is_empty() && stored == dioptres);
+    // The device leaves the frame in its memory to the host, which decodes and checks it.
+    (bench.device.takes_depth, bench.device.returns_depth) = (false, true);
+    for wrong in [false, true] {
+        let mut samples = samples.clone();
+        if wrong {
+            samples[64..68].copy_from_slice(&f32::NAN.to_le_bytes());
+        }
+        put(&mut application, &memory, &there, &depth(Sample::U8, true), &samples);
+        let found = bench.latest();
+        assert!(if wrong { matches!(found, Latest::Refused(FrameFault::Value { .. })) } else { found == Latest::New });
+        assert!(!bench.frame.is_taken() && bench.frame.channel(0) == [0.2; 42] && bench.frame.dioptres() == dioptres);
+    }
     let layers = Content::Layers(Dioptres::new(&[0.5]));
     let layers = FrameInfo { content: layers, ..depth(Sample::U8, true) };
     let fault = application.begin(&layers).map(drop).unwrap_err();

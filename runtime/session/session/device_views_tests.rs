@@ -76,12 +76,13 @@ struct Pair {
 }
 
 impl Pair {
-    fn open(name: &str) -> Self {
+    /// The device makes the views of pictures with depths if it `draws`.
+    fn open(name: &str, draws: bool) -> Self {
         let ours = Gpu::open(&watched()).expect("a device");
         let name = format!("{name}-{}", std::process::id());
         let theirs = Gpu::open_same(ours.ids(), &watched()).expect("the same device");
         let mut input = LiveInput::open(&name, &display(), &[Color::Green], 3, LiveKind::Views).expect("a ring");
-        input.decode_on(&ours).expect("a decoder");
+        input.decode_and_draw_on(&ours, draws).expect("a decoder");
         let (mut input, mut application) = connected(&name, input);
         let its = application.device().expect("it shares");
         assert_eq!(DeviceIds { device: its.device, driver: its.driver }, ours.ids());
@@ -119,7 +120,7 @@ fn connected(name: &str, mut input: LiveInput) -> (LiveInput, Application) {
 /// A frame on the device of the application gives the same picture as the same frame from shared memory.
 #[test]
 fn frames_of_an_application_stay_on_the_device() {
-    let Pair { ours, theirs, mut input, mut application, mut writer } = Pair::open("shared");
+    let Pair { ours, theirs, mut input, mut application, mut writer } = Pair::open("shared", true);
     let mut clock = Clock::default();
     let mut next = |input: &mut LiveInput| clock.next(input);
     let host = FrameInfo::new(Content::Views { grid: [3, 3], pitch_mm: 1.0 }, Sample::U8, Transfer::Srgb);
@@ -163,11 +164,40 @@ fn relief_frame(seed: usize) -> (Vec<u8>, Vec<f32>) {
     (colors, dioptres)
 }
 
+/// A software device leaves color and depth to the host, also if the frame is in memory of the device.
+#[test]
+fn a_software_device_leaves_color_and_depth_to_the_host() {
+    let Pair { ours, theirs, mut input, mut application, mut writer } = Pair::open("software", false);
+    let mut clock = Clock(5);
+    let info = FrameInfo::new(Content::ColorAndDepth, Sample::U8, Transfer::Srgb);
+    let (colors, dioptres) = relief_frame(1);
+    application.send(&info, &colors, &dioptres).expect("sent");
+    let wanted = taken(clock.next(&mut input));
+    assert!(wanted.colors[0].problem.pyramid.on_device().is_none());
+    let frame = writer.keep(None, &stored(&colors, &dioptres)).expect("kept");
+    let slot = application.begin(&FrameInfo { on_device: true, ..info }).expect("a slot");
+    writer.write(slot.index(), frame).expect("written");
+    slot.publish();
+    let found = taken(clock.next(&mut input));
+    let [found, wanted] = [&found, &wanted].map(|scene| &scene.colors[0].problem);
+    assert!(*found.pyramid == *wanted.pyramid && found.mean == wanted.mean);
+    drop((application, writer, input));
+    silent([ours, theirs]);
+}
+
+/// Returns a frame as it is in a slot.
+fn stored(colors: &[u8], dioptres: &[f32]) -> Vec<u8> {
+    let mut samples = colors.to_vec();
+    samples.resize(samples.len().next_multiple_of(64), 0);
+    samples.extend(dioptres.iter().flat_map(|d| d.to_le_bytes()));
+    samples
+}
+
 /// Views of color and depth that are made on the device are those of the host, whether the frame comes through shared
 /// memory or is on the device already.
 #[test]
 fn views_of_color_and_depth_are_made_on_the_device() {
-    let Pair { ours, theirs, mut input, mut application, mut writer } = Pair::open("depths");
+    let Pair { ours, theirs, mut input, mut application, mut writer } = Pair::open("depths", true);
     let name = format!("depths-host-{}", std::process::id());
     let host = LiveInput::open(&name, &display(), &[Color::Green], 3, LiveKind::Views).expect("a ring");
     let (mut host, mut to_host) = connected(&name, host);
@@ -179,10 +209,7 @@ fn views_of_color_and_depth_are_made_on_the_device() {
         let wanted = taken(clock.next(&mut host));
         application.send(&info, &colors, &dioptres).expect("sent");
         let through_region = taken(clock.next(&mut input));
-        let mut samples = colors.clone();
-        samples.resize(samples.len().next_multiple_of(64), 0);
-        samples.extend(dioptres.iter().flat_map(|d| d.to_le_bytes()));
-        let frame = writer.keep(None, &samples).expect("kept");
+        let frame = writer.keep(None, &stored(&colors, &dioptres)).expect("kept");
         let before = [&ours, &theirs].map(Gpu::counts);
         let slot = application.begin(&FrameInfo { on_device: true, ..info }).expect("a slot");
         writer.write(slot.index(), frame).expect("written");

@@ -299,6 +299,17 @@ impl ViewDecoder {
         take(&mut self.gpu, from, (at, bytes), frame)
     }
 
+    /// Reads the stored picture with depths back, for the host.
+    ///
+    /// # Errors
+    /// [`EngineError`] if no such picture was stored, or the device is lost.
+    pub fn fetch_depths(&mut self, room: &DeviceRelief, samples: &mut [u8]) -> Result<(), EngineError> {
+        let bytes = samples.len() as u64;
+        let frame = room.frame.as_ref().filter(|frame| frame.size >= bytes);
+        let frame = frame.ok_or_else(|| EngineError::mismatch("no frame was stored"))?;
+        self.gpu.fetch(frame, samples, [(0, 0, bytes)])
+    }
+
     /// Reads and checks the picture with depths. Returns its smallest and its largest disparity, or an invalid value. If
     /// the value is a depth, its channel is the number of colors.
     ///

@@ -14,6 +14,8 @@ use std::os::fd::OwnedFd;
 /// Decodes views on a device until the device fails.
 pub(crate) struct DeviceViews {
     decoded: DecodedViews,
+    /// True if the device makes the views of pictures with depths, too.
+    draws: bool,
     depths: Depths,
     /// The memory into which the connected application writes, and the bytes from one of its slots to the next.
     shared: Option<(SharedMemory, u64)>,
@@ -39,7 +41,8 @@ enum Given {
 }
 
 impl DeviceViews {
-    /// Creates a decoder for the offer of a display. `channels` holds the channels of the display's colors in a frame.
+    /// Creates a decoder for the offer of a display. `channels` holds the channels of the display's colors in a frame. If
+    /// the device `draws`, it makes the views of pictures with depths. Otherwise the host does.
     /// Returns the reason in words if views of this display have to pass through the host.
     pub fn new(
         gpu: &Gpu,
@@ -47,6 +50,7 @@ impl DeviceViews {
         display: &Display,
         colors: &[Color],
         channels: &[usize],
+        draws: bool,
     ) -> Result<Self, String> {
         let views = (offer.views[0] * offer.views[1]) as usize;
         let decoded = DecodedViews::new(gpu, display, colors, (offer.channels(), channels), views)?;
@@ -56,7 +60,7 @@ impl DeviceViews {
         // The conversion from dioptres to depth follows OPTICS 8.
         let per_dioptre = display.focal_length / display.picture_pixel() * 1e-3;
         let depths = Depths { relief: DeviceRelief::default(), samples, per_dioptre, ends: [0.0; 2] };
-        Ok(Self { decoded, depths, ids, shared: None })
+        Ok(Self { decoded, draws, depths, ids, shared: None })
     }
 
     /// Returns the views that were taken last, color by color.
@@ -108,6 +112,11 @@ impl DeviceViews {
         }
     }
 
+    /// Returns true if the device makes the views of a frame, or has them.
+    fn takes(&self, given: &Given) -> bool {
+        self.draws || matches!(given, Given::Views(_))
+    }
+
     /// Checks a frame whose samples are on the device. Returns `None` if the device fails.
     fn judged(&mut self, there: Result<Given, EngineError>) -> Option<Result<(), FrameFault>> {
         let depths = &mut self.depths;
@@ -129,7 +138,7 @@ impl DeviceViews {
 
 impl ViewTaker for DeviceViews {
     fn take(&mut self, samples: &[u8], info: &FrameInfo) -> Option<Result<(), FrameFault>> {
-        let given = self.given(info).filter(|_| !self.decoded.has_failed)?;
+        let given = self.given(info).filter(|given| !self.decoded.has_failed && self.takes(given))?;
         let decoder = &mut self.decoded.decoder;
         let uploaded = match given {
             Given::Views(_) => decoder.upload(samples),
@@ -159,18 +168,28 @@ impl ViewTaker for DeviceViews {
         }
     }
 
-    fn take_shared(&mut self, slot: usize, bytes: u64, info: &FrameInfo) -> Result<(), FrameFault> {
+    fn take_shared(&mut self, slot: usize, samples: &mut [u8], info: &FrameInfo) -> Result<bool, FrameFault> {
         let (Some(given), Some((memory, stride))) = (self.given(info), &self.shared) else {
             return Err(FrameFault::Device);
         };
         // The last word may extend beyond the samples, but not beyond the slot.
-        let (at, bytes) = (stride * slot as u64, bytes.next_multiple_of(4));
+        let (at, bytes) = (stride * slot as u64, samples.len() as u64);
+        let takes = self.takes(&given);
         let decoder = &mut self.decoded.decoder;
         let copied = match given {
             Given::Views(_) => decoder.copy(memory, at, bytes),
             Given::Depths(_) => decoder.copy_depths(&mut self.depths.relief, memory, at, bytes),
         };
-        self.judged(copied.map(|()| given)).unwrap_or(Err(FrameFault::Device))
+        if takes {
+            return self.judged(copied.map(|()| given)).unwrap_or(Err(FrameFault::Device)).map(|()| true);
+        }
+        match copied.and_then(|()| decoder.fetch_depths(&self.depths.relief, samples)) {
+            Ok(()) => Ok(false),
+            Err(error) => {
+                self.decoded.fails(&error.to_string());
+                Err(FrameFault::Device)
+            }
+        }
     }
 
     fn unshare(&mut self) {
