@@ -13,12 +13,16 @@
 //!
 //! Views of splats have three kernels. These are [`project_splats`], [`mark_splats`] and [`draw_splats`]. Module
 //! [`relief`] lists the kernels of views of pictures with depths.
+//!
+//! The frames of OpenXR applications have two kernels, [`compose_layer`] and [`finish_layers`]. Their twin is in
+//! `tools/openxr`, which composes frames without this crate's engines.
 
 pub mod adam;
 pub mod apply_factor;
 pub mod binary_angle;
 pub mod check_finite;
 pub mod compare;
+pub mod compose_layer;
 pub mod crosstalk;
 pub mod decode_views;
 pub mod divide_by_overlap;
@@ -34,6 +38,7 @@ pub mod eye;
 pub mod fft;
 mod fft_columns;
 pub mod fft_plan;
+pub mod finish_layers;
 pub mod half;
 pub mod halve_views;
 pub mod intensity;

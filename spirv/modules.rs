@@ -6,6 +6,7 @@ modules! {
     CHECK_FINITE = "check_finite";
     COMPARE = "compare";
     COMPARE_ROWS = "compare_rows", COMPARE_ROWS_HALF = "compare_rows_half";
+    COMPOSE_LAYER = "compose_layer";
     CROSSTALK = "crosstalk", CROSSTALK_HALF = "crosstalk_half";
     DECODE_VIEWS = "decode_views";
     DIVIDE_BY_OVERLAP = "divide_by_overlap", DIVIDE_BY_OVERLAP_HALF = "divide_by_overlap_half";
@@ -21,6 +22,7 @@ modules! {
     FFT_CHIRP = "fft_chirp", FFT_CHIRP_HALF = "fft_chirp_half";
     FFT_PASS = "fft_pass", FFT_PASS_HALF = "fft_pass_half";
     FFT_SHARED = "fft_shared", FFT_SHARED_HALF = "fft_shared_half";
+    FINISH_LAYERS = "finish_layers";
     GATHER_COLUMNS = "gather_columns", GATHER_COLUMNS_HALF = "gather_columns_half";
     HALVE_VIEWS = "halve_views";
     INTENSITY = "intensity", INTENSITY_HALF = "intensity_half";
