@@ -7,6 +7,8 @@ use std::sync::Mutex;
 pub enum Subject {
     Api,
     Depth,
+    Device,
+    DeviceFailed,
     Format,
     Layers,
     Near,

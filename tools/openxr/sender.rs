@@ -1,10 +1,12 @@
 //! The thread that waits for copies, composes pictures and sends them, so that the application waits for none of it.
 
-use crate::composition::{Alpha, Canvas, Cylinder, DepthRange, Format, Frustum, Quad, Sheet};
+use crate::layers::{Frame, Place};
 use crate::notes::{Notes, Subject, say};
-use crate::vulkan::{Captured, Part};
-use eyebox_live_input::{Application, Content, FrameInfo, LiveError, Offer, Sample, Transfer};
-use std::sync::atomic::{AtomicU32, Ordering};
+use crate::output::{Connection, Unsent, Unshared};
+use crate::vulkan::Room;
+use crate::vulkan::own::{Fault, Own};
+use eyebox_live_input::{Application, DeviceIds, LiveError};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -13,50 +15,6 @@ use std::time::{Duration, Instant};
 const RETRY: Duration = Duration::from_millis(250);
 /// The longest time that a copy may take.
 const COPY_TIMEOUT: Duration = Duration::from_secs(5);
-/// The distance of a view without depth, in dioptres. The usual displays of headsets focus at about 2 m, too.
-pub const WITHOUT_DEPTH: f32 = 0.5;
-
-/// A part of a copied image.
-pub struct Piece {
-    pub captured: Arc<Captured>,
-    pub part: Part,
-    pub format: Format,
-}
-
-impl Piece {
-    /// Returns the texels, after the copy is done.
-    fn sheet(&self) -> Option<Sheet<'_>> {
-        let (raw, stride) = self.captured.bytes(&self.part, self.format.bytes())?;
-        let size = [self.part.height as usize, self.part.width as usize];
-        Some(Sheet { raw, format: self.format, stride, size })
-    }
-}
-
-/// The place of a layer's image.
-pub enum Place {
-    /// The view of the eye, whose edges have these tangents (left, right, up, down), with its depth.
-    View {
-        edges: [f64; 4],
-        depth: Option<(Piece, DepthRange)>,
-    },
-    Quad(Quad),
-    Cylinder(Cylinder),
-}
-
-/// A layer of a frame, for one eye.
-pub struct Layer {
-    pub color: Piece,
-    pub alpha: Alpha,
-    pub place: Place,
-}
-
-/// A frame of an application.
-pub struct Frame {
-    /// The time at which the application expects it to be shown, in nanoseconds of `CLOCK_MONOTONIC`.
-    pub shows_ns: i64,
-    /// The layers for the left and the right eye, from the back to the front.
-    pub eyes: [Option<Vec<Layer>>; 2],
-}
 
 /// The frames of a session until now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -81,6 +39,8 @@ struct Shared {
     arrived: Condvar,
     /// The eyes with a display, as 1 left + 2 right.
     eyes: AtomicU32,
+    /// True if copies should stay on the device.
+    on_device: AtomicBool,
     /// The tangents of the edges of the display of each eye.
     edges: Mutex<[Option<[f64; 4]>; 2]>,
     notes: Arc<Notes>,
@@ -100,15 +60,16 @@ pub struct Sender {
 
 impl Sender {
     /// Starts a thread that sends the left eye to `live:NAME` and `live:NAME-left`, and the right eye to
-    /// `live:NAME-right`, as far as displays listen there.
+    /// `live:NAME-right`, as far as displays listen there. `ours` is the device of the images, if it shares memory.
     ///
     /// # Errors
     /// Returns the error of the system if no thread can be made.
-    pub fn start(name: &str, notes: Arc<Notes>) -> std::io::Result<Self> {
+    pub fn start(name: &str, ours: Option<DeviceIds>, notes: Arc<Notes>) -> std::io::Result<Self> {
         let shared = Arc::new(Shared {
             mail: Mutex::default(),
             arrived: Condvar::new(),
             eyes: AtomicU32::new(0),
+            on_device: AtomicBool::new(false),
             edges: Mutex::default(),
             notes,
         });
@@ -117,7 +78,7 @@ impl Sender {
         let its = shared.clone();
         let thread = std::thread::Builder::new()
             .name("eyebox openxr".into())
-            .spawn(move || Worker { shared: its, outputs }.run())?;
+            .spawn(move || Worker { shared: its, outputs, ours, own: None }.run())?;
         Ok(Self { shared, thread: Mutex::new(Some(thread)) })
     }
 
@@ -125,6 +86,11 @@ impl Sender {
     pub fn eyes(&self) -> [bool; 2] {
         let eyes = self.shared.eyes.load(Ordering::Relaxed);
         [eyes & 1 == 1, eyes & 2 == 2]
+    }
+
+    /// Returns the memory for copies.
+    pub fn room(&self) -> Room {
+        if self.shared.on_device.load(Ordering::Relaxed) { Room::Device } else { Room::Host }
     }
 
     /// Returns the tangents of the edges of the display of each eye.
@@ -166,70 +132,13 @@ struct Output {
     connection: Option<Connection>,
 }
 
-/// A display that is there.
-struct Connection {
-    application: Application,
-    canvas: Canvas,
-    samples: Vec<f32>,
-}
-
-impl Connection {
-    fn new(application: Application) -> Self {
-        let canvas = Canvas::new(frustum(&application));
-        Self { application, canvas, samples: Vec::new() }
-    }
-
-    /// Composes and sends the layers.
-    fn send(&mut self, layers: &[Layer], shows_ns: i64, notes: &Notes) -> Result<(), LiveError> {
-        self.canvas.clear();
-        layers.iter().for_each(|layer| draw(&mut self.canvas, layer));
-        let nearest = nearest(self.application.offer());
-        if self.canvas.limit(nearest) {
-            let meters = 1.0 / nearest;
-            let line = || format!("content nearer than {meters:.2} m is shown at this distance, the display's limit");
-            notes.once(Subject::Near, line);
-        }
-        self.canvas.samples(self.application.offer().colors, &mut self.samples);
-        let request = self.application.request().map_or(0, |request| request.number);
-        let info = FrameInfo {
-            request,
-            content_time_ns: shows_ns,
-            ..FrameInfo::new(Content::ColorAndDepth, Sample::F32, Transfer::Linear)
-        };
-        self.application.send(&info, bytemuck::cast_slice(&self.samples), self.canvas.dioptres()).map(drop)
-    }
-}
-
-/// The share of a picture by which the eye may displace content. `eyebox show` refuses frames above it.
-const DISPLACEMENT: f64 = 0.25;
-
-/// Returns the dioptres of the nearest content that a display shows.
-fn nearest(offer: &Offer) -> f32 {
-    let pixels = DISPLACEMENT * f64::from(offer.size[0].min(offer.size[1]));
-    let reach_m = offer.eyebox_mm[0].max(offer.eyebox_mm[1]) / 2.0 * 1e-3;
-    (pixels * offer.pixel_angle / reach_m) as f32
-}
-
-fn frustum(application: &Application) -> Frustum {
-    let offer = application.offer();
-    Frustum { size: offer.size.map(|n| n as usize), angle: offer.pixel_angle }
-}
-
-fn draw(canvas: &mut Canvas, layer: &Layer) {
-    let Some(color) = layer.color.sheet() else { return };
-    match &layer.place {
-        Place::View { edges, depth } => {
-            let depth = depth.as_ref().and_then(|(piece, range)| Some((piece.sheet()?, *range)));
-            canvas.project(color, *edges, layer.alpha, depth, WITHOUT_DEPTH);
-        }
-        Place::Quad(quad) => canvas.draw(quad, color, layer.alpha),
-        Place::Cylinder(cylinder) => canvas.draw(cylinder, color, layer.alpha),
-    }
-}
-
 struct Worker {
     shared: Arc<Shared>,
     outputs: Vec<Output>,
+    /// The device of the application's images, if it shares memory and the layer's own device did not fail.
+    ours: Option<DeviceIds>,
+    /// The layer's own device, after the first display that shares memory.
+    own: Option<Arc<Own>>,
 }
 
 impl Worker {
@@ -261,8 +170,7 @@ impl Worker {
 
     /// Connects to displays that are there now, and notices displays that are gone.
     fn connect(&mut self) {
-        for output in &mut self.outputs {
-            let Output { name, connection, .. } = output;
+        for Output { name, connection, .. } in &mut self.outputs {
             if connection.as_ref().is_some_and(|there| !there.application.is_connected()) {
                 gone(connection, name);
             }
@@ -272,8 +180,21 @@ impl Worker {
             match Application::connect(name) {
                 Ok(application) => {
                     let [rows, columns] = application.offer().size;
-                    say(&format!("live:{name} takes frames of {rows} x {columns} pixels"));
-                    *connection = Some(Connection::new(application));
+                    let mut there = Connection::new(application);
+                    let shared = there.share(self.ours, self.own.as_ref());
+                    let place = if let Ok(Some(_)) = shared { " on the device" } else { "" };
+                    say(&format!("live:{name} takes frames of {rows} x {columns} pixels{place}"));
+                    match shared {
+                        Ok(None) => {}
+                        Ok(own) => self.own = own,
+                        Err(Unshared::Live(LiveError::Gone)) => continue,
+                        Err(reason) => self
+                            .shared
+                            .notes
+                            .once(Subject::Device, || format!("live:{name}: frames pass through the host: {reason}")),
+                    }
+                    self.shared.on_device.store(self.own.is_some(), Ordering::Relaxed);
+                    *connection = Some(there);
                     self.shared.notes.again(Subject::Refused);
                 }
                 Err(LiveError::NoDisplay { .. }) => {}
@@ -287,7 +208,7 @@ impl Worker {
     fn publish(&self) {
         let mut edges = [None; 2];
         for Output { eye, connection, .. } in &self.outputs {
-            let there = connection.as_ref().map(|there| frustum(&there.application).edges());
+            let there = connection.as_ref().map(Connection::edges);
             edges[*eye] = edges[*eye].or(there);
         }
         let eyes = u32::from(edges[0].is_some()) | u32::from(edges[1].is_some()) << 1;
@@ -307,7 +228,7 @@ impl Worker {
                 .once(Subject::Vulkan, || "the copy of a frame did not end. The last picture stays".into());
             return false;
         }
-        let (mut sent, mut left) = (false, false);
+        let (mut sent, mut left, mut failed) = (false, false, None);
         for Output { name, eye, connection } in &mut self.outputs {
             let (Some(there), Some(layers)) = (connection.as_mut(), &frame.eyes[*eye]) else { continue };
             if !there.application.is_connected() {
@@ -315,15 +236,31 @@ impl Worker {
                 left = true;
                 continue;
             }
-            match there.send(layers, frame.shows_ns, &self.shared.notes) {
-                Ok(()) => sent = true,
-                Err(error) => self.shared.notes.once(Subject::Refused, || format!("live:{name}: {error}")),
+            match there.send(layers, frame.shows_ns, self.own.as_ref().filter(|_| failed.is_none()), &self.shared.notes)
+            {
+                Ok(done) => sent |= done,
+                Err(Unsent::Live(error)) => {
+                    self.shared.notes.once(Subject::Refused, || format!("live:{name}: {error}"));
+                }
+                Err(Unsent::Device(fault)) => failed = Some(fault),
             }
+        }
+        if let Some(fault) = failed {
+            self.leave_device(fault);
         }
         if left {
             self.publish();
         }
         sent
+    }
+
+    /// Composes on the host from now on, because the layer's device failed.
+    fn leave_device(&mut self, fault: Fault) {
+        let line = || format!("the layer's device failed ({fault}). Frames pass through the host");
+        self.shared.notes.once(Subject::DeviceFailed, line);
+        self.shared.on_device.store(false, Ordering::Relaxed);
+        self.outputs.iter_mut().filter_map(|output| output.connection.as_mut()).for_each(Connection::leave_device);
+        (self.ours, self.own) = (None, None);
     }
 }
 

@@ -4,7 +4,7 @@ use super::alpha::Alpha;
 use super::sampling::{Rows, Sheet};
 use super::surfaces::Surface;
 use super::taps::{Frustum, taps};
-use super::texels::DepthRange;
+use super::texels::{BRIGHTEST, DepthRange};
 
 /// The opacity from which a layer decides the distance of a pixel.
 const SOLID: f32 = 0.5;
@@ -50,6 +50,9 @@ impl Canvas {
             [true, true, true] => out.extend_from_slice(self.light.as_flattened()),
             _ => out.extend(self.light.iter().flat_map(|light| (0..3).filter(|i| colors[*i]).map(|i| light[i]))),
         }
+        // The weights of samples sum to 1 except for rounding, and light of several layers adds up. The display refuses
+        // a frame with light outside of its range.
+        out.iter_mut().for_each(|light| *light = light.clamp(0.0, BRIGHTEST));
     }
 
     /// Blends a view of the application, whose edges have these tangents (left, right, up, down). Without depth, it

@@ -13,5 +13,5 @@ pub use canvas::Canvas;
 pub use geometry::Pose;
 pub use sampling::Sheet;
 pub use surfaces::{Cylinder, Quad};
-pub use taps::Frustum;
-pub use texels::{DepthRange, Format};
+pub use taps::{Frustum, Taps, taps};
+pub use texels::{DepthRange, Format, srgb_curve};

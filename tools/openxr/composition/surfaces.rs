@@ -40,6 +40,23 @@ impl Quad {
     }
 }
 
+/// Returns the words of a surface for a device, or none if a ray cannot meet it.
+fn finite<const N: usize>(words: [f64; N]) -> Option<[f32; 15]> {
+    let mut all = [0.0; 15];
+    all.iter_mut().zip(words).for_each(|(to, word)| *to = word as f32);
+    all.iter().all(|word| word.is_finite()).then_some(all)
+}
+
+impl Quad {
+    /// Returns the normal, the right and the up direction, each followed by its product with the center.
+    pub fn words(&self) -> Option<[f32; 15]> {
+        let Self { center, right, up, normal } = self;
+        let with = |v: &[f64; 3]| [v[0], v[1], v[2], dot(*center, *v)];
+        let ([a, b, c, d], [e, f, g, h], [i, j, k, l]) = (with(normal), with(right), with(up));
+        finite([a, b, c, d, e, f, g, h, i, j, k, l])
+    }
+}
+
 impl Surface for Quad {
     fn hit(&self, ray: [f64; 3]) -> Option<Hit> {
         let facing = dot(ray, self.normal);
@@ -77,6 +94,21 @@ impl Cylinder {
         let (radius, central_angle) = (f64::from(radius), f64::from(central_angle));
         let radius = if radius > 0.0 { radius } else { f64::INFINITY };
         Self { to_own: pose.inverse(), radius, central_angle, height: central_angle / f64::from(aspect_ratio) }
+    }
+}
+
+impl Cylinder {
+    /// Returns the rotation from the eye (row by row), the eye's place, the radius (0 for infinity), the central angle,
+    /// and the height in radii.
+    pub fn words(&self) -> Option<[f32; 15]> {
+        let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| self.to_own.turn(axis));
+        let [right, up, back] = self.to_own.origin;
+        let radius = if self.radius.is_finite() { self.radius } else { 0.0 };
+        let Self { central_angle, height, .. } = *self;
+        let there = central_angle != 0.0 && height != 0.0;
+        let rows = [x[0], y[0], z[0], x[1], y[1], z[1], x[2], y[2], z[2]];
+        let [a, b, c, d, e, f, g, h, i] = rows;
+        finite([a, b, c, d, e, f, g, h, i, right, up, back, radius, central_angle, height]).filter(|_| there)
     }
 }
 

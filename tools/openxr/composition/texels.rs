@@ -38,6 +38,9 @@ impl Format {
     }
 }
 
+/// The brightest light, which is the largest finite half and the limit of live input.
+pub const BRIGHTEST: f32 = 65_504.0;
+
 /// The light of the 256 values of the sRGB curve.
 static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
@@ -45,6 +48,11 @@ static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
         (if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }) as f32
     })
 });
+
+/// Returns the light of the 256 values of the sRGB curve.
+pub fn srgb_curve() -> &'static [f32; 256] {
+    &SRGB
+}
 
 /// Reads the texels of a row of color into linear red, green, blue and opacity.
 pub fn read_colors(format: Format, raw: &[u8], out: &mut [[f32; 4]]) {
@@ -73,7 +81,7 @@ pub fn read_colors(format: Format, raw: &[u8], out: &mut [[f32; 4]]) {
             for (to, texel) in out.iter_mut().zip(raw.as_chunks::<8>().0) {
                 let one = |i: usize| f16::from_le_bytes([texel[2 * i], texel[2 * i + 1]]).to_f32();
                 // Light is neither negative nor unlimited. A NaN becomes 0.
-                let light = |v: f32| if v > 0.0 { v.min(65_504.0) } else { 0.0 };
+                let light = |v: f32| if v > 0.0 { v.min(BRIGHTEST) } else { 0.0 };
                 *to = [light(one(0)), light(one(1)), light(one(2)), light(one(3)).min(1.0)];
             }
         }
@@ -110,6 +118,14 @@ impl DepthRange {
         let [least, most] = self.depths;
         let [near, far] = self.distances;
         least < most && near > 0.0 && far > 0.0 && (near - far).abs() > 0.0
+    }
+
+    /// Returns the depths of the near and the far distance and the dioptres of both, as a device computes with them.
+    pub fn words(&self) -> [f32; 4] {
+        let [least, most] = self.depths;
+        // A device may compute with infinity in any way. The dioptres of a depth are limited to 100 below.
+        let [near, far] = self.distances.map(|m| (1.0 / f64::from(m)).min(1e30) as f32);
+        [least, most, near, far]
     }
 
     /// Returns the dioptres of a depth, from 0 to 100, the limit of live input.

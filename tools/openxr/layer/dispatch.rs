@@ -58,6 +58,10 @@ functions! {
     locate_space: LocateSpace = c"xrLocateSpace",
     ;
     convert_time: ConvertTimeToTimespecTimeKHR = c"xrConvertTimeToTimespecTimeKHR",
+    vulkan_instance_extensions: GetVulkanInstanceExtensionsKHR = c"xrGetVulkanInstanceExtensionsKHR",
+    vulkan_device_extensions: GetVulkanDeviceExtensionsKHR = c"xrGetVulkanDeviceExtensionsKHR",
+    create_vulkan_instance: CreateVulkanInstanceKHR = c"xrCreateVulkanInstanceKHR",
+    create_vulkan_device: CreateVulkanDeviceKHR = c"xrCreateVulkanDeviceKHR",
 }
 
 /// Objects of the layer by the handles of OpenXR.

@@ -4,8 +4,8 @@ use super::chain::link;
 use super::session::{SESSIONS, Session};
 use super::swapchain::SWAPCHAINS;
 use crate::composition::{Alpha, Cylinder, DepthRange, Format, Pose, Quad};
+use crate::layers::{Frame, Layer, Piece, Place, WITHOUT_DEPTH};
 use crate::notes::Subject;
-use crate::sender::{Frame, Layer, Piece, Place};
 use openxr_sys::{self as xr, Handle};
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
@@ -157,7 +157,7 @@ impl Scene<'_> {
             match kind {
                 Kind::Projection(layer, views) => {
                     let Some(view) = views.get(eye.min(views.len().saturating_sub(1))) else { continue };
-                    let color = self.piece(&view.sub_image)?;
+                    let color = self.color(&view.sub_image)?;
                     let xr::Fovf { angle_left, angle_right, angle_up, angle_down } = view.fov;
                     let edges = [angle_left, angle_right, angle_up, angle_down].map(|angle| f64::from(angle).tan());
                     let place = Place::View { edges, depth: self.depth(view)? };
@@ -165,7 +165,7 @@ impl Scene<'_> {
                 }
                 Kind::Quad(layer) if is_visible(layer.eye_visibility, eye) => {
                     let (Some(pose), Some(color)) =
-                        (self.placed(layer.space, &layer.pose, eye), self.piece(&layer.sub_image))
+                        (self.placed(layer.space, &layer.pose, eye), self.color(&layer.sub_image))
                     else {
                         continue;
                     };
@@ -174,7 +174,7 @@ impl Scene<'_> {
                 }
                 Kind::Cylinder(layer) if is_visible(layer.eye_visibility, eye) => {
                     let (Some(pose), Some(color)) =
-                        (self.placed(layer.space, &layer.pose, eye), self.piece(&layer.sub_image))
+                        (self.placed(layer.space, &layer.pose, eye), self.color(&layer.sub_image))
                     else {
                         continue;
                     };
@@ -185,6 +185,11 @@ impl Scene<'_> {
             }
         }
         Some(seen)
+    }
+
+    /// Returns the copy of a part of an image of color.
+    fn color(&self, image: &xr::SwapchainSubImage) -> Option<Piece> {
+        self.piece(image).filter(|piece| !piece.format.is_depth())
     }
 
     /// Returns the copy of a part of an image.
@@ -201,7 +206,7 @@ impl Scene<'_> {
         let found = unsafe { link::<Info>(view.next, xr::StructureType::COMPOSITION_LAYER_DEPTH_INFO_KHR) };
         let notes = &self.session.notes;
         let Some(info) = found else {
-            let meters = 1.0 / crate::sender::WITHOUT_DEPTH;
+            let meters = 1.0 / WITHOUT_DEPTH;
             notes.once(Subject::Depth, || format!("the view has no depth. It is shown at {meters} m"));
             return Some(None);
         };

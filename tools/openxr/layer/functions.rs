@@ -1,7 +1,7 @@
 //! The functions that the layer gives to the loader.
 
 use super::instance::INSTANCES;
-use super::{ending, frame, session, swapchain};
+use super::{ending, extensions, frame, session, swapchain};
 use openxr_sys::{self as xr, Handle};
 use std::ffi::{CStr, c_char};
 
@@ -15,27 +15,47 @@ pub unsafe extern "system" fn get_instance_proc_addr(
         return xr::Result::ERROR_VALIDATION_FAILURE;
     }
     // SAFETY: the caller passes a string of C.
-    if let Some(own) = own(unsafe { CStr::from_ptr(name) }) {
+    let text = unsafe { CStr::from_ptr(name) };
+    if let Some(own) = own(text) {
         // SAFETY: the caller passes a place for the function.
         unsafe { *function = Some(own) };
         return xr::Result::SUCCESS;
     }
-    match INSTANCES.get(instance.into_raw()) {
-        // SAFETY: the arguments are the caller's.
-        Some(known) => unsafe { (known.next.get_instance_proc_addr)(instance, name, function) },
-        None => xr::Result::ERROR_HANDLE_INVALID,
+    let Some(known) = INSTANCES.get(instance.into_raw()) else { return xr::Result::ERROR_HANDLE_INVALID };
+    // SAFETY: the arguments are the caller's.
+    let found = unsafe { (known.next.get_instance_proc_addr)(instance, name, function) };
+    if let (xr::Result::SUCCESS, Some(own)) = (found, of_extension(text)) {
+        // SAFETY: as above.
+        unsafe { *function = Some(own) };
     }
+    found
+}
+
+macro_rules! plain {
+    ($function:expr, $kind:ident) => {{
+        let function: xr::pfn::$kind = $function;
+        // SAFETY: all functions have the same representation, and the caller converts it back by the name.
+        unsafe { std::mem::transmute::<xr::pfn::$kind, xr::pfn::VoidFunction>(function) }
+    }};
+}
+
+/// Returns the layer's own function of an extension, which replaces a function of the runtime.
+fn of_extension(name: &CStr) -> Option<xr::pfn::VoidFunction> {
+    Some(match name.to_bytes() {
+        b"xrGetVulkanInstanceExtensionsKHR" => {
+            plain!(extensions::get_vulkan_instance_extensions, GetVulkanInstanceExtensionsKHR)
+        }
+        b"xrGetVulkanDeviceExtensionsKHR" => {
+            plain!(extensions::get_vulkan_device_extensions, GetVulkanDeviceExtensionsKHR)
+        }
+        b"xrCreateVulkanInstanceKHR" => plain!(extensions::create_vulkan_instance, CreateVulkanInstanceKHR),
+        b"xrCreateVulkanDeviceKHR" => plain!(extensions::create_vulkan_device, CreateVulkanDeviceKHR),
+        _ => return None,
+    })
 }
 
 /// Returns the layer's own function of a name.
 fn own(name: &CStr) -> Option<xr::pfn::VoidFunction> {
-    macro_rules! plain {
-        ($function:expr, $kind:ident) => {{
-            let function: xr::pfn::$kind = $function;
-            // SAFETY: all functions have the same representation, and the caller converts it back by the name.
-            unsafe { std::mem::transmute::<xr::pfn::$kind, xr::pfn::VoidFunction>(function) }
-        }};
-    }
     Some(match name.to_bytes() {
         b"xrGetInstanceProcAddr" => plain!(get_instance_proc_addr, GetInstanceProcAddr),
         b"xrDestroyInstance" => plain!(destroy_instance, DestroyInstance),

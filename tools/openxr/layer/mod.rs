@@ -6,6 +6,7 @@
 mod chain;
 mod dispatch;
 mod ending;
+mod extensions;
 mod frame;
 mod functions;
 mod instance;

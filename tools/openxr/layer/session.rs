@@ -125,7 +125,7 @@ pub unsafe extern "system" fn create_session(
 fn begin(binding: Binding, notes: &Arc<Notes>) -> Result<Capture, String> {
     let device = Arc::new(Device::of(binding)?);
     let name = std::env::var(NAME).ok().filter(|name| !name.is_empty()).unwrap_or_else(|| USUAL_NAME.into());
-    let sender = Sender::start(&name, notes.clone()).map_err(|error| format!("no thread: {error}"))?;
+    let sender = Sender::start(&name, device.ids(), notes.clone()).map_err(|error| format!("no thread: {error}"))?;
     Ok(Capture { device, sender, queue: Mutex::new(()), view_size: Mutex::new(None) })
 }
 

@@ -99,7 +99,7 @@ impl Swapchain {
         let (Some(image), State { copier: Some(copier), .. }) = (image, &mut *state) else { return };
         let is_depth = format.is_depth();
         let source = Source { image, is_depth, has_stencil: self.has_stencil, texel: format.bytes() };
-        match capture.submitting(|| copier.copy(&source, &parts)) {
+        match capture.submitting(|| copier.copy(&source, &parts, capture.sender.room())) {
             Ok(Some(captured)) => state.latest = Some(Arc::new(captured)),
             // The newest copy stays, so that a frame shows the image before.
             Ok(None) => drop(self.session.account.crowded.fetch_add(1, Ordering::Relaxed)),

@@ -1,16 +1,34 @@
-//! Memory of the host that receives copies, and finished copies.
+//! Memory that receives copies, and finished copies.
 
 use super::device::Device;
+use super::own::{Bytes, Fault, Layout, Memory, Own};
 use super::part::Part;
+use super::sharing::{OPAQUE, USAGE};
 use ash::vk;
-use std::sync::Arc;
+use std::os::fd::{FromRawFd, OwnedFd};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// Memory of the host with the commands that fill it.
+/// The memory of copies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Room {
+    /// Memory of the host.
+    Host,
+    /// Memory of the device, which the layer's own device imports.
+    Device,
+}
+
+/// Memory of the host or of the device with the commands that fill it.
 pub struct Buffer {
     pub(super) device: Arc<Device>,
+    pub(super) room: Room,
     pub(super) raw: vk::Buffer,
     memory: vk::DeviceMemory,
+    /// The layout of the memory for an importer.
+    layout: Layout,
+    /// The same memory on the layer's own device, after its first use there.
+    imported: OnceLock<Memory>,
+    /// The memory, or null if it is on the device.
     mapped: *const u8,
     /// Bytes of the buffer.
     pub(super) bytes: u64,
@@ -28,16 +46,23 @@ unsafe impl Send for Buffer {}
 unsafe impl Sync for Buffer {}
 
 impl Buffer {
-    /// Allocates a buffer of this many bytes.
-    pub(super) fn new(device: &Arc<Device>, bytes: u64) -> Result<Self, vk::Result> {
+    /// Allocates a buffer of this many bytes. Memory of the device is for devices that export it.
+    pub(super) fn new(device: &Arc<Device>, bytes: u64, room: Room) -> Result<Self, vk::Result> {
         let raw = &device.raw;
-        let info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(OPAQUE);
+        let mut info = vk::BufferCreateInfo::default().size(bytes).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        if room == Room::Device {
+            info = info.usage(USAGE).push_next(&mut external);
+        }
         // SAFETY: the device is valid, and `Drop` destroys the buffer.
         let buffer = unsafe { raw.create_buffer(&info, None) }?;
         let mut made = Self {
             device: device.clone(),
+            room,
             raw: buffer,
             memory: vk::DeviceMemory::null(),
+            layout: Layout { memory_bytes: 0, buffer_bytes: bytes, memory_type: 0 },
+            imported: OnceLock::new(),
             mapped: std::ptr::null(),
             bytes,
             is_coherent: true,
@@ -45,20 +70,7 @@ impl Buffer {
             commands: vk::CommandBuffer::null(),
             fence: vk::Fence::null(),
         };
-        // SAFETY: the buffer was made just now.
-        let needs = unsafe { raw.get_buffer_memory_requirements(buffer) };
-        let (index, flags) = memory_type(&device.memory, needs.memory_type_bits).ok_or(vk::Result::ERROR_UNKNOWN)?;
-        made.is_coherent = flags.contains(vk::MemoryPropertyFlags::HOST_COHERENT);
-        // The range that the host reads ends at a multiple of the atom.
-        let size = needs.size.next_multiple_of(device.atom);
-        let info = vk::MemoryAllocateInfo::default().allocation_size(size).memory_type_index(index);
-        // SAFETY: the type is one of the device, and `Drop` frees the memory.
-        made.memory = unsafe { raw.allocate_memory(&info, None) }?;
-        // SAFETY: the memory fits the buffer's requirements, and neither was bound before.
-        unsafe { raw.bind_buffer_memory(buffer, made.memory, 0) }?;
-        // SAFETY: the memory is visible to the host, and is mapped once.
-        let mapped = unsafe { raw.map_memory(made.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) }?;
-        made.mapped = mapped.cast();
+        made.allocate()?;
         let flags = vk::CommandPoolCreateFlags::TRANSIENT;
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(device.family).flags(flags);
         // SAFETY: the family is the one of the application's queue.
@@ -70,6 +82,50 @@ impl Buffer {
         // SAFETY: the device is valid, and `Drop` destroys the fence.
         made.fence = unsafe { raw.create_fence(&info, None) }?;
         Ok(made)
+    }
+
+    /// Allocates the memory of the buffer, and maps memory of the host.
+    fn allocate(&mut self) -> Result<(), vk::Result> {
+        let Device { raw, memory: all, atom, .. } = &*self.device;
+        // SAFETY: the buffer was made just now.
+        let needs = unsafe { raw.get_buffer_memory_requirements(self.raw) };
+        let (index, flags) = memory_type(all, needs.memory_type_bits, self.room).ok_or(vk::Result::ERROR_UNKNOWN)?;
+        self.is_coherent = flags.contains(vk::MemoryPropertyFlags::HOST_COHERENT);
+        let (mut exported, size) = match self.room {
+            // The range that the host reads ends at a multiple of the atom.
+            Room::Host => (None, needs.size.next_multiple_of(*atom)),
+            Room::Device => (Some(vk::ExportMemoryAllocateInfo::default().handle_types(OPAQUE)), needs.size),
+        };
+        (self.layout.memory_bytes, self.layout.memory_type) = (size, index);
+        let mut info = vk::MemoryAllocateInfo::default().allocation_size(size).memory_type_index(index);
+        if let Some(exported) = &mut exported {
+            info = info.push_next(exported);
+        }
+        // SAFETY: the type is one of the device, and `Drop` frees the memory.
+        self.memory = unsafe { raw.allocate_memory(&info, None) }?;
+        // SAFETY: the memory fits the buffer's requirements, and neither was bound before.
+        unsafe { raw.bind_buffer_memory(self.raw, self.memory, 0) }?;
+        if self.room == Room::Host {
+            // SAFETY: the memory is visible to the host, and is mapped once.
+            let mapped = unsafe { raw.map_memory(self.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) }?;
+            self.mapped = mapped.cast();
+        }
+        Ok(())
+    }
+
+    /// Returns the memory on the layer's own device, which is imported at its first use.
+    fn on(&self, own: &Arc<Own>) -> Result<&Memory, Fault> {
+        if self.imported.get().is_none() {
+            let (_, exports) = self.device.exports.as_ref().ok_or(Fault::Sharing)?;
+            let info = vk::MemoryGetFdInfoKHR::default().memory(self.memory).handle_type(OPAQUE);
+            // SAFETY: the extension is enabled, and the memory was made to be exported as this.
+            let fd = unsafe { exports.get_memory_fd(&info) };
+            let fd = fd.map_err(|result| Fault::Vulkan { call: "vkGetMemoryFdKHR", result })?;
+            // SAFETY: the descriptor was made just now, and has no other owner.
+            let memory = Memory::import(own, unsafe { OwnedFd::from_raw_fd(fd) }, &self.layout)?;
+            let _ = self.imported.set(memory);
+        }
+        self.imported.get().ok_or(Fault::Sharing)
     }
 
     /// Returns true if no copy is in progress.
@@ -110,16 +166,24 @@ impl Drop for Buffer {
     }
 }
 
-/// Selects memory that the host reads fast, which is cached.
-fn memory_type(all: &vk::PhysicalDeviceMemoryProperties, fits: u32) -> Option<(u32, vk::MemoryPropertyFlags)> {
-    let visible = vk::MemoryPropertyFlags::HOST_VISIBLE;
+/// Selects memory that the host reads fast, which is cached, or memory of the device.
+fn memory_type(
+    all: &vk::PhysicalDeviceMemoryProperties,
+    fits: u32,
+    room: Room,
+) -> Option<(u32, vk::MemoryPropertyFlags)> {
+    use vk::MemoryPropertyFlags as Flags;
+    let (must, better) = match room {
+        Room::Host => (Flags::HOST_VISIBLE, Flags::HOST_CACHED),
+        Room::Device => (Flags::empty(), Flags::DEVICE_LOCAL),
+    };
     let types = || {
         (0..all.memory_type_count)
             .filter(|i| fits >> i & 1 == 1)
             .map(|i| (i, all.memory_types[i as usize].property_flags))
-            .filter(|(_, flags)| flags.contains(visible))
+            .filter(|(_, flags)| flags.contains(must))
     };
-    types().find(|(_, flags)| flags.contains(vk::MemoryPropertyFlags::HOST_CACHED)).or_else(|| types().next())
+    types().find(|(_, flags)| flags.contains(better)).or_else(|| types().next())
 }
 
 /// A copy of parts of an image. It stays as it is, because its memory is used again only after it is dropped.
@@ -135,7 +199,7 @@ impl Captured {
         if !self.buffer.wait(patience) {
             return false;
         }
-        if self.buffer.is_coherent {
+        if self.buffer.is_coherent || self.buffer.room == Room::Device {
             return true;
         }
         let whole = vk::MappedMemoryRange::default().memory(self.buffer.memory).size(vk::WHOLE_SIZE);
@@ -148,16 +212,37 @@ impl Captured {
         self.parts.iter().any(|(part, _)| part.contains(wanted))
     }
 
-    /// Returns the bytes from the first texel of a part, and the bytes from one row to the next. Call it after
-    /// [`wait`](Self::wait).
-    pub fn bytes(&self, wanted: &Part, texel: usize) -> Option<(&[u8], usize)> {
+    /// Returns the first byte of a part in the buffer, and the bytes from one row to the next.
+    fn place(&self, wanted: &Part, texel: usize) -> Option<(usize, usize)> {
         let (part, offset) = self.parts.iter().find(|(part, _)| part.contains(wanted))?;
         let stride = part.width as usize * texel;
         let (down, right) = ((wanted.y - part.y) as usize, (wanted.x - part.x) as usize);
-        let begin = *offset as usize + down * stride + right * texel;
+        Some((*offset as usize + down * stride + right * texel, stride))
+    }
+
+    /// Returns the bytes from the first texel of a part, and the bytes from one row to the next. Returns none if the
+    /// copy is on the device. Call it after [`wait`](Self::wait).
+    pub fn bytes(&self, wanted: &Part, texel: usize) -> Option<(&[u8], usize)> {
+        let (begin, stride) = self.place(wanted, texel)?;
+        if self.buffer.mapped.is_null() {
+            return None;
+        }
         // SAFETY: the mapping has the bytes of the buffer, and lives as long as the buffer. The device does not write
         // there, because this copy is done and the next one waits for `self` to be dropped.
         let all = unsafe { std::slice::from_raw_parts(self.buffer.mapped, self.buffer.bytes as usize) };
         Some((all.get(begin..)?, stride))
+    }
+
+    /// Returns the texels of a part for the layer's own device, and the bytes from one row to the next. Returns none if
+    /// the copy does not contain the part. Call it after [`wait`](Self::wait).
+    ///
+    /// # Errors
+    /// Returns [`Fault`] if the memory cannot be imported.
+    pub fn texels(&self, own: &Arc<Own>, wanted: &Part, texel: usize) -> Result<Option<(Bytes<'_>, usize)>, Fault> {
+        if let Some((bytes, stride)) = self.bytes(wanted, texel) {
+            return Ok(Some((Bytes::Host(bytes), stride)));
+        }
+        let Some((begin, stride)) = self.place(wanted, texel) else { return Ok(None) };
+        Ok(Some((Bytes::Device(self.buffer.on(own)?, begin as u64), stride)))
     }
 }

@@ -1,6 +1,6 @@
 //! Copies parts of the images of a swapchain.
 
-use super::buffer::{Buffer, Captured};
+use super::buffer::{Buffer, Captured, Room};
 use super::device::Device;
 use super::part::Part;
 use ash::vk::{self, Handle};
@@ -41,7 +41,7 @@ impl Copier {
     ///
     /// # Errors
     /// Returns the error of Vulkan.
-    pub fn copy(&mut self, source: &Source, parts: &[Part]) -> Result<Option<Captured>, vk::Result> {
+    pub fn copy(&mut self, source: &Source, parts: &[Part], room: Room) -> Result<Option<Captured>, vk::Result> {
         let mut offset = 0;
         let mut placed = Vec::with_capacity(parts.len());
         for part in parts {
@@ -49,7 +49,7 @@ impl Copier {
             let bytes = u64::from(part.width) * u64::from(part.height) * source.texel as u64;
             offset = (offset + bytes).next_multiple_of(ALIGNMENT);
         }
-        let Some(buffer) = self.free(offset.max(ALIGNMENT))? else { return Ok(None) };
+        let Some(buffer) = self.free(offset.max(ALIGNMENT), room)? else { return Ok(None) };
         let captured = Captured { buffer, parts: placed };
         self.record(source, &captured)?;
         let (raw, fence) = (&self.device.raw, captured.buffer.fence);
@@ -75,10 +75,11 @@ impl Copier {
     }
 
     /// Returns a buffer of at least this many bytes that nothing uses.
-    fn free(&mut self, bytes: u64) -> Result<Option<Arc<Buffer>>, vk::Result> {
+    fn free(&mut self, bytes: u64, room: Room) -> Result<Option<Arc<Buffer>>, vk::Result> {
         let is_free = |buffer: &Arc<Buffer>| Arc::strong_count(buffer) == 1 && buffer.is_done();
-        // Buffers of another size were for images of which another part was in use.
-        let fits = |buffer: &Arc<Buffer>| buffer.bytes >= bytes && buffer.bytes / 2 <= bytes;
+        // Buffers of another size were for images of which another part was in use. Those in other memory were for
+        // another display.
+        let fits = |buffer: &Arc<Buffer>| buffer.room == room && buffer.bytes >= bytes && buffer.bytes / 2 <= bytes;
         self.buffers.retain(|buffer| fits(buffer) || !is_free(buffer));
         if let Some(buffer) = self.buffers.iter().find(|buffer| fits(buffer) && is_free(buffer)) {
             return Ok(Some(buffer.clone()));
@@ -86,7 +87,7 @@ impl Copier {
         if self.buffers.len() >= BUFFERS {
             return Ok(None);
         }
-        let buffer = Arc::new(Buffer::new(&self.device, bytes)?);
+        let buffer = Arc::new(Buffer::new(&self.device, bytes, room)?);
         self.buffers.push(buffer.clone());
         Ok(Some(buffer))
     }
@@ -121,11 +122,22 @@ impl Copier {
         let any = vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE;
         let before = change((layout, vk::AccessFlags::MEMORY_WRITE), (reading, vk::AccessFlags::TRANSFER_READ));
         let after = change((reading, vk::AccessFlags::TRANSFER_READ), (layout, any));
-        let to_host = vk::BufferMemoryBarrier::default()
+        // The next copy discards the contents, so that it does not take the buffer back.
+        let (stage, access, families) = match buffer.room {
+            Room::Host => {
+                let ignored = [vk::QUEUE_FAMILY_IGNORED; 2];
+                (vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ, ignored)
+            }
+            Room::Device => {
+                let families = [self.device.family, vk::QUEUE_FAMILY_EXTERNAL];
+                (vk::PipelineStageFlags::ALL_COMMANDS, vk::AccessFlags::empty(), families)
+            }
+        };
+        let handed_on = vk::BufferMemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_access_mask(access)
+            .src_queue_family_index(families[0])
+            .dst_queue_family_index(families[1])
             .buffer(buffer.raw)
             .size(vk::WHOLE_SIZE);
         let region = |(part, offset): &(Part, u64)| {
@@ -149,7 +161,7 @@ impl Copier {
             raw.cmd_pipeline_barrier(commands, all, transfer, none, &[], &[], &[before]);
             raw.cmd_copy_image_to_buffer(commands, image, reading, buffer.raw, &regions);
             raw.cmd_pipeline_barrier(commands, transfer, all, none, &[], &[], &[after]);
-            raw.cmd_pipeline_barrier(commands, transfer, vk::PipelineStageFlags::HOST, none, &[], &[to_host], &[]);
+            raw.cmd_pipeline_barrier(commands, transfer, stage, none, &[], &[handed_on], &[]);
             raw.end_command_buffer(commands)
         }
     }

@@ -1,7 +1,9 @@
 //! The Vulkan device of the application.
 
+use super::sharing::{entry, ids};
+use ash::khr;
 use ash::vk::{self, Handle};
-use std::sync::OnceLock;
+use eyebox_live_input::DeviceIds;
 
 /// The handles with which an application begins a session.
 #[derive(Debug, Clone, Copy)]
@@ -21,10 +23,9 @@ pub struct Device {
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
     /// The unit of the ranges of memory that the host reads.
     pub(super) atom: u64,
+    /// The identity of the device and the functions that export memory, if the application enabled them.
+    pub(super) exports: Option<(DeviceIds, khr::external_memory_fd::Device)>,
 }
-
-/// The loader of Vulkan, which is the one that the application uses. It stays open as long as the process.
-static ENTRY: OnceLock<Option<ash::Entry>> = OnceLock::new();
 
 impl Device {
     /// Takes the device of a session.
@@ -32,9 +33,7 @@ impl Device {
     /// # Errors
     /// Returns the reason in words if the loader of Vulkan is not found.
     pub fn of(binding: Binding) -> Result<Self, String> {
-        // SAFETY: the library is Vulkan's loader, whose initialization has no requirements.
-        let entry = ENTRY.get_or_init(|| unsafe { ash::Entry::load() }.ok());
-        let entry = entry.as_ref().ok_or("the loader of Vulkan is not found")?;
+        let entry = entry().ok_or("the loader of Vulkan is not found")?;
         let (instance, physical) =
             (vk::Instance::from_raw(binding.instance), vk::PhysicalDevice::from_raw(binding.physical_device));
         // SAFETY: the application gave these handles to xrCreateSession, which requires that they are valid until the
@@ -48,6 +47,36 @@ impl Device {
         let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;
         // SAFETY: the application made the device with this queue.
         let queue = unsafe { raw.get_device_queue(binding.family, binding.queue) };
-        Ok(Self { raw, queue, family: binding.family, memory, atom: limits.non_coherent_atom_size.max(1) })
+        let atom = limits.non_coherent_atom_size.max(1);
+        let exports = exports(entry, &instance, &raw, physical);
+        Ok(Self { raw, queue, family: binding.family, memory, atom, exports })
     }
+
+    /// Returns the identity of the device, if it exports memory.
+    pub fn ids(&self) -> Option<DeviceIds> {
+        self.exports.as_ref().map(|(ids, _)| *ids)
+    }
+}
+
+/// Returns the identity of a device and the functions that export its memory. Returns none if the application did not
+/// enable them.
+fn exports(
+    entry: &ash::Entry,
+    instance: &ash::Instance,
+    raw: &ash::Device,
+    physical: vk::PhysicalDevice,
+) -> Option<(DeviceIds, khr::external_memory_fd::Device)> {
+    // SAFETY: the device is valid. A function of an extension that is not enabled is not found.
+    unsafe { (instance.fp_v1_0().get_device_proc_addr)(raw.handle(), c"vkGetMemoryFdKHR".as_ptr()) }?;
+    // A device has the function only if its instance has one of these. The first is of the extension, which may be
+    // enabled in Vulkan 1.0.
+    let names = [c"vkGetPhysicalDeviceProperties2KHR", c"vkGetPhysicalDeviceProperties2"];
+    // SAFETY: the instance is valid.
+    let find = |name: &std::ffi::CStr| unsafe { entry.get_instance_proc_addr(instance.handle(), name.as_ptr()) };
+    let get = names.into_iter().find_map(find)?;
+    // SAFETY: both names belong to functions of this type.
+    let get: vk::PFN_vkGetPhysicalDeviceProperties2 = unsafe { std::mem::transmute(get) };
+    // SAFETY: the function is of the instance of the device.
+    let ids = unsafe { ids(get, physical) };
+    Some((ids, khr::external_memory_fd::Device::new(instance, raw)))
 }
