@@ -152,15 +152,20 @@ struct Scene<'a> {
 impl Scene<'_> {
     /// Returns the layers that an eye sees. Returns none if the copy of a projection is missing.
     fn seen_by(&self, eye: usize, kinds: &[Kind<'_>]) -> Option<Vec<Layer>> {
-        let mut seen = Vec::with_capacity(kinds.len());
+        let (mut seen, mut is_missing) = (Vec::with_capacity(kinds.len()), false);
         for kind in kinds {
             match kind {
                 Kind::Projection(layer, views) => {
                     let Some(view) = views.get(eye.min(views.len().saturating_sub(1))) else { continue };
-                    let color = self.color(&view.sub_image)?;
+                    // All parts of the frame are registered, so that the next frame has all of them.
+                    let (color, depth) = (self.color(&view.sub_image), self.depth(view));
+                    let (Some(color), Some(depth)) = (color, depth) else {
+                        is_missing = true;
+                        continue;
+                    };
                     let xr::Fovf { angle_left, angle_right, angle_up, angle_down } = view.fov;
                     let edges = [angle_left, angle_right, angle_up, angle_down].map(|angle| f64::from(angle).tan());
-                    let place = Place::View { edges, depth: self.depth(view)? };
+                    let place = Place::View { edges, depth };
                     seen.push(Layer { color, alpha: alpha(layer.layer_flags), place });
                 }
                 Kind::Quad(layer) if is_visible(layer.eye_visibility, eye) => {
@@ -184,7 +189,7 @@ impl Scene<'_> {
                 _ => {}
             }
         }
-        Some(seen)
+        (!is_missing).then_some(seen)
     }
 
     /// Returns the copy of a part of an image of color.

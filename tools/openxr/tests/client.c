@@ -9,7 +9,9 @@
 // take none, d16, d24 or d32. With near=M and far=M, depths 0 and 1 have these distances. With samples=N, a color image
 // has N samples. The words show=NAMES list layers (projection, quad, view-quad, cylinder). With resize=N, views are half
 // as large from frame N on. With pause=A-B, these frames have no layers. With die=N, the process is killed at frame N.
-// With noise=1, a second thread submits. With graphics=gl, a session begins for OpenGL.
+// With noise=1, a second thread submits. With graphics=gl, a session begins for OpenGL. With panel=once, the image of
+// the panel is released once. With start=line, the first frame waits for a line on the standard input. With extensions=none, the application ignores the extensions that it should enable. With
+// extensions=made, OpenXR makes its instance and its device. With vulkan=1.0, it uses this version.
 //
 // At the end it prints the frames, the size of its memory after a quarter of them and at the end (KiB), and the mean
 // time of a frame (us).
@@ -30,9 +32,9 @@
 
 #define CHECK(call)                                                       \
     do {                                                                  \
-        long result = (long)(call);                                       \
-        if (result < 0) {                                                 \
-            fprintf(stderr, "client: %s is %ld\n", #call, result);        \
+        long checked = (long)(call);                                     \
+        if (checked < 0) {                                                \
+            fprintf(stderr, "client: %s is %ld\n", #call, checked);       \
             exit(1);                                                      \
         }                                                                 \
     } while (0)
@@ -81,17 +83,61 @@ typedef struct {
     VkFence fences[IMAGES];
 } Target;
 
+// Requests a list of extensions, and stores its names. Every name must be there once.
+static uint32_t extensions_of(const char *function, const char *names[16]) {
+    if (!strcmp(text("extensions", ""), "none")) return 0;
+    PFN_xrGetVulkanDeviceExtensionsKHR list;
+    CHECK(xrGetInstanceProcAddr(xr, function, (PFN_xrVoidFunction *)&list));
+    uint32_t needed = 0, again = 0, count = 0;
+    CHECK(list(xr, system_id, 0, &needed, NULL));
+    char *all = malloc(needed);
+    memset(all, 'x', needed);
+    if (list(xr, system_id, needed - 1, &again, all) != XR_ERROR_SIZE_INSUFFICIENT || again != needed || all[0] != 'x') exit(3);
+    CHECK(list(xr, system_id, needed, &again, all));
+    if (again != needed || strlen(all) + 1 != needed) exit(3);
+    for (char *name = strtok(all, " "); name && count < 16; name = strtok(NULL, " ")) {
+        for (uint32_t i = 0; i < count; i++)
+            if (!strcmp(names[i], name)) exit(3);
+        names[count++] = name;
+    }
+    return count;
+}
+
 static void make_device(void) {
-    VkApplicationInfo about = {VK_STRUCTURE_TYPE_APPLICATION_INFO, NULL, "client", 1, NULL, 0, VK_API_VERSION_1_1};
-    VkInstanceCreateInfo info = {VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO, NULL, 0, &about, 0, NULL, 0, NULL};
-    CHECK(vkCreateInstance(&info, NULL, &instance));
+    uint32_t version = !strcmp(text("vulkan", ""), "1.0") ? VK_API_VERSION_1_0 : VK_API_VERSION_1_1;
+    int is_made = !strcmp(text("extensions", ""), "made");
+    const char *names[16] = {"VK_KHR_get_physical_device_properties2"};
+    VkApplicationInfo about = {VK_STRUCTURE_TYPE_APPLICATION_INFO, NULL, "client", 1, NULL, 0, version};
+    VkInstanceCreateInfo info = {VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO, NULL, 0, &about, 0, NULL, 1, names};
+    if (is_made) {
+        PFN_xrCreateVulkanInstanceKHR make;
+        CHECK(xrGetInstanceProcAddr(xr, "xrCreateVulkanInstanceKHR", (PFN_xrVoidFunction *)&make));
+        XrVulkanInstanceCreateInfoKHR wanted = {XR_TYPE_VULKAN_INSTANCE_CREATE_INFO_KHR, NULL, system_id, 0, vkGetInstanceProcAddr, &info, NULL};
+        VkResult answer;
+        CHECK(make(xr, &wanted, &instance, &answer));
+        CHECK(answer);
+    } else {
+        info.enabledExtensionCount = extensions_of("xrGetVulkanInstanceExtensionsKHR", names);
+        CHECK(vkCreateInstance(&info, NULL, &instance));
+    }
     PFN_xrGetVulkanGraphicsDeviceKHR find;
     CHECK(xrGetInstanceProcAddr(xr, "xrGetVulkanGraphicsDeviceKHR", (PFN_xrVoidFunction *)&find));
     CHECK(find(xr, system_id, instance, &physical));
     float priority = 1;
     VkDeviceQueueCreateInfo queues = {VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO, NULL, 0, 0, 1, &priority};
-    VkDeviceCreateInfo made = {VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, NULL, 0, 1, &queues, 0, NULL, 0, NULL, NULL};
-    CHECK(vkCreateDevice(physical, &made, NULL, &device));
+    VkDeviceCreateInfo made = {VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, NULL, 0, 1, &queues, 0, NULL, 0, names, NULL};
+    if (is_made) {
+        PFN_xrCreateVulkanDeviceKHR make;
+        CHECK(xrGetInstanceProcAddr(xr, "xrCreateVulkanDeviceKHR", (PFN_xrVoidFunction *)&make));
+        names[0] = "VK_KHR_maintenance1", made.enabledExtensionCount = 1;
+        XrVulkanDeviceCreateInfoKHR wanted = {XR_TYPE_VULKAN_DEVICE_CREATE_INFO_KHR, NULL, system_id, 0, vkGetInstanceProcAddr, physical, &made, NULL};
+        VkResult answer;
+        CHECK(make(xr, &wanted, &device, &answer));
+        CHECK(answer);
+    } else {
+        made.enabledExtensionCount = extensions_of("xrGetVulkanDeviceExtensionsKHR", names);
+        CHECK(vkCreateDevice(physical, &made, NULL, &device));
+    }
     vkGetDeviceQueue(device, 0, 0, &queue);
 }
 
@@ -357,6 +403,9 @@ static void run_session(void) {
     pthread_t thread;
     runs = number("noise", 0);
     if (runs) pthread_create(&thread, NULL, noise, NULL);
+    // Later sessions do not wait.
+    static int read;
+    while (!strcmp(text("start", ""), "line") && read != '\n' && read != EOF) read = getchar();
     long early = 0;
     double begun = 0;
     for (uint32_t frame = 1; frame <= frames; frame++) {
@@ -381,7 +430,7 @@ static void run_session(void) {
             CHECK(xrReleaseSwapchainImage(color.chain, NULL));
         }
         if (depth.chain) render(&depth, frame, width);
-        render(&panel, frame, 16);
+        if (frame == 1 || strcmp(text("panel", ""), "once")) render(&panel, frame, 16);
         end_frame(state.predictedDisplayTime, frame, &color, &depth, &panel, width);
     }
     double each = (now_us() - begun) / (frames - frames / 10);
@@ -400,9 +449,9 @@ static void run_session(void) {
 
 int main(int count, char **arguments) {
     words = count, word = arguments;
-    const char *extensions[] = {"XR_KHR_vulkan_enable", "XR_KHR_composition_layer_cylinder", "XR_KHR_opengl_enable",
-                                "XR_KHR_composition_layer_depth"};
-    uint32_t used = strcmp(text("depth", "none"), "none") ? 4 : 3;
+    const char *extensions[] = {"XR_KHR_vulkan_enable", "XR_KHR_vulkan_enable2", "XR_KHR_composition_layer_cylinder",
+                                "XR_KHR_opengl_enable", "XR_KHR_composition_layer_depth"};
+    uint32_t used = strcmp(text("depth", "none"), "none") ? 5 : 4;
     XrInstanceCreateInfo info = {XR_TYPE_INSTANCE_CREATE_INFO, NULL, 0, {"client", 1, "", 0, XR_CURRENT_API_VERSION}, 0, NULL, used, extensions};
     CHECK(xrCreateInstance(&info, &xr));
     XrSystemGetInfo wanted = {XR_TYPE_SYSTEM_GET_INFO, NULL, XR_FORM_FACTOR_HEAD_MOUNTED_DISPLAY};

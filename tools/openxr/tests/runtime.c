@@ -186,9 +186,19 @@ static XrResult requirements(XrInstance instance, XrSystemId system, XrGraphicsR
     return needs->maxApiVersionSupported = XR_MAKE_VERSION(1, 3, 0), XR_SUCCESS;
 }
 
-static XrResult no_extensions(XrInstance instance, XrSystemId system, uint32_t capacity, uint32_t *count, char *text) {
-    if (capacity) *text = 0;
-    return *count = 1, XR_SUCCESS;
+static XrResult list_text(const char *all, uint32_t capacity, uint32_t *count, char *text) {
+    *count = (uint32_t)strlen(all) + 1;
+    if (capacity && capacity < *count) return XR_ERROR_SIZE_INSUFFICIENT;
+    if (capacity) strcpy(text, all);
+    return XR_SUCCESS;
+}
+
+static XrResult instance_extensions(XrInstance instance, XrSystemId system, uint32_t capacity, uint32_t *count, char *text) {
+    return list_text("VK_KHR_get_physical_device_properties2", capacity, count, text);
+}
+
+static XrResult device_extensions(XrInstance instance, XrSystemId system, uint32_t capacity, uint32_t *count, char *text) {
+    return list_text("VK_KHR_maintenance1 VK_KHR_external_memory", capacity, count, text);
 }
 
 static XrResult graphics_device(XrInstance instance, XrSystemId system, VkInstance vulkan, VkPhysicalDevice *device) {
@@ -499,8 +509,8 @@ static XrResult get(XrInstance instance, const char *name, PFN_xrVoidFunction *f
         ENTRY("xrEnumerateViewConfigurationViews", configuration_views),
         ENTRY("xrGetVulkanGraphicsRequirementsKHR", requirements),
         ENTRY("xrGetVulkanGraphicsRequirements2KHR", requirements),
-        ENTRY("xrGetVulkanInstanceExtensionsKHR", no_extensions),
-        ENTRY("xrGetVulkanDeviceExtensionsKHR", no_extensions),
+        ENTRY("xrGetVulkanInstanceExtensionsKHR", instance_extensions),
+        ENTRY("xrGetVulkanDeviceExtensionsKHR", device_extensions),
         ENTRY("xrGetVulkanGraphicsDeviceKHR", graphics_device),
         ENTRY("xrGetVulkanGraphicsDevice2KHR", graphics_device2),
         ENTRY("xrCreateVulkanInstanceKHR", vulkan_instance),

@@ -1,10 +1,16 @@
 //! Builds the runtime and the application, runs them with the layer, and takes their frames.
 
-use eyebox_live_input::{Content, Display, Frame, Kind, Latest, Offer};
-use std::io::Read;
+mod device;
+
+pub use device::Shares;
+
+use device::Taker;
+use eyebox_live_input::{Content, Display, Frame, FrameInfo, Kind, Latest, Offer};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Rows and columns of the display. A view of the application has as many.
@@ -27,6 +33,28 @@ pub struct Setup {
     folder: tempfile::TempDir,
     variables: Vec<(&'static str, &'static str)>,
     layers: Vec<&'static str>,
+    pub plan: Plan,
+}
+
+/// The displays of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan {
+    /// The memory that displays share.
+    pub shares: Shares,
+    /// The time from the start of the application until the displays open.
+    pub delay: Duration,
+    /// The memory that the next displays share, which replace the first ones after twenty frames.
+    pub then: Option<Shares>,
+    /// True if frames pass through the host although the displays have a device.
+    pub is_refused: bool,
+}
+
+/// A frame that arrived, from the host or from the device.
+pub struct Picture {
+    pub info: FrameInfo,
+    /// The light of red, green and blue, as (row, column).
+    pub channels: Vec<Vec<f32>>,
+    pub dioptres: Vec<f32>,
 }
 
 /// The end of a run.
@@ -82,7 +110,27 @@ impl Setup {
     pub fn new(name: &str) -> Option<Self> {
         let programs = programs()?;
         let folder = tempfile::Builder::new().prefix(name).tempdir().unwrap();
-        Some(Self { programs, folder, variables: Vec::new(), layers: Vec::new() })
+        let (variables, layers) = (Vec::new(), Vec::new());
+        let plan = Plan { shares: Shares::Nothing, delay: Duration::ZERO, then: None, is_refused: false };
+        Some(Self { programs, folder, variables, layers, plan })
+    }
+
+    /// Prepares runs with a display whose frames pass through the host, and with one that shares memory of its device.
+    pub fn each(name: &str) -> Vec<Self> {
+        let of = |shares| Some(Self::new(name)?.shares(shares));
+        [Shares::Nothing, Shares::Memory].into_iter().filter_map(of).collect()
+    }
+
+    /// Prepares a run with displays that share this memory.
+    pub fn shares(&self, shares: Shares) -> Self {
+        self.planned(Plan { shares, ..self.plan })
+    }
+
+    /// Prepares a run with other displays.
+    pub fn planned(&self, plan: Plan) -> Self {
+        let Self { programs, variables, layers, .. } = self;
+        let folder = tempfile::tempdir().unwrap();
+        Self { programs, folder, variables: variables.clone(), layers: layers.clone(), plan }
     }
 
     /// Sets a variable of the environment.
@@ -118,7 +166,7 @@ impl Setup {
     /// Returns the application with its arguments.
     fn client(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(self.programs.folder.path().join("client"));
-        command.args([TANGENT, "size=96x64"]).args(arguments);
+        command.args([TANGENT, "size=96x64", "start=line"]).args(arguments);
         command
     }
 
@@ -139,52 +187,147 @@ impl Setup {
     }
 
     /// Runs the application, and gives each frame of a display to `check`.
-    pub fn run(&self, name: &str, arguments: &[&str], mut check: impl FnMut(&Frame)) -> Ending {
-        self.run_program(name, self.client(arguments), |frame, _| check(frame))
+    pub fn run(&self, name: &str, arguments: &[&str], mut check: impl FnMut(&Picture)) -> Ending {
+        self.run_program(&[(name, self.plan.shares)], self.client(arguments), |_, picture, _| check(picture))
     }
 
-    /// Runs a program, and gives each frame of a display to `check`, with the running program.
-    pub fn run_program(&self, name: &str, command: Command, mut check: impl FnMut(&Frame, &mut Child)) -> Ending {
-        let mut display = self.open(name);
-        let mut frame = display.frame();
+    /// Runs the application with several displays, and gives each frame to `check`, with the index of its display.
+    pub fn run_all(
+        &self,
+        displays: &[(&str, Shares)],
+        arguments: &[&str],
+        mut check: impl FnMut(usize, &Picture),
+    ) -> Ending {
+        self.run_program(displays, self.client(arguments), |index, picture, _| check(index, picture))
+    }
+
+    /// Runs a program, and gives each frame of the displays to `check`, with the running program.
+    pub fn run_program(
+        &self,
+        displays: &[(&str, Shares)],
+        command: Command,
+        mut check: impl FnMut(usize, &Picture, &mut Child),
+    ) -> Ending {
+        let open = |shares: &[(&str, Shares)]| -> Vec<There> {
+            shares.iter().map(|(name, shares)| There::new(self.open(name), *shares, self.plan.is_refused)).collect()
+        };
+        let mut there = if self.plan.delay.is_zero() { open(displays) } else { Vec::new() };
         let program = format!("{command:?}");
         let mut client = self.start(command);
-        let read = |pipe: Option<Box<dyn Read + Send>>| {
-            let mut pipe = pipe.unwrap();
-            std::thread::spawn(move || {
-                let mut text = String::new();
-                pipe.read_to_string(&mut text).unwrap();
-                text
-            })
-        };
-        let output = read(client.stdout.take().map(|pipe| Box::new(pipe) as _));
-        let errors = read(client.stderr.take().map(|pipe| Box::new(pipe) as _));
+        let output = Lines::read(client.stdout.take());
+        let errors = Lines::read(client.stderr.take());
         let begun = Instant::now();
-        let mut connected = false;
+        let mut waits = program.contains("start=line");
+        let mut seen = 0;
         let (code, last) = loop {
             let ended = client.try_wait().unwrap();
-            match display.latest(&mut frame) {
-                Latest::New => check(&frame, &mut client),
-                Latest::Refused(fault) => panic!("{fault}"),
-                Latest::Gone if ended.is_some() => break (ended.and_then(|status| status.code()), Latest::Gone),
-                _ => {}
+            // The application begins when the displays are there, or when there are none for it.
+            let connected = times(&errors.text(), "takes frames of") >= displays.len() as u64;
+            if waits && (connected || !self.plan.delay.is_zero() || begun.elapsed() > Duration::from_secs(3)) {
+                waits = false;
+                let _ = client.stdin.as_mut().unwrap().write_all(b"\n");
             }
-            connected |= display.counts().applications > 0;
-            if let (Some(ended), false) = (ended, connected) {
-                break (ended.code(), Latest::Late);
+            if there.is_empty() && begun.elapsed() >= self.plan.delay {
+                there = open(displays);
+            }
+            for (index, one) in there.iter_mut().enumerate() {
+                if let Some(picture) = one.next() {
+                    check(index, &picture, &mut client);
+                    seen += 1;
+                }
+            }
+            if let Some(next) =
+                self.plan.then.filter(|_| seen >= 20 && there.iter().all(|one| one.shares != self.plan.then.unwrap()))
+            {
+                drop(std::mem::take(&mut there));
+                there = open(&displays.iter().map(|(name, _)| (*name, next)).collect::<Vec<_>>());
+            }
+            let is_gone = |one: &There| one.last == Latest::Gone && one.display.counts().applications > 0;
+            let never = there.iter().all(|one| one.display.counts().applications == 0);
+            match ended {
+                Some(ended) if !there.is_empty() && there.iter().all(is_gone) => break (ended.code(), Latest::Gone),
+                Some(ended) if never => break (ended.code(), Latest::Late),
+                _ => {}
             }
             if begun.elapsed() > PATIENCE {
                 client.kill().unwrap();
                 panic!("{program} did not end");
             }
-            display.wait(Duration::from_millis(2));
+            there.first().map_or_else(|| true, |one| one.display.wait(Duration::from_millis(2)));
         };
-        Ending { code, output: output.join().unwrap(), errors: errors.join().unwrap(), last }
+        Ending { code, output: output.end(), errors: errors.end(), last }
     }
 
     /// Runs the application with a display whose frames are not checked.
     pub fn plain(&self, name: &str, arguments: &[&str]) -> Ending {
         self.run(name, arguments, |_| {})
+    }
+}
+
+/// The lines that a program prints.
+struct Lines {
+    text: Arc<Mutex<String>>,
+    thread: JoinHandle<()>,
+}
+
+impl Lines {
+    fn read(pipe: Option<impl Read + Send + 'static>) -> Self {
+        let text = Arc::new(Mutex::new(String::new()));
+        let (pipe, its) = (BufReader::new(pipe.unwrap()), text.clone());
+        let thread = std::thread::spawn(move || {
+            for line in pipe.lines() {
+                its.lock().unwrap().extend([line.unwrap().as_str(), "\n"]);
+            }
+        });
+        Self { text, thread }
+    }
+
+    /// Returns the lines until now.
+    fn text(&self) -> String {
+        self.text.lock().unwrap().clone()
+    }
+
+    /// Returns all lines, after the end of the program.
+    fn end(self) -> String {
+        self.thread.join().unwrap();
+        self.text.lock().unwrap().clone()
+    }
+}
+
+/// A display with its device.
+struct There {
+    display: Display,
+    frame: Frame,
+    taker: Taker,
+    shares: Shares,
+    is_refused: bool,
+    last: Latest,
+}
+
+impl There {
+    fn new(display: Display, shares: Shares, is_refused: bool) -> Self {
+        let (frame, taker) = (display.frame(), Taker::new(shares, display.offer().clone()));
+        Self { display, frame, taker, shares, is_refused, last: Latest::Gone }
+    }
+
+    /// Returns a new frame, if there is one.
+    fn next(&mut self) -> Option<Picture> {
+        self.last = self.display.latest_to(&mut self.frame, &mut self.taker);
+        if let Latest::Refused(fault) = self.last {
+            panic!("{fault}");
+        }
+        if self.last != Latest::New {
+            return None;
+        }
+        let expected = self.shares == Shares::Memory && !self.is_refused;
+        assert_eq!(self.frame.info().on_device, expected, "{:?}", self.shares);
+        let frame = &self.frame;
+        let of_host = || Picture {
+            info: *frame.info(),
+            channels: (0..3).map(|channel| frame.channel(channel).to_vec()).collect(),
+            dioptres: frame.dioptres().to_vec(),
+        };
+        Some(if frame.is_taken() { self.taker.taken.take().expect("a frame on the device") } else { of_host() })
     }
 }
 
@@ -221,8 +364,8 @@ fn level(light: f32, srgb: bool) -> f32 {
 }
 
 /// Returns the number of the frame, which its first pixel has.
-pub fn number(frame: &Frame) -> u32 {
-    let part = |channel: usize| level(frame.channel(channel)[0], true).round() as u32;
+pub fn number(frame: &Picture) -> u32 {
+    let part = |channel: usize| level(frame.channels[channel][0], true).round() as u32;
     part(0) + 256 * part(1)
 }
 
@@ -245,9 +388,9 @@ impl Wanted {
     }
 
     /// Compares a frame of an eye, pixel by pixel.
-    pub fn check(&mut self, frame: &Frame, eye: u32) {
-        assert_eq!(frame.info().content, Content::ColorAndDepth);
-        let level = |channel: usize, at: usize| level(frame.channel(channel)[at], self.srgb);
+    pub fn check(&mut self, frame: &Picture, eye: u32) {
+        assert_eq!(frame.info.content, Content::ColorAndDepth);
+        let level = |channel: usize, at: usize| level(frame.channels[channel][at], self.srgb);
         let number = level(0, 0).round() as u32 + 256 * level(1, 0).round() as u32;
         assert!(number > self.newest, "frame {number} after {}", self.newest);
         assert_eq!(level(2, 0).round() as u32, 100 + eye, "the eye");
@@ -261,7 +404,7 @@ impl Wanted {
                 assert!((found - wanted as f32).abs() < 1.0, "frame {number}, {x}, {y}: {found}, not {wanted}");
             }
             let depth = f64::from((x * 997 + y * 131 + number * 17 + eye * 7001) & 0xffff) / 65_535.0;
-            let (wanted, found) = (near + depth * (far - near), f64::from(frame.dioptres()[at]));
+            let (wanted, found) = (near + depth * (far - near), f64::from(frame.dioptres[at]));
             let step = (far - near).abs() / 65_535.0;
             assert!((found - wanted).abs() < step, "frame {number}, {x}, {y}: {found} D, not {wanted}");
         }
@@ -270,7 +413,7 @@ impl Wanted {
 
 /// Checks the panel of 0.8 m at 2 m before the left eye, or the cylinder of 0.4 radians around it. The panel takes 40
 /// of the pixels along each axis, and the cylinder about as many.
-pub fn check_panel(frame: &Frame, shown: &str) {
+pub fn check_panel(frame: &Picture, shown: &str) {
     let at = |x: u32, y: u32| (y * SIZE[1] + x) as usize;
     let behind = shown.contains("projection");
     let [middle_x, middle_y] = [SIZE[1] / 2, SIZE[0] / 2];
@@ -280,17 +423,17 @@ pub fn check_panel(frame: &Frame, shown: &str) {
         // The distance along the axis of a cylinder around the eye is the radius times the cosine.
         let cosine =
             if shown.contains("cylinder") { 1.0 / (1.0 + (f64::from(dx) + 0.5).powi(2) * 1e-4).sqrt() } else { 1.0 };
-        let (found, wanted) = (f64::from(frame.dioptres()[at]), 0.5 / cosine);
+        let (found, wanted) = (f64::from(frame.dioptres[at]), 0.5 / cosine);
         assert!((found - wanted).abs() < 1e-3, "{shown}, {dx}, {dy}: {found} D, not {wanted}");
     }
     for [dx, dy] in [[24, 0], [-24, 0], [0, 24], [0, -24]] {
         let at = at(middle_x.wrapping_add_signed(dx), middle_y.wrapping_add_signed(dy));
-        let dark = (0..3).all(|channel| frame.channel(channel)[at] == 0.0) && frame.dioptres()[at] == 0.0;
+        let dark = (0..3).all(|channel| frame.channels[channel][at] == 0.0) && frame.dioptres[at] == 0.0;
         assert!(behind || dark, "{shown}, {dx}, {dy}: there is something outside of the panel");
-        assert!(!behind || frame.dioptres()[at] != 0.5, "{shown}, {dx}, {dy}: the panel is too large");
+        assert!(!behind || frame.dioptres[at] != 0.5, "{shown}, {dx}, {dy}: the panel is too large");
     }
     // The panel has 16 x 16 texels, with the number of the frame in the first one, at the upper left.
     let corner = at(middle_x - 20, middle_y - 20);
-    let blue = level(frame.channel(2)[corner], false).round() as u32;
+    let blue = level(frame.channels[2][corner], false).round() as u32;
     assert!(blue == 100 || shown.contains("cylinder"), "{shown}: {blue} in the first texel");
 }
