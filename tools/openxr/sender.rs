@@ -182,16 +182,17 @@ impl Worker {
                     let [rows, columns] = application.offer().size;
                     let mut there = Connection::new(application);
                     let shared = there.share(self.ours, self.own.as_ref());
+                    if let Err(Unshared::Live(LiveError::Gone)) = shared {
+                        continue;
+                    }
                     let place = if let Ok(Some(_)) = shared { " on the device" } else { "" };
                     say(&format!("live:{name} takes frames of {rows} x {columns} pixels{place}"));
                     match shared {
-                        Ok(None) => {}
-                        Ok(own) => self.own = own,
-                        Err(Unshared::Live(LiveError::Gone)) => continue,
-                        Err(reason) => self
-                            .shared
-                            .notes
-                            .once(Subject::Device, || format!("live:{name}: frames pass through the host: {reason}")),
+                        Ok(own) => self.own = own.or(self.own.take()),
+                        Err(reason) => {
+                            let line = || format!("live:{name}: frames pass through the host: {reason}");
+                            self.shared.notes.once(Subject::Device, line);
+                        }
                     }
                     self.shared.on_device.store(self.own.is_some(), Ordering::Relaxed);
                     *connection = Some(there);

@@ -18,7 +18,7 @@ fn many() -> u32 {
 /// Checks that neither Vulkan's validation layer nor the runtime found a fault.
 fn faultless(run: &Ending) {
     let Ending { output, errors, .. } = run;
-    for word in ["VUID", "UNASSIGNED", "runtime:"] {
+    for word in ["VUID", "UNASSIGNED", "SYNC-HAZARD", "runtime:"] {
         assert!(!output.contains(word) && !errors.contains(word), "{output}{errors}");
     }
 }
@@ -131,7 +131,7 @@ fn frames_pass_through_the_host_if_memory_cannot_be_shared() {
 #[test]
 fn displays_arrive_later_and_follow_each_other() {
     let Some(setup) = Setup::new("later") else { return };
-    let arguments = [&["frames=800", "show=projection,quad", "panel=once"], &DEPTH[..]].concat();
+    let arguments = [&["frames=600", "show=projection,quad", "panel=once"], &DEPTH[..]].concat();
     let forms =
         [(Shares::Memory, Shares::Nothing), (Shares::Nothing, Shares::Memory), (Shares::Memory, Shares::Elsewhere)];
     for (shares, then) in forms {
@@ -144,7 +144,7 @@ fn displays_arrive_later_and_follow_each_other() {
             assert!(common::number(frame) > newest);
             (newest, frames) = (common::number(frame), frames + 1);
         });
-        assert!(run.code == Some(0) && newest == 800 && frames > 40, "{newest}, {frames}: {}", run.errors);
+        assert!(run.code == Some(0) && newest == 600 && frames > 40, "{newest}, {frames}: {}", run.errors);
         faultless(&run);
         assert_eq!(common::times(&run.errors, "pixels on the device"), 1, "{}", run.errors);
         assert_eq!(common::times(&run.errors, "is gone"), 1, "{}", run.errors);

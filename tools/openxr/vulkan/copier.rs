@@ -29,12 +29,14 @@ pub struct Source {
 pub struct Copier {
     device: Arc<Device>,
     buffers: Vec<Arc<Buffer>>,
+    /// True if the device has no memory left for copies. They are in memory of the host then.
+    is_full: bool,
 }
 
 impl Copier {
     /// Makes a copier without buffers.
     pub fn new(device: &Arc<Device>) -> Self {
-        Self { device: device.clone(), buffers: Vec::new() }
+        Self { device: device.clone(), buffers: Vec::new(), is_full: false }
     }
 
     /// Submits a copy of these parts, and does not wait for it. Returns none if all buffers are in use.
@@ -76,6 +78,7 @@ impl Copier {
 
     /// Returns a buffer of at least this many bytes that nothing uses.
     fn free(&mut self, bytes: u64, room: Room) -> Result<Option<Arc<Buffer>>, vk::Result> {
+        let room = if self.is_full { Room::Host } else { room };
         let is_free = |buffer: &Arc<Buffer>| Arc::strong_count(buffer) == 1 && buffer.is_done();
         // Buffers of another size were for images of which another part was in use. Those in other memory were for
         // another display.
@@ -87,7 +90,11 @@ impl Copier {
         if self.buffers.len() >= BUFFERS {
             return Ok(None);
         }
-        let buffer = Arc::new(Buffer::new(&self.device, bytes, room)?);
+        let buffer = Buffer::new(&self.device, bytes, room).or_else(|error| {
+            self.is_full = room == Room::Device;
+            if self.is_full { Buffer::new(&self.device, bytes, Room::Host) } else { Err(error) }
+        })?;
+        let buffer = Arc::new(buffer);
         self.buffers.push(buffer.clone());
         Ok(Some(buffer))
     }

@@ -181,6 +181,7 @@ impl Setup {
             .env("XDG_RUNTIME_DIR", self.folder.path())
             .env("EYEBOX_OPENXR_NAME", "pictures")
             .env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")
+            .env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT")
             .env("NULL_RUNTIME_PERIOD_US", "2000")
             .envs(self.variables.iter().copied());
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()

@@ -13,7 +13,9 @@ use std::time::Duration;
 
 /// The longest time that a composition may take.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The words of the flag that content was too near, with room for any device's unit.
+/// The rows of workgroups that every device runs.
+const ROWS: usize = 65_535;
+/// The bytes of the flag that content was too near, with room for any device's unit.
 const FOUND: u64 = 64;
 
 /// The place for the frames of a display.
@@ -84,6 +86,9 @@ impl Composer {
     /// # Errors
     /// Returns [`Fault`] if memory runs out or the device is lost.
     pub fn new(own: &Arc<Own>, shape: Shape, target: Target) -> Result<Self, Fault> {
+        if shape.frustum.size[0] > ROWS {
+            return Err(Fault::Rows { found: shape.frustum.size[0], most: ROWS });
+        }
         let [bytes, _] = shape.bytes();
         let canvas_bytes = shape.frustum.size.iter().map(|n| *n as u64).product::<u64>() * 16;
         let found = canvas_bytes.max(bytes + own.alignment);

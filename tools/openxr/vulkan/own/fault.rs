@@ -20,6 +20,9 @@ pub enum Fault {
     /// A picture is too large for a binding of the device.
     #[error("an image of {found} bytes, but the device reads at most {most} at once")]
     Size { found: u64, most: u64 },
+    /// The display's pictures have too many rows for a device.
+    #[error("pictures of {found} rows, but a device composes at most {most}")]
+    Rows { found: usize, most: usize },
     /// A call of Vulkan failed.
     #[error("{call}: {result}")]
     Vulkan { call: &'static str, result: vk::Result },

@@ -254,6 +254,9 @@ fn odd_layers() {
     assert!(composer.samples().0.is_empty());
     assert!(matches!(composer.compose(2, &seen), Err(Fault::Size { .. })));
     assert!(matches!(composer.compose(usize::MAX, &seen), Err(Fault::Size { .. })));
+    let rows = Shape { frustum: Frustum { size: [65_536, 1], angle: 0.1 }, ..shape };
+    let target = Target::host(&own, rows.bytes()[0]).unwrap();
+    assert!(matches!(Composer::new(&own, rows, target), Err(Fault::Rows { .. })));
     // The shared memory does not have the size that its layout states.
     let memfd = rustix::fs::memfd_create("few", rustix::fs::MemfdFlags::CLOEXEC).unwrap();
     let layout = Layout { memory_bytes: 4, buffer_bytes: 4096, memory_type: 0 };
