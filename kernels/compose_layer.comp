@@ -20,8 +20,8 @@ uint word(uint at) { return tables[record + at]; }
 float real(uint at) { return uintBitsToFloat(tables[record + at]); }
 vec3 real3(uint at) { return vec3(real(at), real(at + 1), real(at + 2)); }
 
-// Returns the light of a half: neither negative nor unlimited. A NaN becomes 0. `unpackHalf2x16` may flush subnormal
-// halves to zero.
+// Returns the light of a half, which is neither negative nor unlimited. A NaN becomes 0. `unpackHalf2x16` may flush
+// subnormal halves to zero.
 float half_light(uint bits) {
     if (bits > 0x7c00u) return 0.0;
     uint exponent = bits >> 10, fraction = bits & 1023u;

@@ -53,21 +53,21 @@ pub const INVERTED: u32 = 4;
 /// Colors of 8 bits follow the sRGB curve.
 pub const SRGB: u32 = 8;
 
-/// Words of the record: [`VIEW`], [`QUAD`] or [`CYLINDER`].
+/// Word of the record with [`VIEW`], [`QUAD`] or [`CYLINDER`].
 pub const KIND: usize = 0;
-/// Words of the record: the flags of opacity and of the curve.
+/// Word of the record with the flags of opacity and of the curve.
 pub const FLAGS: usize = 1;
-/// Words of the record: format, first byte, bytes from row to row, rows and columns of the color.
+/// Words of the record with format, first byte, bytes from row to row, rows and columns of the color.
 pub const COLOR: usize = 2;
-/// Words of the record: format (0 without depth), first byte and bytes from row to row of the depth.
+/// Words of the record with format (0 without depth), first byte and bytes from row to row of the depth.
 pub const DEPTH: usize = 7;
-/// Words of the record: the depths of the near and the far distance, and the dioptres of both.
+/// Words of the record with the depths of the near and the far distance, and the dioptres of both.
 pub const RANGE: usize = 10;
-/// Word of the record: the dioptres of a view without depth.
+/// Word of the record with the dioptres of a view without depth.
 pub const DIOPTRES: usize = 14;
-/// Words of the record: the first words of the tables of columns and rows of the color, and of the depth.
+/// Words of the record with the first words of the tables of columns and rows of the color, and of the depth.
 pub const TABLES: usize = 15;
-/// Words of the record: a quad or a cylinder.
+/// Words of the record with a quad or a cylinder.
 ///
 /// A quad has its normal, its right and its up direction, divided by width and height. Each is followed by its product
 /// with the center. A cylinder has the rotation from the eye (row by row), the eye's place, radius, central angle and
@@ -76,7 +76,8 @@ pub const SURFACE: usize = 19;
 /// Number of words of a record.
 pub const RECORD: usize = 34;
 
-/// Words of a table of color per pixel: first sample, number of samples, and the first word of their weights.
+/// Words of a table of color per pixel, with the first sample, the number of samples, and the first word of their
+/// weights.
 pub const TAP: usize = 3;
 /// The sample in a table of depth for a pixel outside the view.
 pub const OUTSIDE: u32 = u32::MAX;

@@ -10,7 +10,7 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Number of pixels.
+    /// Number of pixels of the picture.
     pub pixels: u32,
     /// The colors of the frame, as 1 red + 2 green + 4 blue.
     pub colors: u32,

@@ -87,8 +87,8 @@ impl Connection {
         (self.composer, self.shares) = (None, false);
     }
 
-    /// Composes and sends the layers, on the layer's device if it is open. Returns false if the copies of the layers are
-    /// not where they are composed.
+    /// Composes and sends the layers, on the layer's device if it is open. Returns false if the host cannot read
+    /// the copies of the view.
     ///
     /// # Errors
     /// Returns [`Unsent`] if the display refuses the frame, or the device fails.
@@ -103,7 +103,7 @@ impl Connection {
         let info = FrameInfo {
             request,
             content_time_ns: shows_ns,
-            on_device: self.shares,
+            on_device: self.shares && own.is_some(),
             ..FrameInfo::new(Content::ColorAndDepth, Sample::F32, Transfer::Linear)
         };
         match own {
@@ -144,8 +144,7 @@ impl Connection {
     }
 
     fn send_from_host(&mut self, info: &FrameInfo, layers: &[Layer], notes: &Notes) -> Result<bool, LiveError> {
-        // A copy that the layer's device received before it failed cannot be read.
-        if !layers.iter().all(|layer| layer.color.sheet().is_some()) {
+        if !layers.iter().all(is_readable) {
             return Ok(false);
         }
         self.canvas.clear();
@@ -181,6 +180,13 @@ fn frustum(offer: &Offer) -> Frustum {
 
 fn shape(offer: &Offer) -> Shape {
     Shape { frustum: frustum(offer), colors: offer.colors, nearest: nearest(offer) }
+}
+
+/// Returns true if the host can read the copies of a view. A copy that the layer's device received before it failed
+/// cannot be read. Other layers are left out.
+fn is_readable(layer: &Layer) -> bool {
+    let Place::View { depth, .. } = &layer.place else { return true };
+    layer.color.sheet().is_some() && depth.as_ref().is_none_or(|(depth, _)| depth.sheet().is_some())
 }
 
 fn draw(canvas: &mut Canvas, layer: &Layer) {

@@ -205,7 +205,7 @@ mod tests {
     #[test]
     fn a_list_of_pointers_keeps_the_names_of_the_application() {
         let theirs = [c"VK_A".as_ptr(), c"VK_B".as_ptr()];
-        // SAFETY: the pointers are those of the list.
+        // SAFETY: the pointers are in the list.
         let all = unsafe { more(theirs.as_ptr(), 2, &[c"VK_B", c"VK_C"]) }.expect("a name more");
         // SAFETY: the pointers are strings of C.
         let names: Vec<&CStr> = all.iter().map(|name| unsafe { CStr::from_ptr(*name) }).collect();

@@ -1,4 +1,4 @@
-//! What both devices have in common: the loader, the kind of shared memory, and the identity of a device.
+//! The loader of Vulkan, the kind of shared memory, and the identity of a device, which both devices use.
 
 use ash::vk;
 use eyebox_live_input::DeviceIds;

@@ -16,7 +16,7 @@ pub enum Shares {
     /// It has no device.
     Nothing,
     Memory,
-    /// Its device is another one than the application's.
+    /// The device is another one than the application's.
     Elsewhere,
     /// It has no memory left when the application requests it.
     TooLittle,

@@ -16,7 +16,7 @@ pub struct Own {
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
     /// The unit of the places of bindings.
     pub(super) alignment: u64,
-    /// The largest binding.
+    /// The bytes of the largest binding.
     pub(super) range: u64,
     pub(super) pipelines: Pipelines,
 }

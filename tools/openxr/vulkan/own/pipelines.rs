@@ -1,4 +1,4 @@
-//! The compute pipelines.
+//! Compute pipelines of both kernels.
 
 use super::fault::{Fault, of};
 use ash::vk;
@@ -17,7 +17,10 @@ pub struct Pipelines {
 }
 
 impl Pipelines {
-    /// Makes the pipelines.
+    /// Makes the pipelines on a device.
+    ///
+    /// # Errors
+    /// Returns the driver's error as [`Fault`].
     pub fn new(raw: &ash::Device) -> Result<Self, Fault> {
         let mut made = Self {
             set: vk::DescriptorSetLayout::null(),

@@ -9,7 +9,7 @@ use eyebox_kernels::compose_layer as kernel;
 #[derive(Clone, Copy)]
 pub struct Texels<'a> {
     pub format: Format,
-    /// Rows and columns.
+    /// Rows and columns of the rectangle.
     pub size: [usize; 2],
     /// The bytes from one row to the next.
     pub stride: usize,
@@ -67,7 +67,7 @@ pub(super) struct Run<'a> {
 pub(super) struct Tables {
     words: Vec<u32>,
     alignment: u64,
-    /// The largest range.
+    /// The bytes of the largest range.
     most: u64,
 }
 
@@ -76,7 +76,7 @@ impl Tables {
         Self { words: Vec::new(), alignment, most }
     }
 
-    /// Returns the words.
+    /// Returns the words of the frame.
     pub fn words(&self) -> &[u32] {
         &self.words
     }
