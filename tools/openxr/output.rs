@@ -75,6 +75,7 @@ impl Connection {
             memory_bytes: memory.memory_bytes,
             buffer_bytes: memory.buffer_bytes,
             memory_type: memory.memory_type,
+            usage: memory.usage,
         };
         let target = Target::Slots { memory: Memory::import(&own, fd, &layout)?, stride: memory.slot_stride };
         self.composer = Some(Composer::new(&own, shape(self.application.offer()), target)?);

@@ -61,7 +61,7 @@ impl Buffer {
             room,
             raw: buffer,
             memory: vk::DeviceMemory::null(),
-            layout: Layout { memory_bytes: 0, buffer_bytes: bytes, memory_type: 0 },
+            layout: Layout { memory_bytes: 0, buffer_bytes: bytes, memory_type: 0, usage: USAGE.as_raw() },
             imported: OnceLock::new(),
             mapped: std::ptr::null(),
             bytes,

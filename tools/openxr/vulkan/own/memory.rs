@@ -16,6 +16,8 @@ pub struct Layout {
     pub buffer_bytes: u64,
     /// The index of the memory's type.
     pub memory_type: u32,
+    /// The `VkBufferUsageFlags` of the buffer.
+    pub usage: u32,
 }
 
 /// The side that uses a buffer besides the device.
@@ -84,14 +86,14 @@ impl Memory {
     /// # Errors
     /// Returns [`Fault::Memory`] if the layout does not fit the device, and the driver's errors.
     pub fn import(own: &Arc<Own>, fd: OwnedFd, layout: &Layout) -> Result<Self, Fault> {
-        let Layout { memory_bytes, buffer_bytes, memory_type } = *layout;
+        let Layout { memory_bytes, buffer_bytes, memory_type, usage } = *layout;
         let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(OPAQUE);
         let info = vk::BufferCreateInfo::default().size(buffer_bytes.max(1)).usage(USAGE).push_next(&mut external);
         let mut made = Self::empty(own, &info)?;
         // SAFETY: the buffer was made just now.
         let needs = unsafe { own.raw.get_buffer_memory_requirements(made.raw) };
         let has_type = memory_type < own.memory.memory_type_count && needs.memory_type_bits >> memory_type & 1 == 1;
-        if !has_type || memory_bytes < needs.size || buffer_bytes == 0 {
+        if !has_type || memory_bytes < needs.size || buffer_bytes == 0 || usage != USAGE.as_raw() {
             return Err(Fault::Memory { bytes: memory_bytes, kind: memory_type });
         }
         let given = fd.into_raw_fd();

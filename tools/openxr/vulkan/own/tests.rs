@@ -3,7 +3,7 @@
 use super::memory::Use;
 use super::*;
 use crate::composition::{Alpha, Canvas, Cylinder, DepthRange, Format, Frustum, Pose, Quad, Sheet};
-use crate::vulkan::sharing::{entry, ids};
+use crate::vulkan::sharing::{USAGE, entry, ids};
 use ash::vk;
 use eyebox_live_input::DeviceIds;
 use std::process::Command;
@@ -258,12 +258,17 @@ fn odd_layers() {
     let target = Target::host(&own, rows.bytes()[0]).unwrap();
     assert!(matches!(Composer::new(&own, rows, target), Err(Fault::Rows { .. })));
     // The shared memory does not have the size that its layout states.
-    let memfd = rustix::fs::memfd_create("few", rustix::fs::MemfdFlags::CLOEXEC).unwrap();
-    let layout = Layout { memory_bytes: 4, buffer_bytes: 4096, memory_type: 0 };
-    assert!(matches!(Memory::import(&own, memfd, &layout), Err(Fault::Memory { .. })));
-    let layout = Layout { memory_bytes: 4096, buffer_bytes: 4096, memory_type: 31 };
-    let memfd = rustix::fs::memfd_create("few", rustix::fs::MemfdFlags::CLOEXEC).unwrap();
-    assert!(matches!(Memory::import(&own, memfd, &layout), Err(Fault::Memory { .. })));
+    let good = Layout { memory_bytes: 4096, buffer_bytes: 4096, memory_type: 0, usage: USAGE.as_raw() };
+    let wrong = [
+        Layout { memory_bytes: 4, ..good },
+        Layout { buffer_bytes: 0, ..good },
+        Layout { memory_type: 31, ..good },
+        Layout { usage: 0, ..good },
+    ];
+    for layout in wrong {
+        let memfd = rustix::fs::memfd_create("few", rustix::fs::MemfdFlags::CLOEXEC).unwrap();
+        assert!(matches!(Memory::import(&own, memfd, &layout), Err(Fault::Memory { .. })), "{layout:?}");
+    }
 }
 
 #[test]
