@@ -14,8 +14,8 @@
 //! Views of splats have three kernels. These are [`project_splats`], [`mark_splats`] and [`draw_splats`]. Module
 //! [`relief`] lists the kernels of views of pictures with depths.
 //!
-//! The frames of OpenXR applications have two kernels, [`compose_layer`] and [`finish_layers`]. Their twin is in
-//! `tools/openxr`, which composes frames without this crate's engines.
+//! The frames of OpenXR applications have two kernels, [`compose_layer`] and [`finish_layers`]. Their twin is
+//! in `tools/openxr`, which composes frames in the process of the application.
 
 pub mod adam;
 pub mod apply_factor;

@@ -190,7 +190,7 @@ impl Worker {
                     match shared {
                         Ok(own) => self.own = own.or(self.own.take()),
                         Err(reason) => {
-                            let line = || format!("live:{name}: frames pass through the host, because {reason}");
+                            let line = || format!("the frames of live:{name} pass through the host, because {reason}");
                             self.shared.notes.once(Subject::Device, line);
                         }
                     }
