@@ -151,14 +151,14 @@ impl ViewTaker for Taker {
         Some((layout, fd))
     }
 
-    fn take_shared(&mut self, slot: usize, bytes: u64, info: &FrameInfo) -> Result<(), FrameFault> {
+    fn take_shared(&mut self, slot: usize, samples: &mut [u8], info: &FrameInfo) -> Result<bool, FrameFault> {
         let (_, mapped, stride) = self.shared.expect("shared memory");
         let pixels = self.offer.pixels();
         let channels = self.offer.channels();
         let depth = (4 * pixels * channels).next_multiple_of(64);
-        assert_eq!(bytes as usize, depth + 4 * pixels);
+        assert_eq!(samples.len(), depth + 4 * pixels);
         // SAFETY: the memory has these bytes, and the application does not write the held slot.
-        let all = unsafe { std::slice::from_raw_parts(mapped.add(slot * stride as usize), bytes as usize) };
+        let all = unsafe { std::slice::from_raw_parts(mapped.add(slot * stride as usize), samples.len()) };
         let value = |at: usize| f32::from_le_bytes(std::array::from_fn(|i| all[4 * at + i]));
         let light: Vec<Vec<f32>> =
             (0..channels).map(|channel| (0..pixels).map(|pixel| value(pixel * channels + channel)).collect()).collect();
@@ -166,7 +166,7 @@ impl ViewTaker for Taker {
         assert!(light.iter().flatten().all(|v| (0.0..=65_504.0).contains(v)), "light of slot {slot}");
         assert!(dioptres.iter().all(|v| (-100.0..=100.0).contains(v)), "dioptres of slot {slot}");
         self.taken = Some(Picture { info: *info, channels: light, dioptres });
-        Ok(())
+        Ok(true)
     }
 
     fn unshare(&mut self) {
