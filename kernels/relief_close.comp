@@ -8,7 +8,7 @@ layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) buffer Views { float views[]; };
 layout(std430, binding = 1) readonly buffer Seen { vec2 seen[]; };
 
-// The direction of the parallax is (x, y). The other arguments are those of relief_draw.comp.
+// The direction of the parallax is (x, y). The other arguments have the same meaning as in relief_draw.comp.
 layout(push_constant) uniform Args {
     uint height, width;
     float x, y;

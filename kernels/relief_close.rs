@@ -5,7 +5,7 @@ use crate::relief::COLORS;
 use crate::relief_draw::Pixel;
 use rayon::prelude::*;
 
-/// The covered share from which a pixel is known.
+/// A pixel with a larger covered share needs no color from its neighbors.
 pub const KNOWN: f32 = 0.5;
 
 /// Returns the colors (color, row, column) of a view of (rows, columns) from `u` columns and `v` rows of views from the

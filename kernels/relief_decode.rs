@@ -18,7 +18,7 @@ pub const ALL_VALID: u32 = u32::MAX;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Number of pixels.
+    /// Number of pixels of the frame.
     pub pixels: u32,
     /// Colors of a pixel.
     pub channels: u32,

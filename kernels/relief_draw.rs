@@ -42,7 +42,7 @@ pub fn pieces(args: &Args, front: &[f32], fringe: &[f32], hidden: &[f32]) -> Vec
     let plane = args.plane as usize;
     let mixed = |p: usize| {
         let (level, opacity) = (fringe[p], fringe[plane + p]);
-        let [x, y] = args.from_picture(p);
+        let [x, y] = args.picture_place(p);
         (level > ABSENT).then(|| Piece {
             x,
             y,
@@ -71,7 +71,7 @@ fn cut(args: &Args, disparity: impl Fn(usize) -> f32, colors: &[f32], p: usize) 
         joined.map_or(here, |there| 0.5 * (there + here))
     };
     let edges = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(edge);
-    let [x, y] = args.from_picture(p);
+    let [x, y] = args.picture_place(p);
     Piece { x, y, disparity: here, edges, opacity: 1.0, color: color(colors, p) }
 }
 

@@ -4,8 +4,8 @@ use crate::relief::{ABSENT, Args, COLORS, color};
 use crate::relief_jump::offset;
 use rayon::prelude::*;
 
-/// Distances from a pixel at which its color is looked for, as multiples of the distance of the rim, and pixels that are
-/// added. Colors at an outline are mixed, so the mirror is a little further out.
+/// Distances from a pixel to the places that may give its color. They are multiples of the distance of the rim, and
+/// pixels that are added. Colors at an outline are mixed, so the mirror is a little further out.
 const TRIES: [(f32, f32); 5] = [(2.0, 2.0), (1.5, 2.0), (1.0, 3.0), (1.0, 2.0), (1.0, 1.0)];
 
 /// Writes the surface behind `front` from the rims that [`relief_jump`](crate::relief_jump::relief_jump) found. A pixel

@@ -3,7 +3,8 @@
 #include "constants.glsl"
 #include "relief.glsl"
 
-// marks = the levels of disparity of each block, for the surface in front with its fringe, and for the hidden one.
+// marks = the levels of disparity of each block. The first word has the surface in front with its fringe, and the second
+// one has the hidden surface.
 
 layout(local_size_x = WIDTH) in;
 layout(std430, binding = 0) readonly buffer Front { float front[]; };

@@ -16,9 +16,9 @@ pub const WORDS: usize = 2;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Levels {
-    /// Smallest disparity.
+    /// Smallest disparity of the picture.
     pub low: f32,
-    /// Largest disparity.
+    /// Largest disparity of the picture.
     pub high: f32,
     /// Number of levels per disparity.
     pub scale: f32,

@@ -11,9 +11,9 @@ pub const TIMES: usize = 2;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Args {
-    /// Number of rows.
+    /// Number of rows of the map.
     pub height: u32,
-    /// Number of columns.
+    /// Number of columns of the map.
     pub width: u32,
     /// Smallest difference of disparity that is a tear.
     pub tear: f32,

@@ -25,7 +25,7 @@ struct Arguments {
     /// Pixels by which the nearest content moves from one view to the next.
     #[arg(long, default_value_t = 12.0)]
     disparity: f64,
-    /// Number of measurements.
+    /// Number of measurements on each.
     #[arg(long, default_value_t = 5)]
     rounds: usize,
 }

@@ -51,7 +51,7 @@ fn taken(newest: Newest) -> SceneFrame {
     }
 }
 
-/// Counts the sets.
+/// Counts the sets of a session.
 #[derive(Default)]
 struct Clock(i64);
 
@@ -193,7 +193,7 @@ fn stored(colors: &[u8], dioptres: &[f32]) -> Vec<u8> {
     samples
 }
 
-/// Views of color and depth that are made on the device are those of the host, whether the frame comes through shared
+/// Views of color and depth are the same from the device and from the host, whether the frame comes through shared
 /// memory or is on the device already.
 #[test]
 fn views_of_color_and_depth_are_made_on_the_device() {

@@ -290,7 +290,7 @@ fn both_eyes_seek_together() {
             assert_eq!(*halves, [of_left[*number as usize], of_right[*number as usize]], "{stereo:?} {number}");
         }
         let back: Vec<_> = lit.windows(2).filter(|two| two[1].0 < two[0].0).map(|two| two[0].0 - two[1].0).collect();
-        // A machine that is busy may miss some of the frames around the jump.
+        // A loaded machine may miss some of the frames around the jump.
         assert!(back.len() == 1 && (1..=8).contains(&back[0]), "{stereo:?} {back:?}");
         assert_eq!(lit.last().unwrap().0, 29);
     }

@@ -1,6 +1,6 @@
 //! Makes views of a picture with depths on the device.
 //!
-//! The kernels are those of [reliefs](eyebox_kernels::relief), which are not part of lists. A frame is read and checked
+//! It uses the kernels of [reliefs](eyebox_kernels::relief), which are not part of lists. A frame is read and checked
 //! when it arrives. Its views are drawn for the pupil of the next set.
 
 use super::super::EngineError;
@@ -299,7 +299,7 @@ impl ViewDecoder {
         take(&mut self.gpu, from, (at, bytes), frame)
     }
 
-    /// Reads the stored picture with depths back, for the host.
+    /// Copies the stored picture with depths to the host.
     ///
     /// # Errors
     /// [`EngineError`] if no such picture was stored, or the device is lost.

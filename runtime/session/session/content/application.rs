@@ -172,7 +172,7 @@ impl LiveInput {
                 _ => {
                     let drawn = self.device.as_mut().map_or(Ok(()), |device| device.draw(&from, views as usize));
                     if let Err(reason) = drawn {
-                        return Ok(Err(format!("the application's frame is refused: {reason}")));
+                        return Ok(Err(refusal(&reason)));
                     }
                     (ViewGrid { rows: views as usize, columns: views as usize, cell: pitch }, center)
                 }
@@ -210,7 +210,7 @@ impl LiveInput {
                 };
                 match made {
                     Ok(planes) => ([views; 2], pitch, center, planes),
-                    Err(reason) => return Ok(Err(format!("the application's frame is refused: {reason}"))),
+                    Err(reason) => return Ok(Err(refusal(&reason))),
                 }
             }
         };
@@ -244,6 +244,11 @@ impl LiveInput {
         let moment = Some(content_time_ns).filter(|time| *time != 0);
         SceneFrame { arrived_ns, shows_ns, moment, ..SceneFrame::new(self.frames, Arc::new(colors)) }
     }
+}
+
+/// Returns the message about a frame whose views cannot be made.
+fn refusal(reason: &dyn std::fmt::Display) -> String {
+    format!("the application's frame is refused: {reason}")
 }
 
 /// Returns the time that a frame shows (ns on the clock of the player). The time of the application counts if it is
