@@ -7,15 +7,11 @@
 //! from behind is then the same from everywhere, so it refocuses. The continuation is a mirror image of the surface and
 //! not a smear.
 //!
-//! These are the kernels in their order.
-//!
-//! - [`relief_decode`](crate::relief_decode) reads a frame of an application.
-//! - [`relief_sharpen`](crate::relief_sharpen) sharpens its disparities.
-//! - [`relief_unmix`](crate::relief_unmix) separates mixed colors.
-//! - [`relief_jump`](crate::relief_jump), [`relief_fill`](crate::relief_fill) and
-//!   [`relief_soften`](crate::relief_soften) continue the far surface.
-//! - [`relief_levels`](crate::relief_levels) and [`relief_draw`](crate::relief_draw) draw a view.
-//! - [`relief_close`](crate::relief_close) closes the gaps of a view.
+//! [`relief_decode`](crate::relief_decode) reads a frame of an application, and
+//! [`relief_sharpen`](crate::relief_sharpen) sharpens its disparities. [`relief_unmix`](crate::relief_unmix) separates
+//! mixed colors. [`relief_jump`](crate::relief_jump), [`relief_fill`](crate::relief_fill) and
+//! [`relief_soften`](crate::relief_soften) continue the far surface. [`relief_levels`](crate::relief_levels) and
+//! [`relief_draw`](crate::relief_draw) draw a view, and [`relief_close`](crate::relief_close) closes its gaps.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -5,8 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-const SHOW: [&str; 10] =
-    ["show", "openxr", "--display", "planes8", "--size", "64x96", "--engine", "cpu", "--color", "green"];
+const SHOW: [&str; 8] = ["show", "openxr", "--display", "planes8", "--size", "64x96", "--color", "green"];
 
 /// Returns true if cargo built the layer with the command. `cargo test --workspace` does.
 pub fn has_layer() -> bool {
@@ -51,12 +50,18 @@ pub fn with_runtime<'a>(command: &'a mut Command, at: &Path) -> &'a mut Command 
 }
 
 fn show(at: &Path, words: &[&str]) -> Command {
-    let mut command = common::command(at, &[&SHOW[..], words].concat());
+    show_by("cpu", at, words)
+}
+
+/// Shows an application by an engine.
+fn show_by(engine: &str, at: &Path, words: &[&str]) -> Command {
+    let mut command = common::command(at, &[&SHOW[..], &["--engine", engine], words].concat());
     with_runtime(&mut command, at);
     command
 }
 
-/// The application starts when the display listens, its frames are lit, and its last picture stays after its end.
+/// The application starts when the display listens, its frames are lit, and its last picture stays after its end. With
+/// engines on a device, its frames stay there.
 #[test]
 fn an_openxr_application_is_started_and_shown() {
     if !has_layer() {
@@ -69,17 +74,20 @@ fn an_openxr_application_is_started_and_shown() {
     }
     let client = at.join("client").display().to_string();
     let words = ["--duration", "6", "--stats", "s.json", "--", &client, "frames=150", "depth=d16", "size=128x96"];
-    let shown = show(at, &words).env("NULL_RUNTIME_PERIOD_US", "20000").output().expect("it starts");
-    let errors = text(&shown.stderr);
-    assert!(shown.status.success(), "{errors}");
-    let stats = document(&at.join("s.json"));
-    let content = &stats["content"];
-    assert_eq!(content["source"], "live:openxr");
-    assert!(content["scenes"].as_u64().unwrap() >= 2 && content["refused"] == 0, "{content}: {errors}");
-    assert!(content["sets"]["new"].as_u64().unwrap() >= 2, "{content}");
-    // The field of view is the display's, so that the submitted view fills the picture.
-    assert!(errors.contains("ended (exit status: 0)"), "{errors}");
-    assert!(errors.lines().filter(|line| line.starts_with("eyebox openxr: ")).count() >= 2, "{errors}");
+    for (engine, where_they_are) in [("cpu", "takes frames of 64 x 96 pixels\n"), ("vulkan", " pixels on the device\n")]
+    {
+        let shown = show_by(engine, at, &words).env("NULL_RUNTIME_PERIOD_US", "20000").output().expect("it starts");
+        let errors = text(&shown.stderr);
+        assert!(shown.status.success(), "{errors}");
+        let stats = document(&at.join("s.json"));
+        let content = &stats["content"];
+        assert_eq!(content["source"], "live:openxr");
+        assert!(content["scenes"].as_u64().unwrap() >= 2 && content["refused"] == 0, "{content}: {errors}");
+        assert!(content["sets"]["new"].as_u64().unwrap() >= 2, "{content}");
+        // The field of view is the display's, so that the submitted view fills the picture.
+        assert!(errors.contains("ended (exit status: 0)"), "{errors}");
+        assert!(errors.contains(where_they_are), "{errors}");
+    }
 }
 
 /// The application receives the environment of the layer, and ends with the display.
