@@ -90,7 +90,7 @@ impl LiveInput {
     /// Decodes views on this device, for engines there, and makes the views of pictures with depths. The host then sees
     /// only sums of the light of a frame, and one view of one color at most 256 pixels wide, which gives the motion of the
     /// content. If the device fails, the host does all of it again. For a software device, the host makes the views of
-    /// pictures with depths, because it takes a tenth of the time.
+    /// pictures with depths, because it takes a twentieth of the time.
     ///
     /// A session with a journal, which has to replay bit for bit, has to decode on the host.
     ///
