@@ -3,12 +3,13 @@
 use super::views::silent;
 use eyebox::low_level::engine::Engine;
 use eyebox::low_level::engine::vulkan::VulkanEngine;
+use eyebox::low_level::gpu::{DeviceKind, Gpu, Options};
 use eyebox::low_level::hologram::{Hologram, SceneRecord};
 use eyebox::low_level::optics::{Color, Display};
 use eyebox::low_level::reconstruction::{InputOptions, SolveInput, drawer_for};
 use eyebox::low_level::scene::{self, Request, SplatDrawer, StoredSplats};
 use eyebox_kernels::project_splats::Args;
-use eyebox_tests::both::gpu;
+use eyebox_tests::both::{gpu, watched};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -30,11 +31,15 @@ impl SplatDrawer for Counted {
     }
 }
 
-/// The light field of a scene is drawn on the device of an engine, and equals the CPU's above 90 dB.
+/// The light field of a scene is drawn on the device of an engine, and equals the CPU's above 90 dB. The CPU draws for a
+/// software device.
 #[test]
 fn a_scene_of_splats_is_drawn_on_the_device() {
     const SOURCE: &str = "builtin:still-life-splats";
-    let gpu = gpu();
+    let software = VulkanEngine::new(&gpu()).expect("an engine");
+    assert_eq!(drawer_for(SOURCE, &software).is_some(), software.gpu().draws_views());
+    drop(software);
+    let gpu = Gpu::open(&Options { plan_as: Some(DeviceKind::Discrete), ..watched() }).expect("a device");
     let engine = VulkanEngine::new(&gpu).expect("an engine");
     let display = Display { height: 60, width: 76, ..Display::preset("small").expect("a preset") };
     let request = Request { views: 3, ..Request::new(&display, &[Color::Red, Color::Blue]) };

@@ -3,7 +3,7 @@
 //! The test uses two devices of one process, watched by the validation layer.
 
 use crate::gpu::test_options::watched;
-use crate::gpu::{DeviceIds, Gpu, SharedLayout, SlotWriter};
+use crate::gpu::{DeviceIds, DeviceKind, Gpu, Options, SharedLayout, SlotWriter};
 use crate::optics::{Color, Display, PupilDistribution};
 use crate::session::{Due, LiveInput, LiveKind, Newest, SceneFrame, Scenes};
 use eyebox_live_input::{Application, Content, Dioptres, FrameFault, FrameInfo, LiveError, Sample, Transfer};
@@ -78,11 +78,12 @@ struct Pair {
 impl Pair {
     /// The device makes the views of pictures with depths if it `draws`.
     fn open(name: &str, draws: bool) -> Self {
-        let ours = Gpu::open(&watched()).expect("a device");
+        let plan_as = draws.then_some(DeviceKind::Discrete);
+        let ours = Gpu::open(&Options { plan_as, ..watched() }).expect("a device");
         let name = format!("{name}-{}", std::process::id());
         let theirs = Gpu::open_same(ours.ids(), &watched()).expect("the same device");
         let mut input = LiveInput::open(&name, &display(), &[Color::Green], 3, LiveKind::Views).expect("a ring");
-        input.decode_and_draw_on(&ours, draws).expect("a decoder");
+        input.decode_on(&ours).expect("a decoder");
         let (mut input, mut application) = connected(&name, input);
         let its = application.device().expect("it shares");
         assert_eq!(DeviceIds { device: its.device, driver: its.driver }, ours.ids());

@@ -436,7 +436,8 @@ impl Engine for VulkanEngine {
     }
 
     fn splat_drawer(&self) -> Result<Option<Arc<dyn SplatDrawer>>, EngineError> {
-        Ok(Some(Arc::new(VulkanSplats::new(&self.gpu.shared)?)))
+        let gpu = &self.gpu.shared;
+        Ok(if gpu.draws_views() { Some(Arc::new(VulkanSplats::new(gpu)?)) } else { None })
     }
 
     fn phases_on_device(&self) -> Option<PhasesOnDevice<'_>> {

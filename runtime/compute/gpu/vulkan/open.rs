@@ -5,7 +5,7 @@ use super::device::{Device, Handle, Queue};
 use super::devices::{Candidate, candidates, choose, inspect};
 use super::error::EngineError;
 use super::instance::{Instance, Messages};
-use super::report::{DeviceReport, Options};
+use super::report::{DeviceKind, DeviceReport, Options};
 use crate::plan::Recording;
 use ash::vk;
 use std::ffi::CString;
@@ -118,6 +118,12 @@ impl Gpu {
     /// Returns true if it stopped answering. Everything made from it fails, and another device must be opened.
     pub fn is_lost(&self) -> bool {
         self.device.is_lost()
+    }
+
+    /// Returns true if views of content are drawn on the device. A software device leaves them to the host, whose kernels
+    /// take a twentieth of the time.
+    pub fn draws_views(&self) -> bool {
+        self.device.planned_as != DeviceKind::Cpu
     }
 
     /// Returns true if both are one device.

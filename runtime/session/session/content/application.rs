@@ -2,7 +2,7 @@
 //! sends requests to the application and makes views of its answers, on the host or on the device of the engines.
 
 use crate::engine::Backend;
-use crate::gpu::{DeviceKind, Gpu};
+use crate::gpu::Gpu;
 use crate::optics::{Color, Display, PupilDistribution};
 use crate::scene::{Layer, Places, ViewGrid, views_of_depths, views_of_layers};
 use crate::session::content::decoded_views::live_colors;
@@ -89,8 +89,8 @@ impl LiveInput {
 
     /// Decodes views on this device, for engines there, and makes the views of pictures with depths. The host then sees
     /// only sums of the light of a frame, and one view of one color at most 256 pixels wide, which gives the motion of the
-    /// content. If the device fails, the host does all of it again. For a software device, the host makes the views of
-    /// pictures with depths, because it takes a twentieth of the time.
+    /// content. If the device fails, the host does all of it again. The host makes the views of pictures with depths if
+    /// the device does not [draw views](Gpu::draws_views).
     ///
     /// A session with a journal, which has to replay bit for bit, has to decode on the host.
     ///
@@ -98,13 +98,7 @@ impl LiveInput {
     /// Returns the reason in words if views have to pass through the host. Either the display model or the far field
     /// changes them first, or the device is too small.
     pub fn decode_on(&mut self, gpu: &Gpu) -> Result<(), String> {
-        self.decode_and_draw_on(gpu, gpu.report().kind != DeviceKind::Cpu)
-    }
-
-    /// Decodes views on this device. It makes the views of pictures with depths if it `draws`.
-    pub(crate) fn decode_and_draw_on(&mut self, gpu: &Gpu, draws: bool) -> Result<(), String> {
-        let device = DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels, draws)?;
-        self.device = Some(device);
+        self.device = Some(DeviceViews::new(gpu, self.ring.offer(), &self.display, &self.colors, &self.channels)?);
         Ok(())
     }
 

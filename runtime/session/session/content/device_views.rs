@@ -41,8 +41,7 @@ enum Given {
 }
 
 impl DeviceViews {
-    /// Creates a decoder for the offer of a display. `channels` holds the channels of the display's colors in a frame. If
-    /// the device `draws`, it makes the views of pictures with depths. Otherwise the host does.
+    /// Creates a decoder for the offer of a display. `channels` holds the channels of the display's colors in a frame.
     /// Returns the reason in words if views of this display have to pass through the host.
     pub fn new(
         gpu: &Gpu,
@@ -50,7 +49,6 @@ impl DeviceViews {
         display: &Display,
         colors: &[Color],
         channels: &[usize],
-        draws: bool,
     ) -> Result<Self, String> {
         let views = (offer.views[0] * offer.views[1]) as usize;
         let decoded = DecodedViews::new(gpu, display, colors, (offer.channels(), channels), views)?;
@@ -60,7 +58,7 @@ impl DeviceViews {
         // The conversion from dioptres to depth follows OPTICS 8.
         let per_dioptre = display.focal_length / display.picture_pixel() * 1e-3;
         let depths = Depths { relief: DeviceRelief::default(), samples, per_dioptre, ends: [0.0; 2] };
-        Ok(Self { decoded, draws, depths, ids, shared: None })
+        Ok(Self { decoded, draws: gpu.draws_views(), depths, ids, shared: None })
     }
 
     /// Returns the views that were taken last, color by color.

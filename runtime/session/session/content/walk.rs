@@ -181,13 +181,17 @@ impl SplatWalk {
         }
     }
 
-    /// [Draws](Self::draw_on) on the device of these engines, if they have one. Returns the reason in words if the CPU
-    /// draws instead of a device.
+    /// [Draws](Self::draw_on) on the device of these engines, if they have one that [draws views](Gpu::draws_views).
+    /// Returns the reason in words if the CPU draws instead of a device.
     ///
     /// # Errors
     /// Returns [`SessionError::Engine`] if the device is lost.
     pub fn draw_with(&mut self, engines: &Backend) -> Result<Option<String>, SessionError> {
-        Ok(engines.gpu()?.and_then(|gpu| self.draw_on(&gpu).err()))
+        Ok(match engines.gpu()? {
+            Some(gpu) if gpu.draws_views() => self.draw_on(&gpu).err(),
+            Some(_) => Some("it is faster than a software device".into()),
+            None => None,
+        })
     }
 
     /// Returns the handle that moves the camera. It has no effect if there is a path.
