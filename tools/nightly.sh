@@ -42,7 +42,7 @@ done
 
 stage "tests of the Vulkan engine on a device that poses as a discrete GPU"
 tools/posing.sh cargo test --release --workspace --test vulkan -- --include-ignored
-tools/posing.sh cargo test --release --workspace --lib -- splats_tests relief_tests
+tools/posing.sh cargo test --release --workspace --lib -- splats_tests relief_tests own::tests
 
 # These are the least limits that eyebox accepts, fewer workgroups than every GPU has, and a small window of its memory.
 # A pass of a transform has a workgroup along y for each butterfly of a line, at most 120 in these tests.
@@ -59,7 +59,7 @@ for suite in trixie sid; do
     stage "the validation layer and the driver of Debian $suite"
     newer="$root/tools/newer.sh $suite"
     export CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=$newer
-    cargo test --release --workspace --lib -- a_hazard_is_heard a_kernel_runs_is_timed splats_tests relief_tests device_views_tests
+    cargo test --release --workspace --lib -- a_hazard_is_heard a_kernel_runs_is_timed splats_tests relief_tests device_views_tests own::tests
     cargo test --release --workspace --test vulkan -- kernels:: fused:: flight:: shared:: splats:: views:: \
         --skip every_subgroup_size
     unset CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER

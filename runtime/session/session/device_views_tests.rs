@@ -78,7 +78,7 @@ struct Pair {
 impl Pair {
     /// The device makes the views of pictures with depths if it `draws`.
     fn open(name: &str, draws: bool) -> Self {
-        let plan_as = draws.then_some(DeviceKind::Discrete);
+        let plan_as = Some(if draws { DeviceKind::Discrete } else { DeviceKind::Cpu });
         let ours = Gpu::open(&Options { plan_as, ..watched() }).expect("a device");
         let name = format!("{name}-{}", std::process::id());
         let theirs = Gpu::open_same(ours.ids(), &watched()).expect("the same device");
