@@ -73,6 +73,7 @@ pub mod relief_jump;
 pub mod relief_levels;
 pub mod relief_sharpen;
 pub mod relief_soften;
+pub mod relief_surfaces;
 pub mod relief_unmix;
 pub mod resample;
 pub mod scattered;

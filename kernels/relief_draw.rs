@@ -1,6 +1,7 @@
 //! Draws a view of a relief, from near to far.
 
 use crate::relief::{ABSENT, Args, COLORS, color};
+use crate::relief_surfaces::Surfaces;
 use rayon::prelude::*;
 
 /// The factor by which pieces are larger, because they do not tile exactly where a surface bends both ways.
@@ -36,9 +37,9 @@ pub struct Pixel {
     pub depth: f32,
 }
 
-/// Returns the pieces of a relief, from near to far. `front` and `hidden` are surfaces, and `fringe` comes from
-/// [`relief_unmix`](crate::relief_unmix::relief_unmix).
-pub fn pieces(args: &Args, front: &[f32], fringe: &[f32], hidden: &[f32]) -> Vec<Piece> {
+/// Returns the pieces of a relief, from near to far.
+pub fn pieces(surfaces: &Surfaces) -> Vec<Piece> {
+    let Surfaces { args, front, fringe, hidden } = surfaces;
     let plane = args.plane as usize;
     let mixed = |p: usize| {
         let (level, opacity) = (fringe[p], fringe[plane + p]);

@@ -78,6 +78,11 @@ struct Views<'a> {
 }
 
 impl DeviceRelief {
+    /// Returns the smallest and the largest disparity of the picture that was read last, unless it was invalid.
+    pub fn ends(&self) -> Option<[f32; 2]> {
+        self.ends
+    }
+
     /// Makes room for the surfaces of a picture.
     fn room(&mut self, gpu: &Commands, args: &Args) -> Result<Blocks<'_>, EngineError> {
         let pixels = u64::from(args.height) * u64::from(args.width);

@@ -6,16 +6,13 @@ use crate::engine::EngineError;
 use crate::gpu::Gpu;
 use crate::gpu::test_options::watched;
 use eyebox_kernels::decode_views::{self, F16, F32, U8, U16, curve};
-use eyebox_kernels::relief::{Args, COLORS, tear};
+use eyebox_kernels::relief::{Args, COLORS};
 use eyebox_kernels::relief_close::relief_close;
 use eyebox_kernels::relief_decode::{self, START, of_ordered, relief_decode};
 use eyebox_kernels::relief_draw::{pieces, relief_draw};
-use eyebox_kernels::relief_fill::relief_fill;
-use eyebox_kernels::relief_jump::{NOWHERE, relief_jump};
 use eyebox_kernels::relief_levels::{Levels, WORDS, blocks, relief_levels};
-use eyebox_kernels::relief_sharpen::{self, relief_sharpen};
-use eyebox_kernels::relief_soften::relief_soften;
-use eyebox_kernels::relief_unmix::{VALUES as FRINGE, relief_unmix};
+use eyebox_kernels::relief_surfaces::Surfaces;
+use eyebox_kernels::relief_unmix::VALUES as FRINGE;
 use std::sync::PoisonError;
 
 /// A frame of an application.
@@ -94,34 +91,10 @@ impl Frame {
     }
 }
 
-/// The surfaces of a picture by the twins.
-struct Surfaces {
-    args: Args,
-    front: Vec<f32>,
-    fringe: Vec<f32>,
-    hidden: Vec<f32>,
-}
-
+/// Returns the surfaces of a picture by the twins.
 fn surfaces(size: [usize; 2], picture: &[f32], ends: [f32; 2], reach: f32) -> Surfaces {
-    let [height, width] = size.map(|n| n as u32);
     let (disparity, colors) = picture.split_at(size[0] * size[1]);
-    let sharpening = relief_sharpen::Args { height, width, tear: tear(reach) };
-    let (mut once, mut sharp) = (disparity.to_vec(), disparity.to_vec());
-    relief_sharpen(&sharpening, disparity, &mut once);
-    relief_sharpen(&sharpening, &once, &mut sharp);
-    let args = Args::new(size, ends, reach);
-    let plane = args.plane as usize;
-    let (mut front, mut fringe) = (vec![0.0; args.values()], vec![0.0; FRINGE * plane]);
-    let (mut nearest, mut next) = (vec![NOWHERE; 2 * plane], vec![NOWHERE; 2 * plane]);
-    relief_unmix(&args, colors, &sharp, &mut front, &mut fringe, &mut nearest);
-    for step in args.steps(ends) {
-        relief_jump(&args, step, &front, &nearest, &mut next);
-        std::mem::swap(&mut nearest, &mut next);
-    }
-    let (mut filled, mut hidden) = (vec![0.0; args.values()], vec![0.0; args.values()]);
-    relief_fill(&args, &front, &nearest, &mut filled);
-    relief_soften(&args, &filled, &mut hidden);
-    Surfaces { args, front, fringe, hidden }
+    Surfaces::of(size, colors, disparity, ends, reach)
 }
 
 fn silent(gpu: Gpu) {
@@ -197,8 +170,7 @@ fn surfaces_and_views_are_those_of_the_twins() {
         relief_levels(&twin.args, &Levels::new(ends, reach), &fetched[0], &fetched[1], &fetched[2], &mut marks);
         let found: Vec<u32> = fetched[3].iter().map(|word| word.to_bits()).collect();
         assert!(marks == found, "levels of blocks in {size:?}");
-        let [front, fringe, hidden] = [&twin.front, &twin.fringe, &twin.hidden];
-        let drawn = pieces(&twin.args, front, fringe, hidden);
+        let drawn = pieces(&twin);
         let mut found = vec![0.0f32; channels * count * pixels];
         let bytes = 4 * found.len() as u64;
         decoder.gpu.fetch(&decoder.samples, bytemuck::cast_slice_mut(&mut found), [(0, 0, bytes)]).unwrap();
@@ -235,7 +207,7 @@ fn a_map_of_noise_is_drawn_as_by_the_twin() {
     let mut found = vec![0.0f32; 3 * 6 * 40 * 56];
     let bytes = 4 * found.len() as u64;
     decoder.gpu.fetch(&decoder.samples, bytemuck::cast_slice_mut(&mut found), [(0, 0, bytes)]).unwrap();
-    let drawn = pieces(&twin.args, &twin.front, &twin.fringe, &twin.hidden);
+    let drawn = pieces(&twin);
     for (view, place) in PLACES.iter().enumerate() {
         let seen = relief_close(size, &relief_draw(&twin.args, &drawn, *place), *place);
         let error = apart(&found[view * 40 * 56..][..40 * 56], &seen[0]);

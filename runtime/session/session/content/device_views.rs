@@ -30,8 +30,6 @@ struct Depths {
     samples: u64,
     /// Pixels by which content at one dioptre moves per millimeter of the pupil plane.
     per_dioptre: f64,
-    /// The smallest and the largest of these displacements.
-    ends: [f32; 2],
 }
 
 /// A frame as an application stored it.
@@ -57,7 +55,7 @@ impl DeviceViews {
         let samples = u64::from(offer.size[0]) * u64::from(offer.size[1]) * offer.channels() as u64;
         // The conversion from dioptres to depth follows OPTICS 8.
         let per_dioptre = display.focal_length / display.picture_pixel() * 1e-3;
-        let depths = Depths { relief: DeviceRelief::default(), samples, per_dioptre, ends: [0.0; 2] };
+        let depths = Depths { relief: DeviceRelief::default(), samples, per_dioptre };
         Ok(Self { decoded, draws: gpu.draws_views(), depths, ids, shared: None })
     }
 
@@ -72,9 +70,9 @@ impl DeviceViews {
     /// # Errors
     /// The reason in words, if the depths displace content too far or the device fails.
     pub fn draw(&mut self, from: &Places<'_>, views: usize) -> Result<(), String> {
-        let Depths { relief, ends, .. } = &mut self.depths;
+        let relief = &mut self.depths.relief;
         // Disparities are per millimeter of the pupil plane.
-        from.check(ends.iter().map(|end| f64::from(*end) * 1e3 / from.per_metre))
+        from.check(relief.ends().iter().flatten().map(|end| f64::from(*end) * 1e3 / from.per_metre))
             .map_err(|reason| reason.to_string())?;
         let places: Vec<[f32; 2]> = from.places.iter().map(|place| place.map(|v| (v * 1e3) as f32)).collect();
         let reach = (from.reach() * 1e3) as f32;
@@ -117,11 +115,10 @@ impl DeviceViews {
 
     /// Checks a frame whose samples are on the device. Returns `None` if the device fails.
     fn judged(&mut self, there: Result<Given, EngineError>) -> Option<Result<(), FrameFault>> {
-        let depths = &mut self.depths;
         let light = match there {
             Ok(Given::Views(stored)) => self.decoded.measured(Ok(stored))?,
-            Ok(Given::Depths(stored)) => match self.decoded.decoder.read_depths(&mut depths.relief, &stored) {
-                Ok(read) => read.map(|ends| depths.ends = ends),
+            Ok(Given::Depths(stored)) => match self.decoded.decoder.read_depths(&mut self.depths.relief, &stored) {
+                Ok(read) => read.map(drop),
                 Err(error) => self.decoded.measured(Err(error))?,
             },
             Err(error) => self.decoded.measured(Err(error))?,
