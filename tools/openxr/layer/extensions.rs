@@ -127,67 +127,61 @@ unsafe fn more(first: *const *const c_char, count: u32, added: &[&'static CStr])
     (names.len() > before).then_some(names)
 }
 
-/// Makes an instance with the layer's extensions, or as the application requests it if that fails.
-pub unsafe extern "system" fn create_vulkan_instance(
-    instance: xr::Instance,
-    info: *const xr::VulkanInstanceCreateInfoKHR,
-    made: *mut xr::platform::VkInstance,
-    result: *mut xr::platform::VkResult,
-) -> xr::Result {
-    let Some(known) = INSTANCES.get(instance.into_raw()) else { return xr::Result::ERROR_HANDLE_INVALID };
-    let Some(next) = known.next.create_vulkan_instance else { return xr::Result::ERROR_FUNCTION_UNSUPPORTED };
-    // SAFETY: the caller passes valid structures or null.
-    let wanted = unsafe { info.as_ref() }.and_then(|info| {
-        // SAFETY: as above. The structure is Vulkan's.
-        let vulkan = unsafe { info.vulkan_create_info.cast::<vk::InstanceCreateInfo<'_>>().as_ref() }?;
-        // SAFETY: as above.
-        let names = unsafe { more(vulkan.pp_enabled_extension_names, vulkan.enabled_extension_count, own_instance()) }?;
-        Some((*info, *vulkan, names))
-    });
-    if let (Some((mut info, mut vulkan, names)), false) = (wanted, result.is_null()) {
-        (vulkan.pp_enabled_extension_names, vulkan.enabled_extension_count) = (names.as_ptr(), names.len() as u32);
-        info.vulkan_create_info = (&raw const vulkan).cast();
-        // SAFETY: the structures differ from the caller's by names, which live until the call returns.
-        let done = unsafe { next(instance, &info, made, result) };
-        // SAFETY: the call wrote the result of Vulkan.
-        if done.into_raw() >= 0 && unsafe { *result } >= 0 {
-            return done;
+/// Declares a function that makes an instance or a device with the layer's extensions, or as the application requests it
+/// if that fails.
+macro_rules! creating {
+    ($(#[$about:meta])* $name:ident, $info:ident, $vulkan:ident, $made:ident, $own:ident) => {
+        $(#[$about])*
+        pub unsafe extern "system" fn $name(
+            instance: xr::Instance,
+            info: *const xr::$info,
+            made: *mut xr::platform::$made,
+            result: *mut xr::platform::VkResult,
+        ) -> xr::Result {
+            let Some(known) = INSTANCES.get(instance.into_raw()) else { return xr::Result::ERROR_HANDLE_INVALID };
+            let Some(next) = known.next.$name else { return xr::Result::ERROR_FUNCTION_UNSUPPORTED };
+            // SAFETY: the caller passes valid structures or null.
+            let wanted = unsafe { info.as_ref() }.and_then(|info| {
+                // SAFETY: as above. The structure is Vulkan's.
+                let vulkan = unsafe { info.vulkan_create_info.cast::<vk::$vulkan<'_>>().as_ref() }?;
+                // SAFETY: as above.
+                let names = unsafe { more(vulkan.pp_enabled_extension_names, vulkan.enabled_extension_count, $own()) }?;
+                Some((*info, *vulkan, names))
+            });
+            if let (Some((mut info, mut vulkan, names)), false) = (wanted, result.is_null()) {
+                (vulkan.pp_enabled_extension_names, vulkan.enabled_extension_count) =
+                    (names.as_ptr(), names.len() as u32);
+                info.vulkan_create_info = (&raw const vulkan).cast();
+                // SAFETY: the structures differ from the caller's by names, which live until the call returns.
+                let done = unsafe { next(instance, &info, made, result) };
+                // SAFETY: the call wrote the result of Vulkan.
+                if done.into_raw() >= 0 && unsafe { *result } >= 0 {
+                    return done;
+                }
+            }
+            // SAFETY: the arguments are the caller's.
+            unsafe { next(instance, info, made, result) }
         }
-    }
-    // SAFETY: the arguments are the caller's.
-    unsafe { next(instance, info, made, result) }
+    };
 }
 
-/// Makes a device with the layer's extensions, or as the application requests it if that fails.
-pub unsafe extern "system" fn create_vulkan_device(
-    instance: xr::Instance,
-    info: *const xr::VulkanDeviceCreateInfoKHR,
-    made: *mut xr::platform::VkDevice,
-    result: *mut xr::platform::VkResult,
-) -> xr::Result {
-    let Some(known) = INSTANCES.get(instance.into_raw()) else { return xr::Result::ERROR_HANDLE_INVALID };
-    let Some(next) = known.next.create_vulkan_device else { return xr::Result::ERROR_FUNCTION_UNSUPPORTED };
-    // SAFETY: the caller passes valid structures or null.
-    let wanted = unsafe { info.as_ref() }.and_then(|info| {
-        // SAFETY: as above. The structure is Vulkan's.
-        let vulkan = unsafe { info.vulkan_create_info.cast::<vk::DeviceCreateInfo<'_>>().as_ref() }?;
-        // SAFETY: as above.
-        let names = unsafe { more(vulkan.pp_enabled_extension_names, vulkan.enabled_extension_count, own_device()) }?;
-        Some((*info, *vulkan, names))
-    });
-    if let (Some((mut info, mut vulkan, names)), false) = (wanted, result.is_null()) {
-        (vulkan.pp_enabled_extension_names, vulkan.enabled_extension_count) = (names.as_ptr(), names.len() as u32);
-        info.vulkan_create_info = (&raw const vulkan).cast();
-        // SAFETY: the structures differ from the caller's by names, which live until the call returns.
-        let done = unsafe { next(instance, &info, made, result) };
-        // SAFETY: the call wrote the result of Vulkan.
-        if done.into_raw() >= 0 && unsafe { *result } >= 0 {
-            return done;
-        }
-    }
-    // SAFETY: the arguments are the caller's.
-    unsafe { next(instance, info, made, result) }
-}
+creating!(
+    /// Makes an instance with the layer's extensions.
+    create_vulkan_instance,
+    VulkanInstanceCreateInfoKHR,
+    InstanceCreateInfo,
+    VkInstance,
+    own_instance
+);
+
+creating!(
+    /// Makes a device with the layer's extensions.
+    create_vulkan_device,
+    VulkanDeviceCreateInfoKHR,
+    DeviceCreateInfo,
+    VkDevice,
+    own_device
+);
 
 #[cfg(test)]
 mod tests {
