@@ -1,7 +1,8 @@
 //! Compares views of splats that stay on the device with views of the CPU.
 
-use crate::gpu::Gpu;
+use crate::engine::Backend;
 use crate::gpu::test_options::watched;
+use crate::gpu::{DeviceKind, Gpu, Options};
 use crate::optics::{Color, Display, PupilDistribution};
 use crate::scene::{MovingSplats, Request};
 use crate::session::{Due, Newest, SceneFrame, Scenes, SplatWalk};
@@ -100,4 +101,22 @@ fn silent(gpu: Gpu) {
     let messages = gpu.messages();
     drop(gpu);
     assert_eq!(*messages.lock().unwrap_or_else(PoisonError::into_inner), Vec::<String>::new());
+}
+
+#[test]
+fn the_cpu_draws_for_a_software_device() {
+    let display = Display { height: 40, width: 56, ..Display::preset("small").expect("a preset") };
+    for (plan_as, draws) in [(DeviceKind::Discrete, true), (DeviceKind::Cpu, false)] {
+        let gpu = Gpu::open(&Options { plan_as: Some(plan_as), ..watched() }).expect("a device");
+        let engines = Backend::on_device(gpu.clone()).expect("engines");
+        let splats = MovingSplats::new("builtin:still-life-splats", &Request::new(&display, &COLORS)).expect("splats");
+        let mut walk = SplatWalk::new(splats, &display, &COLORS, None);
+        assert_eq!(walk.draw_with(&engines).expect("a device").is_none(), draws);
+        let seen = frame(&mut walk, &due(100, true));
+        assert_eq!(seen.colors[0].problem.pyramid.on_device().is_some(), draws, "{plan_as}");
+        drop((seen, walk, engines));
+        let messages = gpu.messages();
+        drop(gpu);
+        assert!(messages.lock().unwrap_or_else(PoisonError::into_inner).is_empty());
+    }
 }
