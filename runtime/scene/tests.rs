@@ -24,6 +24,8 @@ mod profile;
 mod reading;
 #[path = "sequence_tests.rs"]
 mod sequence;
+#[path = "splat_formats_tests.rs"]
+mod splat_formats;
 #[path = "splats_tests.rs"]
 mod splats;
 #[path = "tone_tests.rs"]

@@ -2,7 +2,8 @@
 //!
 //! A splat is a vertex whose properties have names. Logarithms of the deviations are `scale_0` to `scale_2`, the logit
 //! of the opacity is `opacity`, and the quaternion (w, x, y, z) is `rot_0` to `rot_3`. The harmonics `f_rest` have all
-//! values of red first, then of green, then of blue.
+//! values of red first, then of green, then of blue. 2D Gaussian splatting (Huang et al. 2024) has no `scale_2`, because
+//! its splats are flat. Mip-Splatting (Yu et al. 2024) has the deviation `filter_3D` by which each splat is smoothed.
 
 use crate::splats::cloud::{Cloud, spread};
 use crate::splats::file::Opened;
@@ -117,7 +118,8 @@ impl Header {
                 ["format", other, ..] => {
                     return Err(reason!(
                         "encoding",
-                        "it is a .ply of the format {other}, and splats are read from binary_little_endian alone"
+                        "it is a .ply of the format {other}, and splats are read from binary_little_endian alone. \
+                         Write it by plyfile with text=False and byte_order='<'"
                     ));
                 }
                 ["element", "chunk", _] => {
@@ -152,7 +154,11 @@ impl Header {
 /// The properties of a splat.
 struct Layout {
     place: [Field; 3],
-    scale: [Field; 3],
+    scale: [Field; 2],
+    /// The third deviation, which flat splats do not have.
+    thickness: Option<Field>,
+    /// The deviation of a smoothing filter.
+    filter: Option<Field>,
     turn: [Field; 4],
     opacity: Field,
     /// The constant harmonic of each color.
@@ -167,7 +173,8 @@ struct Layout {
 impl Layout {
     fn of(header: &Header) -> Result<Self, Reason> {
         let place = header.required(["x", "y", "z"])?;
-        let scale = header.required(["scale_0", "scale_1", "scale_2"])?;
+        let scale = header.required(["scale_0", "scale_1"])?;
+        let (thickness, filter) = (header.field("scale_2"), header.field("filter_3D"));
         let turn = header.required(["rot_0", "rot_1", "rot_2", "rot_3"])?;
         let [opacity] = header.required(["opacity"])?;
         let constant = header.required(["f_dc_0", "f_dc_1", "f_dc_2"]);
@@ -181,14 +188,33 @@ impl Layout {
             (Err(reason), None) => return Err(reason),
             (constant, _) => constant.ok(),
         };
-        Ok(Self { place, scale, turn, opacity, constant, bytes, rest, degree })
+        Ok(Self { place, scale, thickness, filter, turn, opacity, constant, bytes, rest, degree })
+    }
+
+    /// Returns the deviations of a splat after its filter, and the part of the opacity that remains. The integral over
+    /// the splat stays the same.
+    fn shape(&self, record: &[u8]) -> ([f32; 3], f32) {
+        let [a, b] = self.scale.map(|f| f.read(record).exp());
+        let mut deviations = [a, b, self.thickness.map_or(0.0, |f| f.read(record).exp())];
+        let filter = self.filter.map_or(0.0, |f| f.read(record));
+        if filter == 0.0 {
+            return (deviations, 1.0);
+        }
+        let axes = if self.thickness.is_some() { 3 } else { 2 };
+        let mut share = 1.0;
+        for deviation in &mut deviations[..axes] {
+            let filtered = deviation.hypot(filter);
+            share *= *deviation / filtered;
+            *deviation = filtered;
+        }
+        (deviations, share)
     }
 
     fn push(&self, record: &[u8], cloud: &mut Cloud) {
         cloud.places.push(self.place.map(|f| f.read(record)));
-        let (deviations, turn) = (self.scale.map(|f| f.read(record).exp()), self.turn.map(|f| f.read(record)));
-        cloud.spreads.push(spread(deviations, turn));
-        cloud.opacities.push(1.0 / (1.0 + (-self.opacity.read(record)).exp()));
+        let (deviations, share) = self.shape(record);
+        cloud.spreads.push(spread(deviations, self.turn.map(|f| f.read(record))));
+        cloud.opacities.push(share / (1.0 + (-self.opacity.read(record)).exp()));
         cloud.colors.push(match (self.constant, self.bytes) {
             (Some(constant), _) => constant.map(|f| 0.5 + C0 * f.read(record)),
             (None, Some(bytes)) => bytes.map(|f| f.read(record) / 255.0),
