@@ -10,8 +10,6 @@ use std::path::Path;
 pub enum Wanted {
     /// Views of a scene, or one picture.
     Scene,
-    /// The picture in one layer of a file, with the index of the layer among those with colors.
-    Layer(u16),
     /// A depth map or a disparity map.
     DepthMap,
     /// Phases of a hologram.
@@ -28,7 +26,7 @@ impl Wanted {
     /// Returns a noun with its article.
     pub fn describe(self) -> &'static str {
         match self {
-            Self::Scene | Self::Layer(_) => "a scene",
+            Self::Scene => "a scene",
             Self::DepthMap => "a depth map",
             Self::Phases => "phases",
             Self::Levels => "a picture of levels",
@@ -40,7 +38,7 @@ impl Wanted {
     /// Returns the file formats that are read as this kind of data.
     fn forms(self) -> &'static str {
         match self {
-            Self::Scene | Self::Layer(_) => {
+            Self::Scene => {
                 "a scene is a folder of views, a NumPy array of them, a picture (PNG, JPEG, EXR, TIFF, BMP, PPM) with a depth map, \
                  a video with one, splats (.ply, .splat, .spz), or builtin:NAME"
             }

@@ -43,53 +43,89 @@ pub(super) fn layers(file: &Path) -> Result<Vec<String>, FileError> {
 
 /// Reads colors, or the depth of a depth map. A pixel outside the data window is black, or NaN in a depth map.
 pub(super) fn read(file: &Path, wanted: Wanted) -> Result<Pixels, FileError> {
-    let wrong = |reason: Reason| FileError::content(file, reason);
     let reader = open(file)?;
+    let (choice, outside) = match wanted {
+        Wanted::DepthMap => (depth(reader.headers()), f32::NAN),
+        _ => (colors(reader.headers()), 0.0),
+    };
+    let choice = choice.map_err(|reason| FileError::content(file, reason))?;
+    // One choice gives one picture.
+    Ok(chosen(file, reader, &[choice], outside)?.swap_remove(0))
+}
+
+/// Reads the layers with colors that have these indices among [`layers`], and decompresses the file once for all.
+pub(super) fn read_layers(file: &Path, indices: &[u16]) -> Result<Vec<Pixels>, FileError> {
+    let reader = open(file)?;
+    let choices = layers_of(reader.headers(), indices).map_err(|reason| FileError::content(file, reason))?;
+    chosen(file, reader, &choices, 0.0)
+}
+
+/// Reads a picture for each choice. A pixel outside the data window has the value `outside`.
+fn chosen(
+    file: &Path,
+    reader: Reader<BufReader<File>>,
+    choices: &[Choice],
+    outside: f32,
+) -> Result<Vec<Pixels>, FileError> {
     let [height, width] = size_of(file, reader.headers())?;
-    let is_depth = wanted == Wanted::DepthMap;
-    let choice = match wanted {
-        Wanted::DepthMap => depth(reader.headers()),
-        Wanted::Layer(index) => layer(reader.headers(), index.into()),
-        _ => colors(reader.headers()),
-    };
-    let Choice { part, channels } = choice.map_err(wrong)?;
-    let header = reader.headers()[part].clone();
-    let list = &header.channels.list;
-    if header.deep || channels.iter().any(|&i| list[i].sampling.0 != 1 || list[i].sampling.1 != 1) {
-        let deep = "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B";
-        return Err(wrong(Reason::new("deep-pixels", deep)));
+    let headers = reader.headers().to_vec();
+    for choice in choices {
+        check_storage(&headers[choice.part], &choice.channels).map_err(|reason| FileError::content(file, reason))?;
     }
-    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        return Err(wrong(reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ")));
-    }
-    let offset = header.own_attributes.layer_position - header.shared_attributes.display_window.position;
-    let count = channels.len();
-    let mut values = vec![if is_depth { f32::NAN } else { 0.0 }; height * width * count];
-    let chosen = |meta: &exr::meta::MetaData, tile: exr::block::chunk::TileCoordinates, layer: usize| {
-        layer == part && !meta.headers[layer].deep && tile.is_largest_resolution_level()
+    let pictures = choices.iter().map(|choice| vec![outside; height * width * choice.channels.len()]);
+    let mut pictures: Vec<Vec<f32>> = pictures.collect();
+    let is_wanted = |meta: &exr::meta::MetaData, tile: exr::block::chunk::TileCoordinates, part: usize| {
+        choices.iter().any(|choice| choice.part == part)
+            && !meta.headers[part].deep
+            && tile.is_largest_resolution_level()
     };
-    let chunks = reader.filter_chunks(false, |meta, tile, block| chosen(meta, tile, block.layer));
+    let chunks = reader.filter_chunks(false, |meta, tile, block| is_wanted(meta, tile, block.layer));
     let mut blocks = chunks.map_err(|e| FileError::damaged(file, e))?.sequential_decompressor(false);
     while let Some(block) = blocks.decompress_next_block() {
         let block = block.map_err(|e| FileError::damaged(file, e))?;
+        let part = block.index.layer;
+        let header = &headers[part];
+        let offset = header.own_attributes.layer_position - header.shared_attributes.display_window.position;
         for line in block.lines(&header.channels) {
             let (x, y) = (line.location.position.0 as i64, line.location.position.1 as i64 + i64::from(offset.1));
-            let places = channels.iter().enumerate().filter(|(_, c)| **c == line.location.channel);
-            for (k, &channel) in places {
-                if !(0..height as i64).contains(&y) {
-                    continue;
-                }
-                let samples = samples(line, list[channel].sample_type).map_err(|e| FileError::damaged(file, e))?;
-                for (x, value) in (x + i64::from(offset.0)..).zip(samples) {
-                    if (0..width as i64).contains(&x) {
-                        values[(y as usize * width + x as usize) * count + k] = value;
+            if !(0..height as i64).contains(&y) {
+                continue;
+            }
+            let channel = line.location.channel;
+            let of_part = choices.iter().zip(&mut pictures).filter(|(choice, _)| choice.part == part);
+            for (choice, values) in of_part {
+                let count = choice.channels.len();
+                for (k, _) in choice.channels.iter().enumerate().filter(|(_, own)| **own == channel) {
+                    let kind = header.channels.list[channel].sample_type;
+                    let samples = samples(line, kind).map_err(|e| FileError::damaged(file, e))?;
+                    for (x, value) in (x + i64::from(offset.0)..).zip(samples) {
+                        if (0..width as i64).contains(&x) {
+                            values[(y as usize * width + x as usize) * count + k] = value;
+                        }
                     }
                 }
             }
         }
     }
-    let primaries = header.shared_attributes.chromaticities.map(primaries);
-    Ok(Pixels { premultiplied: true, primaries, ..Pixels::new([height, width], count, Samples::F32(values)) })
+    let pixels = |(choice, values): (&Choice, Vec<f32>)| {
+        let primaries = headers[choice.part].shared_attributes.chromaticities.map(primaries);
+        let pixels = Pixels::new([height, width], choice.channels.len(), Samples::F32(values));
+        Pixels { premultiplied: true, primaries, ..pixels }
+    };
+    Ok(choices.iter().zip(pictures).map(pixels).collect())
+}
+
+/// Refuses channels that are stored in a way that is not read.
+fn check_storage(header: &Header, channels: &[usize]) -> Result<(), Reason> {
+    let list = &header.channels.list;
+    if header.deep || channels.iter().any(|&i| list[i].sampling.0 != 1 || list[i].sampling.1 != 1) {
+        let deep = "it holds deep or subsampled pixels, which are not read: save it with plain R, G and B";
+        return Err(Reason::new("deep-pixels", deep));
+    }
+    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Err(reason!("dwa", "it is compressed by DWA, which is not read: save it with ZIP or PIZ"));
+    }
+    Ok(())
 }
 
 fn primaries(stated: Chromaticities) -> Primaries {
@@ -157,11 +193,17 @@ fn choice(all: &[(usize, usize, String)], layer: (usize, &str)) -> Choice {
     Choice { part: layer.0, channels }
 }
 
-/// Chooses the channels of the layer with this index among the layers with colors.
-fn layer(headers: &[Header], index: usize) -> Result<Choice, Reason> {
+/// Chooses the channels of the layers with these indices among the layers with colors.
+fn layers_of(headers: &[Header], indices: &[u16]) -> Result<Vec<Choice>, Reason> {
     let all = all_lower(headers);
-    let found = with_colors(&all).get(index).map(|layer| choice(&all, *layer));
-    found.ok_or_else(|| reason!("no-layer", "it has no layer {index} with colors. Its channels are {}", names(headers)))
+    let layers = with_colors(&all);
+    let one = |index: &u16| {
+        let layer = layers.get(usize::from(*index)).map(|layer| choice(&all, *layer));
+        layer.ok_or_else(|| {
+            reason!("no-layer", "it has no layer {index} with colors. Its channels are {}", names(headers))
+        })
+    };
+    indices.iter().map(one).collect()
 }
 
 /// Chooses the channels of a picture. These are red, green, blue and alpha without a layer, of the only layer that has

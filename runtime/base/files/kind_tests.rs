@@ -84,15 +84,7 @@ fn files_are_known_by_their_content() {
 
 #[test]
 fn every_kind_has_a_remedy_in_one_line_whatever_is_wanted() {
-    let wanted = [
-        Wanted::Scene,
-        Wanted::Layer(1),
-        Wanted::DepthMap,
-        Wanted::Phases,
-        Wanted::Levels,
-        Wanted::Hologram,
-        Wanted::Table,
-    ];
+    let wanted = [Wanted::Scene, Wanted::DepthMap, Wanted::Phases, Wanted::Levels, Wanted::Hologram, Wanted::Table];
     for (_, name, kind) in rows() {
         for wanted in wanted {
             let line = remedy(Path::new(name), kind, wanted);

@@ -23,6 +23,11 @@ pub fn picture_layers(file: &Path) -> Result<Vec<String>, FileError> {
     absent(file)
 }
 
+/// Always fails, instead of decoding the layers of a picture.
+pub fn read_layers(file: &Path, _: &[u16], _: u64) -> Result<Vec<Pixels>, FileError> {
+    absent(file)
+}
+
 /// Always fails, instead of returning the EXIF orientation of a picture.
 pub fn picture_orientation(file: &Path, _: Wanted) -> Result<u8, FileError> {
     absent(file)

@@ -62,6 +62,16 @@ pub fn picture_layers(file: &Path) -> Result<Vec<String>, FileError> {
     }
 }
 
+/// Decodes the layers of an EXR file that have these indices among [`picture_layers`]. The file is decompressed once for
+/// all of them. Each layer is a picture of at most `most` pixels.
+///
+/// # Errors
+/// Returns the errors of [`read_pixels`], and [`FileError::Content`] for a layer that the file does not have.
+pub fn read_layers(file: &Path, indices: &[u16], most: u64) -> Result<Vec<Pixels>, FileError> {
+    picture_size(file, Wanted::Scene, most)?;
+    exr_pixels::read_layers(file, indices)
+}
+
 /// Returns the EXIF orientation by which a picture is turned, 1 to 8. 1 is as stored.
 ///
 /// # Errors

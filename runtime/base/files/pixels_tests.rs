@@ -211,7 +211,7 @@ fn exr_parts_halves_and_windows_are_read() {
 
 /// Layers of one part and of another one, with and without opacity.
 #[test]
-fn layers_with_colors_are_read_one_by_one() {
+fn layers_with_colors_are_read_together() {
     let here = tempfile::tempdir().unwrap();
     let file = here.path().join("a.exr");
     let channels = |size: Vec2<usize>, names: &[(&str, f32)]| {
@@ -230,14 +230,15 @@ fn layers_with_colors_are_read_one_by_one() {
     let image = Image::empty(ImageAttributes::new(window)).with_layer(first).with_layer(second);
     image.write().to_file(&file).unwrap();
     assert_eq!(picture_layers(&file).unwrap(), ["far", "near.10", "near.2"]);
-    let pixel = |index: u16| match read(&file, Wanted::Layer(index)) {
-        Pixels { channels, samples: Samples::F32(values), .. } => values[..channels].to_vec(),
+    let pixel = |image: &Pixels| match &image.samples {
+        Samples::F32(values) => values[..image.channels].to_vec(),
         _ => panic!("floats"),
     };
-    assert_eq!(pixel(0), [0.0, 1.0, 2.0]);
-    assert_eq!(pixel(1), [3.0, 4.0, 5.0, 6.0]);
-    assert_eq!(pixel(2), [20.0, 21.0, 22.0]);
-    let none = read_pixels(&file, Wanted::Layer(3), MOST);
+    let together = read_layers(&file, &[1, 2, 0], MOST).unwrap();
+    let pixels: Vec<Vec<f32>> = together.iter().map(pixel).collect();
+    assert_eq!(pixels, [vec![3.0, 4.0, 5.0, 6.0], vec![20.0, 21.0, 22.0], vec![0.0, 1.0, 2.0]]);
+    assert!(read_layers(&file, &[], MOST).unwrap().is_empty());
+    let none = read_layers(&file, &[0, 3], MOST);
     assert!(matches!(&none, Err(FileError::Content { reason, .. }) if reason.code() == "no-layer"), "{none:?}");
     // A single picture would be one of several.
     assert!(read_pixels(&file, Wanted::Scene, MOST).is_err());

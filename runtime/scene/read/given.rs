@@ -9,7 +9,7 @@ use crate::read::views::Read;
 use crate::{Request, SceneError};
 use crate::{light_field::natural, read::names};
 use eyebox_base::error::Reason;
-use eyebox_base::files::{Wanted, picture_layers};
+use eyebox_base::files::picture_layers;
 use eyebox_base::reason;
 use std::path::{Path, PathBuf};
 
@@ -65,16 +65,17 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Given>, SceneError> {
         Values::Focus(values, _) | Values::Dioptres(values) => values.len(),
     };
     let paths: Vec<PathBuf> = pictures.into_iter().map(|name| folder.join(name)).collect();
-    let parts = match &values {
-        Values::Focus(..) => in_files(&paths),
-        Values::Dioptres(_) => parts(&paths)?,
+    let layers = match &values {
+        Values::Focus(..) => None,
+        Values::Dioptres(_) => layers(&paths)?,
     };
-    if parts.len() != wanted || paths.is_empty() {
-        let what = if parts.len() == paths.len() { "pictures" } else { "layers in its EXR file" };
-        let has = format!(
-            "but the folder has {} {what}. Give one for each, in the order of the numbers in their names",
-            parts.len()
-        );
+    let (count, what) = match &layers {
+        Some(layers) => (layers.len(), "layers in its EXR file"),
+        None => (paths.len(), "pictures"),
+    };
+    if count != wanted || paths.is_empty() {
+        let has =
+            format!("but the folder has {count} {what}. Give one for each, in the order of the numbers in their names");
         return wrong(match values {
             Values::Focus(..) => reason!("focus-count", "focus_mm has {wanted} depths, {has}"),
             Values::Dioptres(_) => reason!("layers-count", "layers_dioptres has {wanted} vergences, {has}"),
@@ -83,24 +84,20 @@ pub(crate) fn find(folder: &Path) -> Result<Option<Given>, SceneError> {
     let pictures = Pictures { stated, paths, file };
     Ok(Some(match values {
         Values::Focus(focus, aperture) => Given::Stack(FocalStack { pictures, focus, aperture }),
-        Values::Dioptres(dioptres) => Given::Planes(Planes { pictures, parts, dioptres }),
+        Values::Dioptres(dioptres) => Given::Planes(Planes { pictures, layers, dioptres }),
     }))
 }
 
-fn in_files(paths: &[PathBuf]) -> Vec<(PathBuf, Wanted)> {
-    paths.iter().map(|path| (path.clone(), Wanted::Scene)).collect()
-}
-
-/// Returns the pictures of multi-plane images. The layers of a single EXR file are pictures.
-fn parts(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Wanted)>, SceneError> {
-    let [path] = paths else { return Ok(in_files(paths)) };
+/// Returns the layers of a single EXR file that are pictures, or `None` if the files are.
+fn layers(paths: &[PathBuf]) -> Result<Option<Vec<u16>>, SceneError> {
+    let [path] = paths else { return Ok(None) };
     let names = picture_layers(path)?;
     if names.len() < 2 {
-        return Ok(in_files(paths));
+        return Ok(None);
     }
     let mut order: Vec<u16> = (0..=u16::MAX).take(names.len()).collect();
     order.sort_by_cached_key(|index| natural::natural(&names[usize::from(*index)]));
-    Ok(order.into_iter().map(|index| (path.clone(), Wanted::Layer(index))).collect())
+    Ok(Some(order))
 }
 
 impl Given {

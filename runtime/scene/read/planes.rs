@@ -12,17 +12,20 @@ use crate::read::views::{Frame, Read};
 use crate::synthesis::given::{Layer, Places, views_of_layers};
 use crate::{Order, OrderFound, Parallax, Request, SceneError, ViewGrid};
 use eyebox_base::error::Reason;
-use eyebox_base::files::{Pixels, Samples, Wanted, read_pixels};
+use eyebox_base::files::{Pixels, Samples, Wanted, read_layers, read_pixels};
 use eyebox_base::reason;
 use eyebox_optics::{check_usual_depths, depth_of_dioptres};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// Bytes of the pictures that are decoded together from one file.
+const TOGETHER: usize = 512 << 20;
+
 /// A multi-plane image in a folder.
 pub(crate) struct Planes {
     pub pictures: Pictures,
-    /// The file of each picture, and its part of the file.
-    pub parts: Vec<(PathBuf, Wanted)>,
+    /// The layers of a single EXR file, if they are the pictures and not the files.
+    pub layers: Option<Vec<u16>>,
     /// Vergence of each picture in diopters.
     pub dioptres: Vec<f64>,
 }
@@ -45,16 +48,21 @@ impl Planes {
             check_usual_depths(depth).map_err(|e| wrong(reason!("layers", "layers_dioptres: {e}")))?;
         }
         let n = if request.more_views { enough_views(folder, request, depth) } else { request.views };
-        let frame = Frame::new(own, n * n + 2 * self.parts.len(), request)?;
+        let frame = Frame::new(own, n * n + 2 * depths.len(), request)?;
         let reading = Reading::new(stated.tone);
-        let read = |(path, part): &(PathBuf, Wanted)| -> Result<Opened, SceneError> {
-            let image = read_pixels(path, *part, picture::ONE)?;
-            let light = picture::light(path, &image, request.colors, &reading)?;
-            let mut planes = frame.fit([light.planes, vec![opacity(&image)]].concat());
+        let opened = |path: &Path, image: &Pixels| -> Result<Opened, SceneError> {
+            let light = picture::light(path, image, request.colors, &reading)?;
+            let mut planes = frame.fit([light.planes, vec![opacity(image)]].concat());
             let opacity = planes.pop().unwrap_or_default();
             Ok(Opened { planes, opacity })
         };
-        let read = self.parts.par_iter().map(read).collect::<Result<Vec<_>, SceneError>>()?;
+        let read = match &self.layers {
+            Some(layers) => layers_in(&self.pictures.paths[0], layers, own, opened)?,
+            None => {
+                let one = |path: &PathBuf| opened(path, &read_pixels(path, Wanted::Scene, picture::ONE)?);
+                self.pictures.paths.par_iter().map(one).collect::<Result<Vec<_>, SceneError>>()?
+            }
+        };
         reading.judge(folder, FullScale::Folder)?;
         // Scaled pictures are unmultiplied again, because layers are given without their opacity.
         let bare: Vec<Opened> = read.into_iter().map(Opened::bare).collect();
@@ -90,6 +98,24 @@ impl Planes {
     fn most(&self) -> f64 {
         self.dioptres.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
+}
+
+/// Reads layers of an EXR file of the size `own`, and makes a picture of each by `opened`.
+fn layers_in(
+    path: &Path,
+    layers: &[u16],
+    own: [usize; 2],
+    opened: impl Fn(&Path, &Pixels) -> Result<Opened, SceneError> + Sync,
+) -> Result<Vec<Opened>, SceneError> {
+    // Red, green, blue and alpha in float32.
+    let bytes = 16 * own[0] * own[1];
+    let mut read = Vec::new();
+    for together in layers.chunks((TOGETHER / bytes.max(1)).max(1)) {
+        let images = read_layers(path, together, picture::ONE)?;
+        let made: Result<Vec<Opened>, SceneError> = images.par_iter().map(|image| opened(path, image)).collect();
+        read.extend(made?);
+    }
+    Ok(read)
 }
 
 impl Opened {
