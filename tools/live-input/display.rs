@@ -122,7 +122,7 @@ pub struct Display {
     path: PathBuf,
     listener: UnixListener,
     /// The lock that is held while the socket exists.
-    _lock: File,
+    lock: File,
     /// The region for the next application.
     prepared: Option<Region>,
     connection: Option<Connection>,
@@ -172,7 +172,7 @@ impl Display {
             connection: None,
             request: None,
             requests: 0,
-            _lock: lock,
+            lock,
             prepared,
             listener,
             path,
@@ -447,5 +447,35 @@ impl Display {
 impl Drop for Display {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.path);
+        // A child process that has not started its program has a copy of the open file, and closing would leave the lock
+        // to this copy.
+        let _ = self.lock.unlock();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Kind;
+
+    /// A child process holds copies of all open files until it starts its program.
+    #[test]
+    fn a_name_is_free_once_its_display_is_dropped() {
+        let folder = std::env::temp_dir().join(format!("eyebox-name-{}", std::process::id()));
+        let open = || {
+            let (size, colors, kinds) = ([4, 4], [true; 3], vec![Kind::Views]);
+            let (views, layers, slots, pixel_angle, eyebox_mm) = ([1, 1], 1, 3, 1e-3, [1.0; 2]);
+            Display::open_in(
+                &folder,
+                "name",
+                Offer { size, colors, kinds, views, layers, slots, pixel_angle, eyebox_mm },
+            )
+        };
+        let display = open().unwrap();
+        let _copy = display.lock.try_clone().unwrap();
+        assert!(matches!(open(), Err(LiveError::Taken(_))));
+        drop(display);
+        assert!(open().is_ok());
+        std::fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -2,7 +2,7 @@
 
 use super::os::{canonical, exchange, is_same, sync_folder};
 use super::timeout_writer::TimeoutWriter;
-use super::{FileError, staging};
+use super::{FileError, FileLock, staging};
 use crate::error::Reason;
 use crate::reason;
 use std::{
@@ -64,7 +64,7 @@ pub(super) fn is_stream(file: &Path) -> Result<bool, FileError> {
 pub struct FolderDraft {
     /// The lock comes before the folder, so that it is dropped first. Removing a folder takes a file descriptor, and
     /// this may be the last one.
-    _lock: Option<File>,
+    _lock: Option<FileLock>,
     draft: tempfile::TempDir,
     open: staging::Open,
     place: PathBuf,
@@ -135,7 +135,7 @@ impl FolderDraft {
         let mut replaces_empty = cfg!(unix);
         loop {
             let there = turn(&place);
-            if there.as_ref().is_some_and(|there| !is_same(there, &place)) && may_retry() {
+            if there.as_ref().is_some_and(|there| !is_same(there.file(), &place)) && may_retry() {
                 continue;
             }
             let exists = place.exists();
@@ -169,12 +169,12 @@ impl FolderDraft {
 
 /// Writers of one destination take turns by a lock on the folder there, so that none removes a folder that another
 /// inspects. A foreign lock is not waited for longer than a writer would take.
-fn turn(place: &Path) -> Option<File> {
+fn turn(place: &Path) -> Option<FileLock> {
     let there = File::open(place).ok().filter(|_| place.is_dir())?;
     let begun = Instant::now();
     loop {
         match there.try_lock() {
-            Ok(()) => return Some(there),
+            Ok(()) => return Some(FileLock::held(there)),
             Err(TryLockError::WouldBlock) if begun.elapsed() < LOCK_TIMEOUT => std::thread::sleep(LOCK_TIMEOUT / 1000),
             Err(_) => return None,
         }

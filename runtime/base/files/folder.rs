@@ -2,6 +2,7 @@
 
 use super::atomic::write_to_disk;
 use super::entry::{Kind, split};
+use super::file_lock::FileLock;
 use super::held::Held;
 use super::read;
 use std::ffi::OsString;
@@ -106,13 +107,8 @@ impl Folder {
 
     /// Takes the lock of a lock file with this name, until the returned value is dropped. Returns `None` if another
     /// program has it. On a file system without locks everybody gets it.
-    pub fn lock(&self, name: &str) -> io::Result<Option<File>> {
-        let file = read::regular(self.held.open_or_create(name)?)?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => Err(e),
-            _ => Ok(Some(file)),
-        }
+    pub fn lock(&self, name: &str) -> io::Result<Option<FileLock>> {
+        FileLock::take(read::regular(self.held.open_or_create(name)?)?)
     }
 
     /// Returns true if another program has that lock.

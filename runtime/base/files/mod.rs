@@ -13,6 +13,7 @@ mod created_dir;
 mod entry;
 #[cfg(feature = "image-formats")]
 mod exr_pixels;
+mod file_lock;
 mod folder;
 mod grey;
 mod growing;
@@ -47,6 +48,7 @@ pub use color_profile::color_space;
 pub use convert::{OtherKind, Wanted, npz_line, zarr_line};
 pub use created_dir::CreatedDirGuard;
 pub use entry::Kind;
+pub use file_lock::FileLock;
 pub use folder::Folder;
 pub use grey::read_grey;
 pub use growing::GrowingFile;

@@ -4,6 +4,7 @@
 //! recognize the temporary names of programs that have ended, and removes them. A program that a signal ends can remove
 //! its own ([`end_without_drafts`]).
 
+use super::file_lock::FileLock;
 use super::os::{is_same, open_own, permit};
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
@@ -81,14 +82,14 @@ pub(super) fn file(folder: &Path) -> io::Result<FileDraft> {
 }
 
 /// Makes a new temporary folder in `folder`, with its lock.
-pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<File>, Open)> {
+pub(super) fn folder(folder: &Path) -> io::Result<(TempDir, Option<FileLock>, Open)> {
     loop {
         let (draft, open) = Open::make(|| builder(0o777, TAIL).tempdir_in(folder), |draft| draft.path())?;
         // Only Unix can open folders.
         let Ok(lock) = File::open(draft.path()) else { return Ok((draft, None, open)) };
         if is_mine(&lock, draft.path()) {
             remove_the_dead(folder, &lock);
-            return Ok((draft, Some(lock), open));
+            return Ok((draft, Some(FileLock::held(lock)), open));
         }
     }
 }

@@ -1,11 +1,10 @@
 //! Names, writes and checks the documents and chunks of a hologram folder.
 
 use super::HologramError;
-use crate::files::{FileError, FileKind, Folder, FolderDraft, Kind, Wanted, is_draft};
+use crate::files::{FileError, FileKind, FileLock, Folder, FolderDraft, Kind, Wanted, is_draft};
 use crate::memory;
 use crate::optics::wrap_phase;
 use eyebox_base::{Reason, reason};
-use std::fs::File;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, Read, Write};
 use std::path::Path;
@@ -82,7 +81,7 @@ pub(super) fn draft(path: &Path, ours: fn(&Path) -> bool) -> Result<FolderDraft,
 }
 
 /// Takes the lock of an unfinished hologram.
-pub(super) fn lock(folder: &Folder) -> Result<File, HologramError> {
+pub(super) fn lock(folder: &Folder) -> Result<FileLock, HologramError> {
     let locked = folder.lock(LOCK).map_err(|e| FileError::write(&folder.path().join(LOCK), e))?;
     locked.ok_or_else(|| HologramError::Busy { path: folder.path().display().to_string() })
 }

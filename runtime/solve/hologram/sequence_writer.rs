@@ -8,10 +8,9 @@ use super::chunks::{ARRAY, GROUP, LOCK, draft, lock, open_folder, own_draft, unr
 use super::document::{self, SequenceAttributes};
 use super::sequence::sequence_chunk;
 use super::{Hologram, HologramError, Sequence};
-use crate::files::{Folder, Kind, is_draft};
+use crate::files::{FileLock, Folder, Kind, is_draft};
 use crate::optics::wrap_phase;
 use eyebox_base::{Reason, reason};
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -245,7 +244,7 @@ pub struct SequenceWriter {
     to: SequenceParts,
     count: u64,
     /// Only one program at a time writes it.
-    _lock: File,
+    _lock: FileLock,
 }
 
 impl SequenceWriter {

@@ -19,7 +19,7 @@ use super::chunks::{
     lock, none, read_document, read_tile, read_whole, unreadable, unwritable, write_chunk,
 };
 use super::{Hologram, HologramError, Metadata, document};
-use crate::files::{Folder, Kind};
+use crate::files::{FileLock, Folder, Kind};
 use crate::optics::{Geometry, wrap_phase};
 use crate::plan::ModelTables;
 use eyebox_base::random::{GOLDEN, mix};
@@ -28,7 +28,6 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::HashMap;
-use std::fs::File;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
@@ -61,7 +60,7 @@ pub struct Tiles {
     side: usize,
     made: Option<Made>,
     /// Held while this program makes the hologram.
-    lock: Option<File>,
+    lock: Option<FileLock>,
     read: AtomicU64,
     written: AtomicU64,
     /// The model of the display for each color, computed at the first request.
