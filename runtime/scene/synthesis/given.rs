@@ -81,43 +81,67 @@ pub fn views_of_layers(layers: &[Layer<'_>], from: &Places<'_>) -> Result<Vec<Ve
     let [height, width] = from.size;
     let view = |[x, y]: &[f64; 2]| {
         let mut seen = vec![vec![0.0f32; height * width]; colors];
-        for Layer { depth, planes, opacity } in layers {
-            let [right, down] = [x, y].map(|v| v * depth * from.per_metre);
-            for row in 0..height {
-                let rows = between(row, down, height);
-                for column in 0..width {
-                    let columns = between(column, right, width);
-                    let (mut covered, mut light) = (0.0, [0.0f32; 3]);
-                    for (j, high) in rows {
-                        for (i, wide) in columns {
-                            let at = j * width + i;
-                            let share = high * wide * opacity[at];
-                            covered += share;
-                            light.iter_mut().zip(planes).for_each(|(sum, plane)| *sum += share * plane[at]);
-                        }
-                    }
-                    let rest = (1.0 - covered).max(0.0);
-                    for (out, light) in seen.iter_mut().zip(light) {
-                        let out = &mut out[row * width + column];
-                        *out = *out * rest + light;
-                    }
-                }
-            }
+        let mut row = Row { share: vec![0.0; width], covered: vec![0.0; width], light: vec![vec![0.0; width]; colors] };
+        for layer in layers {
+            let moved = [x, y].map(|v| v * layer.depth * from.per_metre);
+            (0..height).for_each(|at| row.cover(&mut seen, layer, at, moved));
         }
         seen
     };
     Ok(by_color(from.places.par_iter().map(view).collect::<Vec<_>>(), colors))
 }
 
-/// Returns the two samples around `at + shift` on an axis, each with its weight. The weight is zero beyond the ends.
-fn between(at: usize, shift: f64, length: usize) -> [(usize, f32); 2] {
-    let place = at as f64 + shift;
-    let low = place.floor();
-    let share = (place - low) as f32;
-    [(low, 1.0 - share), (low + 1.0, share)].map(|(index, weight)| {
-        let inside = (0.0..length as f64).contains(&index);
-        if inside { (index as usize, weight) } else { (0, 0.0) }
-    })
+/// A row of a layer as a view sees it.
+struct Row {
+    /// The part of one sample in each pixel.
+    share: Vec<f32>,
+    /// The part of each pixel that the layer covers.
+    covered: Vec<f32>,
+    /// The light of the layer, per color.
+    light: Vec<Vec<f32>>,
+}
+
+impl Row {
+    /// Puts a row of a layer in front of the view. The view sees content by `moved` pixels to the right and below.
+    fn cover(&mut self, seen: &mut [Vec<f32>], layer: &Layer<'_>, row: usize, [right, down]: [f64; 2]) {
+        let width = self.covered.len();
+        self.covered.fill(0.0);
+        self.light.iter_mut().for_each(|light| light.fill(0.0));
+        // The sum of four neighbors is a bilinear interpolation. Pixels beyond the ends are transparent.
+        for (below, high) in samples(down) {
+            let from = row.checked_add_signed(below).filter(|from| from * width < layer.opacity.len());
+            let Some(from) = from.filter(|_| high > 0.0) else { continue };
+            let line = from * width..(from + 1) * width;
+            for (beside, wide) in samples(right) {
+                let [skipped, empty] = [beside.max(0), (-beside).max(0)].map(|n| (n as usize).min(width));
+                let (source, target) = (skipped..width - empty, empty..width - skipped);
+                let opacity = &layer.opacity[line.clone()][source.clone()];
+                let (share, covered) = (&mut self.share[target.clone()], &mut self.covered[target.clone()]);
+                for ((share, covered), opacity) in share.iter_mut().zip(covered).zip(opacity) {
+                    *share = high * wide * opacity;
+                    *covered += *share;
+                }
+                for (light, plane) in self.light.iter_mut().zip(&layer.planes) {
+                    let plane = &plane[line.clone()][source.clone()];
+                    let of_sample = self.share[target.clone()].iter().zip(plane);
+                    light[target.clone()].iter_mut().zip(of_sample).for_each(|(sum, (share, v))| *sum += share * v);
+                }
+            }
+        }
+        for (out, light) in seen.iter_mut().zip(&self.light) {
+            let out = &mut out[row * width..(row + 1) * width];
+            for ((out, light), covered) in out.iter_mut().zip(light).zip(&self.covered) {
+                *out = *out * (1.0 - covered).max(0.0) + light;
+            }
+        }
+    }
+}
+
+/// Returns the two samples around a displacement on an axis, each with its weight.
+fn samples(moved: f64) -> [(isize, f32); 2] {
+    let low = moved.floor();
+    let share = (moved - low) as f32;
+    [(low as isize, 1.0 - share), (low as isize + 1, share)]
 }
 
 #[cfg(test)]
@@ -166,6 +190,39 @@ mod tests {
             }
         }
         assert_eq!((depths.len(), layers.len(), &layers[0][0]), (1, 1, &picture));
+    }
+
+    /// Pixels of two layers by hand in float64, for displacements in all directions and beyond the ends.
+    #[test]
+    fn layers_are_interpolated_between_their_pixels() {
+        let [height, width] = SIZE;
+        let mut random = fastrand::Rng::with_seed(5);
+        let mut plane = || (0..height * width).map(|_| random.f32()).collect::<Vec<f32>>();
+        let (far, near, far_opacity, near_opacity) = (plane(), plane(), plane(), plane());
+        let layers = [
+            Layer { depth: -1e-3, planes: vec![&far], opacity: &far_opacity },
+            Layer { depth: 2e-3, planes: vec![&near], opacity: &near_opacity },
+        ];
+        let places = [[0.3e-3, 1.2e-3], [-1.7e-3, -0.4e-3], [2.6e-3, -2.2e-3], [0.0, 0.0]];
+        let from = Places { places: &places, per_metre: 1e6, size: SIZE };
+        let views = views_of_layers(&layers, &from).unwrap();
+        for ([x, y], view) in places.iter().zip(&views[0]) {
+            for (i, found) in view.iter().enumerate() {
+                let mut light = 0.0;
+                for Layer { depth, planes, opacity } in &layers {
+                    let [column, row] = [(x, i % width), (y, i / width)].map(|(v, at)| at as f64 + v * depth * 1e6);
+                    let (mut covered, mut own) = (0.0, 0.0);
+                    for at in 0..height * width {
+                        let off = [column - (at % width) as f64, row - (at / width) as f64];
+                        let share =
+                            off.iter().map(|d| (1.0 - d.abs()).max(0.0)).product::<f64>() * f64::from(opacity[at]);
+                        (covered, own) = (covered + share, own + share * f64::from(planes[0][at]));
+                    }
+                    light = light * (1.0 - covered) + own;
+                }
+                assert!((f64::from(*found) - light).abs() < 1e-5, "{i} at {x}, {y}: {found} {light}");
+            }
+        }
     }
 
     #[test]
