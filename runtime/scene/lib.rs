@@ -78,7 +78,7 @@ mod tests;
 pub use builtin::{BUILTINS, Builtin, Stage};
 pub use depth::central::{central_depth, central_view};
 pub use depth::displacement::displacement;
-pub use depth::maps::depth_maps;
+pub use depth::maps::{depth_maps, sequence_maps};
 pub use depth::range::DepthSource;
 pub use depth::range::asked_or_found;
 pub use depth::survey::{Black, DARK, Light};

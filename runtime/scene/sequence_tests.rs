@@ -1,6 +1,8 @@
 //! Tests videos of colors and depths, and folders of pairs, frame by frame against single pictures with maps.
 
 use crate::*;
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, SmallVec, WritableImage};
+use eyebox_base::error::ErrorData;
 use eyebox_optics::{Color, Display};
 use image::{ImageBuffer, Luma, Rgb};
 use std::{fs, path::PathBuf};
@@ -91,4 +93,90 @@ fn frames_of_videos_and_of_folders_are_pictures_with_maps() {
     let frames = sequence(clip.to_str().unwrap(), &[]).unwrap().unwrap();
     says(depth_maps(&frames, std::slice::from_ref(&apart)), ["2", "2"]);
     assert!(sequence(here.path().join("none.y4m").to_str().unwrap(), &[]).unwrap().is_none());
+}
+
+/// Writes a frame to an EXR file, with distances of 20 for a depth of 0 and of 0.5 for a depth of 255.
+fn exr_frame(file: &Path, i: usize) {
+    let [light, depth] = frame(i);
+    let light: Vec<f32> = light.iter().map(|v| f32::from(*v) / 255.0).collect();
+    let distance: Vec<f32> = depth.iter().map(|v| 20.0 - 19.5 * f32::from(*v) / 255.0).collect();
+    let named = [("R", &light), ("G", &light), ("B", &light), ("Z", &distance)];
+    let list: SmallVec<[AnyChannel<FlatSamples>; 4]> =
+        named.iter().map(|(name, values)| AnyChannel::new(*name, FlatSamples::F32((*values).clone()))).collect();
+    Image::from_channels((SIZE, SIZE), AnyChannels::sort(list)).write().to_file(file).unwrap();
+}
+
+/// Frames of a renderer have their distances in the same file. A wall stays at its depth in all frames.
+#[test]
+fn maps_of_a_sequence_have_the_same_ends() {
+    let here = tempfile::tempdir().unwrap();
+    let folder = here.path().join("frames");
+    fs::create_dir(&folder).unwrap();
+    (0..FRAMES).for_each(|i| exr_frame(&folder.join(format!("shot-{i}.exr")), i));
+    let given = [folder.clone()];
+    let frames = sequence(folder.to_str().unwrap(), &given).unwrap().expect("a sequence");
+    let own: Vec<PathBuf> = frames.iter().map(PathBuf::from).collect();
+    assert_eq!(depth_maps(&frames, &given).unwrap(), own);
+    let together = sequence_maps(&frames, &given, Some(Near::Small), None).unwrap();
+    let [low, high] = [200, 20].map(|v| 20.0 - 19.5 * v as f32 / 255.0);
+    assert!(
+        together.iter().all(|map| map.to_str().unwrap().ends_with(&format!("?range={low},{high}"))),
+        "{together:?}"
+    );
+    let depth = |source: &str, map: &Path| {
+        let display = Display { height: SIZE, width: SIZE, ..Display::preset("small").unwrap() };
+        let (depth, near, depth_map) = (Some([-1e-3, 1e-3]), Some(Near::Small), Some(map));
+        let request = Request { depth_map, views: 3, depth, near, ..Request::new(&display, &[Color::Green]) };
+        load(source, &request).map(|field| field.depth.unwrap())
+    };
+    for (i, source) in frames.iter().enumerate() {
+        // The wall is at 20, 50 and 80 of 20 to 200.
+        let [far, nearest] = depth(source, &together[i]).unwrap();
+        let wall = -1e-3 + 2e-3 * 30.0 * i as f64 / 180.0;
+        assert!((far - wall).abs() < 1e-6 && (nearest - 1e-3).abs() < 1e-6, "{i}: {far} {nearest}");
+        let [far, nearest] = depth(source, &own[i]).unwrap();
+        assert!((far + 1e-3).abs() < 1e-6 && (nearest - 1e-3).abs() < 1e-6, "{i}: {far} {nearest}");
+    }
+
+    // Stated ends count, and values beyond them become the ends.
+    let stated = [format!("{}?range=2,10", folder.display()).into()];
+    let maps = sequence_maps(&frames, &stated, Some(Near::Small), None).unwrap();
+    assert!(maps[2].ends_with("shot-2.exr?range=2,10"), "{maps:?}");
+    let [far, nearest] = depth(&frames[0], &maps[0]).unwrap();
+    assert!((far + 1e-3).abs() < 1e-6 && nearest < 0.6e-3, "{far} {nearest}");
+    for wrong in ["range=10,2", "range=2", "range=2,inf", "range=a,b", "range=1,1"] {
+        let map = format!("{}?{wrong}", frames[0]);
+        assert_eq!(
+            ErrorData::of(&depth(&frames[0], Path::new(&map)).unwrap_err()).code,
+            "options/option-value",
+            "{wrong}"
+        );
+    }
+    // Single pictures, one map for all pictures and frames of videos keep their ends.
+    let one = [folder.join("shot-0.exr")];
+    assert_eq!(sequence_maps(&frames[..1], &given, None, None).unwrap(), own[..1]);
+    assert_eq!(
+        sequence_maps(&[frames[0].clone(), frames[0].clone()], &one, None, None).unwrap(),
+        [one[0].clone(), one[0].clone()]
+    );
+    let clip = here.path().join("depths.y4m");
+    video(&clip, 1);
+    assert!(sequence_maps(&frames, &[clip], None, None).unwrap()[1].ends_with("depths.y4m?frame=1"));
+    // Disparities are pixels already.
+    let disparities: Vec<PathBuf> = (0..FRAMES).map(|i| here.path().join(format!("disp-{i}.pfm"))).collect();
+    for (i, file) in disparities.iter().enumerate() {
+        let [_, depth] = frame(i);
+        let bytes: Vec<u8> = depth.iter().flat_map(|v| (f32::from(*v) / 255.0).to_le_bytes()).collect();
+        fs::write(file, [format!("Pf\n{SIZE} {SIZE}\n-1.0\n").as_bytes(), &bytes].concat()).unwrap();
+    }
+    assert_eq!(sequence_maps(&frames, &disparities, None, None).unwrap(), disparities);
+    let stated = format!("{}?range=0.1,0.5", disparities[0].display());
+    let display = Display { height: SIZE, width: SIZE, ..Display::preset("small").unwrap() };
+    let request = Request { depth_map: Some(Path::new(&stated)), views: 3, ..Request::new(&display, &[Color::Green]) };
+    assert_eq!(ErrorData::of(&load(&frames[0], &request).unwrap_err()).code, "corrupt/map-range");
+    // Pictures without depths have no map in their folder.
+    fs::remove_file(folder.join("shot-1.exr")).unwrap();
+    image::RgbImage::new(24, 24).save(folder.join("shot-1.png")).unwrap();
+    let frames = sequence(folder.to_str().unwrap(), &given).unwrap().unwrap();
+    assert!(matches!(depth_maps(&frames, &given), Err(SceneError::Maps { .. })));
 }

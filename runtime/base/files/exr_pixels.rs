@@ -236,6 +236,23 @@ fn colors(headers: &[Header]) -> Result<Choice, Reason> {
     }
 }
 
+/// Returns true if a file has colors and a channel for depths.
+pub(super) fn holds_depth(file: &Path) -> Result<bool, FileError> {
+    let reader = open(file)?;
+    Ok(colors(reader.headers()).is_ok() && !of_depths(&all_lower(reader.headers())).is_empty())
+}
+
+/// Returns the channels that are depths by their names. A layer for depths counts only if no channel is called so.
+fn of_depths(all: &[(usize, usize, String)]) -> Vec<&(usize, usize, String)> {
+    let by = |is: &dyn Fn(&str) -> bool| all.iter().filter(|(_, _, name)| is(name)).collect::<Vec<_>>();
+    // ZBack and similar channels end a deep sample, and are not a depth themselves.
+    let last = |name: &str, known: &[&str]| known.contains(&split(name).1);
+    let in_depth_layer = |name: &str| split(name).0.rsplit('.').next().is_some_and(|l| l.contains("depth") || l == "z");
+    let named = by(&|name| last(name, &["z", "depth", "depthz", "distance"]));
+    let layered = || by(&|name| in_depth_layer(name) && last(name, &["r", "x", "v", "y"]));
+    if named.is_empty() { layered() } else { named }
+}
+
 /// Chooses the channel of a depth map. It is Z or depth, alone or in a layer, or the only channel. Otherwise these are
 /// colors, which must be equal.
 fn depth(headers: &[Header]) -> Result<Choice, Reason> {
@@ -251,14 +268,9 @@ fn depth(headers: &[Header]) -> Result<Choice, Reason> {
             )))
         }
     };
-    let by = |is: &dyn Fn(&str) -> bool| all.iter().filter(|(_, _, name)| is(name)).collect::<Vec<_>>();
-    // ZBack and similar channels end a deep sample, and are not a depth themselves.
-    let last = |name: &str, known: &[&str]| known.contains(&split(name).1);
-    let in_depth_layer = |name: &str| split(name).0.rsplit('.').next().is_some_and(|l| l.contains("depth") || l == "z");
-    let named = by(&|name| last(name, &["z", "depth", "depthz", "distance"]));
-    let layered = by(&|name| in_depth_layer(name) && last(name, &["r", "x", "v", "y"]));
-    let alone = by(&|name| !last(name, &["a"]));
-    let found = one(&named).or_else(|| one(&layered)).or_else(|| (alone.len() == 1).then(|| one(&alone)).flatten());
+    let alone = || Some(all.iter().filter(|(_, _, name)| split(name).1 != "a").collect::<Vec<_>>());
+    let found =
+        one(&of_depths(&all)).or_else(|| alone().filter(|alone| alone.len() == 1).and_then(|alone| one(&alone)));
     found.unwrap_or_else(|| {
         let colors = colors(headers)?;
         Ok(Choice { channels: colors.channels.into_iter().take(3).collect(), ..colors })

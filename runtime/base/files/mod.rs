@@ -60,8 +60,8 @@ pub use picture::{encode_png, linear_to_srgb, write_png};
 #[cfg(not(feature = "image-formats"))]
 pub use pixels::color_space;
 pub use pixels::{
-    encode_jpeg8, encode_png8, holds_light, picture_layers, picture_orientation, picture_size, read_layers,
-    read_pixels, read_png8,
+    encode_jpeg8, encode_png8, holds_depth, holds_light, picture_layers, picture_orientation, picture_size,
+    read_layers, read_pixels, read_png8,
 };
 pub use primaries::Primaries;
 pub use record::{Digester, FileRecord, digest_file};

@@ -38,6 +38,11 @@ pub fn read_pixels(file: &Path, _: Wanted, _: u64) -> Result<Pixels, FileError> 
     absent(file)
 }
 
+/// Always fails, instead of looking for depths in a picture.
+pub fn holds_depth(file: &Path) -> Result<bool, FileError> {
+    absent(file)
+}
+
 /// Returns `None`, because no picture is read.
 pub fn holds_light(_: &Path) -> Option<&'static str> {
     None

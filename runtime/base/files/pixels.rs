@@ -72,6 +72,14 @@ pub fn read_layers(file: &Path, indices: &[u16], most: u64) -> Result<Vec<Pixels
     exr_pixels::read_layers(file, indices)
 }
 
+/// Returns true if a picture has colors and a channel for depths, as EXR files may.
+///
+/// # Errors
+/// Returns the errors of [`picture_size`].
+pub fn holds_depth(file: &Path) -> Result<bool, FileError> {
+    Ok(kind(file, Wanted::Scene)? == FileKind::Exr && exr_pixels::holds_depth(file)?)
+}
+
 /// Returns the EXIF orientation by which a picture is turned, 1 to 8. 1 is as stored.
 ///
 /// # Errors

@@ -10,7 +10,7 @@ use eyebox_base::error::Reason;
 use eyebox_base::files::{self, FileError, FileKind, NpyArray, Wanted};
 use eyebox_base::memory;
 use eyebox_base::reason;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A map with rows from the top, in which every value is finite.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +34,8 @@ pub(crate) struct Map {
 /// # Errors
 /// [`SceneError::NotFound`], [`SceneError::Corrupt`] or [`SceneError::Ambiguous`].
 pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
+    let (path, stated_range) = without_range(path)?;
+    let path = path.as_path();
     let corrupt = |reason: Reason| SceneError::Corrupt { file: path.display().to_string(), reason };
     if path.is_dir() {
         return Err(corrupt(reason!("map-folder", "it is a folder and not a depth map")));
@@ -53,7 +55,49 @@ pub(crate) fn read(path: &Path, stated: Stated) -> Result<Map, SceneError> {
         read_as += &format!(", and {filled} pixels without a value take the value of the farther neighbor");
     }
     let is_news = filled > 0 || stated.near.is_none();
+    let range = match (stated_range, meaning) {
+        (Some(_), Meaning::Disparity) => {
+            return Err(corrupt(reason!(
+                "map-range",
+                "its values are disparities in pixels, so a range has no effect"
+            )));
+        }
+        (Some([low, high]), Meaning::Relative(_)) => {
+            values.iter_mut().for_each(|v| *v = v.clamp(low, high));
+            read_as += &format!(", from {low} to {high}");
+            stated_range
+        }
+        (None, _) => range,
+    };
     Ok(Map { height, width, values, meaning, range, read_as, is_news })
+}
+
+/// Returns the smallest and the largest value.
+pub(crate) fn ends(values: &[f32]) -> [f32; 2] {
+    values.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], v| [low.min(*v), high.max(*v)])
+}
+
+/// Splits the option `range` from the path of a map. It has the values that mean the ends of the depths.
+fn without_range(path: &Path) -> Result<(PathBuf, Option<[f32; 2]>), SceneError> {
+    let given = path.to_str().map(parts);
+    let Some((file, query)) = given.filter(|(_, query)| !query.is_empty()) else { return Ok((path.into(), None)) };
+    let (mut range, mut kept) = (None, Vec::new());
+    for part in query.split('&') {
+        let Some(value) = part.strip_prefix("range=") else {
+            kept.push(part);
+            continue;
+        };
+        let number = |text: &str| text.parse::<f32>().ok().filter(|v| v.is_finite());
+        let ends = value.split_once(',').and_then(|(low, high)| Some([number(low)?, number(high)?]));
+        range = Some(ends.filter(|[low, high]| low < high).ok_or_else(|| {
+            let reason =
+                reason!("option-value", "'{part}': it must be two values, the smaller one first, as in range=0.5,20");
+            SceneError::Options { scene: path.display().to_string(), reason }
+        })?);
+    }
+    let kept = kept.join("&");
+    let whole = if kept.is_empty() { file.into() } else { format!("{}?{kept}", file.display()).into() };
+    Ok((whole, range))
 }
 
 /// Returns the kind of a map's file.

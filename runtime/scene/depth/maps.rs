@@ -1,10 +1,58 @@
 //! Assigns depth maps to pictures.
 
-use crate::{SceneError, formats::video, light_field::natural};
+use crate::depth::map;
+use crate::formats::options::parts;
+use crate::light_field::near::{Meaning, Stated};
+use crate::{Near, SceneError, formats::video, light_field::natural};
+use eyebox_base::files::holds_depth;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
+/// Returns the maps of pictures that follow each other, as [`depth_maps`] does. The ends of the depths are the smallest
+/// and the largest value of all maps, so that content stays at its depth while other content moves. The path of each map
+/// then ends in `?range=LOW,HIGH`. Maps that state their ends and disparities do not change.
+///
+/// # Errors
+/// The errors of [`depth_maps`] and of reading the maps.
+pub fn sequence_maps(
+    pictures: &[String],
+    given: &[PathBuf],
+    near: Option<Near>,
+    depth: Option<[f64; 2]>,
+) -> Result<Vec<PathBuf>, SceneError> {
+    let maps = depth_maps(pictures, given)?;
+    // All frames of a video have the same ends.
+    if maps.iter().all(|map| *map == maps[0]) || video::named(&maps[0]).is_some() {
+        return Ok(maps);
+    }
+    let ends = |path: &PathBuf| {
+        let map = map::read(path, Stated { near, depth })?;
+        let states_none = matches!(map.meaning, Meaning::Relative(_)) && map.range.is_none();
+        Ok(states_none.then(|| map::ends(&map.values)))
+    };
+    let all = maps.par_iter().map(ends).collect::<Result<Option<Vec<[f32; 2]>>, SceneError>>()?;
+    let Some([low, high]) = all.map(|all| map::ends(all.as_flattened())).filter(|[low, high]| low < high) else {
+        return Ok(maps);
+    };
+    tracing::info!("the ends of the depths are {low} and {high} in all depth maps");
+    let stated = |map: PathBuf| with_options(&map, &format!("range={low},{high}"));
+    Ok(maps.into_iter().map(stated).collect())
+}
+
+/// Adds options to the path of a map.
+fn with_options(map: &Path, options: &str) -> PathBuf {
+    let has_options = map.to_str().is_some_and(|map| !parts(map).1.is_empty());
+    format!("{}{}{options}", map.display(), if has_options { '&' } else { '?' }).into()
+}
+
+/// Returns a folder of maps and the options after its question mark.
+fn folder_of(given: &Path) -> Option<(&Path, &str)> {
+    given.to_str().map(parts).filter(|(folder, options)| folder.is_dir() && !options.is_empty())
+}
+
 /// Returns the map of each picture. `given` is one map per picture, or one folder with a map of each picture's name or
-/// running number, or one video with one frame per picture. Without maps, the result is empty.
+/// running number, or one video with one frame per picture. A folder of EXR pictures may have the depths in the pictures
+/// themselves. Options after the question mark of a folder are options of all its maps. Without maps, the result is empty.
 ///
 /// # Errors
 /// [`SceneError::Maps`] if the maps and the pictures do not correspond one to one, and the errors of reading a folder.
@@ -16,6 +64,12 @@ pub fn depth_maps(pictures: &[String], given: &[PathBuf]) -> Result<Vec<PathBuf>
             value: format!("the folder {folder}"),
             must: "one picture of it, because every picture has a map of its own and views in a folder need no map",
         });
+    }
+    if let [one] = given
+        && let Some((folder, options)) = folder_of(one)
+    {
+        let maps = depth_maps(pictures, &[folder.into()])?;
+        return Ok(maps.iter().map(|map| with_options(map, options)).collect());
     }
     match given {
         [] => Ok(Vec::new()),
@@ -66,7 +120,8 @@ fn of_frames(
     }
 }
 
-/// Returns the only map with the picture's name, otherwise the only one with its running number.
+/// Returns the only map with the picture's name, otherwise the only one with its running number, otherwise the picture
+/// itself if it has depths and is in the folder of the maps.
 fn of(picture: &Path, folder: &Path, maps: &[PathBuf]) -> Result<PathBuf, SceneError> {
     let number = |path: &Path| {
         let stem = path.file_stem()?.to_string_lossy().into_owned();
@@ -78,6 +133,7 @@ fn of(picture: &Path, folder: &Path, maps: &[PathBuf]) -> Result<PathBuf, SceneE
     let numbered: Vec<&PathBuf> = maps.iter().filter(|map| wanted.is_some() && number(map) == wanted).collect();
     match (&named[..], &numbered[..]) {
         ([one], _) | ([], [one]) => Ok((*one).clone()),
+        ([], []) if picture.parent() == Some(folder) && holds_depth(picture)? => Ok(picture.into()),
         (several, others) => {
             let found = several.len().max(others.len());
             let what = format!("{}: {found} maps in {} have its name or number", picture.display(), folder.display());

@@ -263,8 +263,7 @@ fn disparities(
     cell: f64,
     display: &Display,
 ) -> (Vec<f32>, [f64; 2]) {
-    let ends = |v: &[f32]| v.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, &v| [e[0].min(v), e[1].max(v)]);
-    let [low, high] = map.range.unwrap_or_else(|| ends(&map.values)).map(f64::from);
+    let [low, high] = map.range.unwrap_or_else(|| map::ends(&map.values)).map(f64::from);
     // A value becomes the disparity first + (value - low) * gain.
     let (first, gain) = if let Meaning::Relative(near) = map.meaning {
         let [far, nearest] = range;
@@ -279,6 +278,6 @@ fn disparities(
         if gain == 0.0 { f64::INFINITY } else { (1.5 / (reach.max(0.5) * gain.abs())).min(f64::from(f32::MAX)) };
     let resized = map::resized(&map.values, [map.height, map.width], size, apart as f32);
     let disparity: Vec<f32> = resized.into_iter().map(|v| (first + (f64::from(v) - low) * gain) as f32).collect();
-    let found = ends(&disparity).map(f64::from);
+    let found = map::ends(&disparity).map(f64::from);
     (disparity, found)
 }

@@ -209,6 +209,13 @@ impl<'a> SceneJob<'a> {
         self.reading.request(self.display, &self.colors, depth_map, self.force)
     }
 
+    /// Returns the job with the depth map of each scene, whose values have the same meaning in all of them.
+    pub(super) fn with_maps(&self) -> Result<Self, ProduceError> {
+        let reading = &self.reading;
+        let depth_maps = scene::sequence_maps(&self.scenes, &reading.depth_maps, reading.near, reading.depth)?;
+        Ok(Self { reading: SceneReading { depth_maps, ..reading.clone() }, ..self.clone() })
+    }
+
     /// Loads one of its scenes.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ use crate::hologram::{
     ColorHologram, Hologram, HologramError, SceneRecord, Sequence, SequenceParts, SequenceWriter, Start,
 };
 use crate::optics::{Color, Display, Padding};
+use crate::reconstruction::SceneReading;
 use crate::scene::LightField;
 use crate::solve::{Flow, Levels, Problem, Progress, Settings, Solution, Warm, solve_from};
 use eyebox_base::{Reason, reason};
@@ -41,6 +42,7 @@ pub(super) fn solve(
     engine: &mut dyn Engine,
     observe: &mut dyn FnMut(&SceneEvent) -> Flow,
 ) -> Result<SolvedSequence, ProduceError> {
+    let job = &job.with_maps()?;
     let count = job.scenes.len();
     let (planned, rate) = (Some(count as u64), job.sequence.rate);
     let first = job.load_on(0, engine)?;
@@ -94,6 +96,8 @@ pub struct SequencePieces {
     parts: OnceLock<SequenceParts>,
     /// The loaded first scene, for hologram 0.
     first: Mutex<Option<LightField>>,
+    /// The depth map of each scene.
+    depth_maps: Vec<PathBuf>,
 }
 
 impl SequencePieces {
@@ -110,9 +114,11 @@ impl SequencePieces {
             let reason = "pieces need a sequence of one or more scenes whose holograms begin cold";
             return Err(ProduceError::Job(Reason::new("pieces-begin-cold", reason)));
         }
+        let job = job.with_maps()?;
         let first = job.load_on(0, engine)?;
-        let common = Common::new(job, &first)?;
-        Ok(Self { common, out: out.to_path_buf(), parts: OnceLock::new(), first: Mutex::new(Some(first)) })
+        let common = Common::new(&job, &first)?;
+        let (parts, first, depth_maps) = (OnceLock::new(), Mutex::new(Some(first)), job.reading.depth_maps);
+        Ok(Self { common, out: out.to_path_buf(), parts, first, depth_maps })
     }
 
     /// Solves hologram `index` of the `job` into its place, unless it exists, and returns true if it was solved now.
@@ -133,6 +139,8 @@ impl SequencePieces {
             let reason = reason!("piece", "piece {index} of {}: out of range, or piece 0 is missing", job.scenes.len());
             return Err(ProduceError::Job(reason));
         }
+        let reading = SceneReading { depth_maps: self.depth_maps.clone(), ..job.reading.clone() };
+        let job = &SceneJob { reading, ..job.clone() };
         let first = self.first.lock().unwrap_or_else(PoisonError::into_inner).take().filter(|_| index == 0);
         let load = |engine: &dyn Engine| first.map_or_else(|| job.load_on(index, engine), Ok);
         if !self.out.exists() {
