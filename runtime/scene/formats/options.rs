@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Lists of the options, for people.
 const ARRAYS: &str = "an array takes grid=ROWSxCOLUMNS, srgb, linear, full_scale=NUMBER and array=NAME, with & between";
-pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER. With depths it takes camera=MM and depth=HALF, the half that has them. With many views it takes grid=ROWSxCOLUMNS, mosaic or lenslets. Put & between them";
+pub(crate) const PICTURES: &str = "a picture takes srgb, linear and full_scale=NUMBER. With depths it takes camera=MM and depth=HALF, the half that has them. With many views it takes grid=ROWSxCOLUMNS, mosaic or lenslets. A depth map takes range=LOW,HIGH. Put & between them";
 
 /// Returns the path of a source that is not a built-in scene, and its options. A file name may have a question mark
 /// itself.
