@@ -162,7 +162,7 @@ fn other_methods_with_the_format_show_what_they_trained() {
         println!("{name}: {found:.1} dB");
         found
     };
-    // Writes the values of `nx` to a property with another name.
+    // Gives a property another name.
     let renamed = |bytes: &[u8], from: &str, to: &str| {
         let end = bytes.windows(10).position(|w| w == b"end_header").unwrap();
         let head = std::str::from_utf8(&bytes[..end]).unwrap().replace(from, to);

@@ -1,5 +1,6 @@
 //! Makes views from one picture and its disparities, as [reliefs](eyebox_kernels::relief) describe.
 
+use crate::depth::map::ends;
 use eyebox_kernels::relief::{Args, COLORS};
 use eyebox_kernels::relief_close::relief_close;
 use eyebox_kernels::relief_draw::{Piece, pieces, relief_draw};
@@ -16,12 +17,11 @@ pub(crate) struct Relief {
 /// Builds the relief of a picture. `disparity` is in pixels between neighboring views (positive towards the camera),
 /// and the outermost view is `reach` views from the center. Each plane is `height * width`.
 pub(crate) fn relief(planes: &[Vec<f32>], disparity: &[f32], size: [usize; 2], reach: f32) -> Relief {
-    let ends = disparity.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], &v| [a.min(v), b.max(v)]);
     let mut colors = vec![0.0; COLORS * disparity.len()];
     colors.par_chunks_exact_mut(COLORS).enumerate().for_each(|(p, color)| {
         color.iter_mut().zip(planes).for_each(|(to, plane)| *to = plane[p]);
     });
-    let surfaces = Surfaces::of(size, &colors, disparity, ends, reach);
+    let surfaces = Surfaces::of(size, &colors, disparity, ends(disparity), reach);
     Relief { args: surfaces.args, pieces: pieces(&surfaces) }
 }
 
